@@ -2,7 +2,7 @@
 
 use crate::alignment::Alignment;
 use crate::display::Screen;
-use crate::one_camera::{self, OneCamera};
+use crate::one_camera::{self, HeldOut, OneCamera};
 use crate::pose_error::{PoseErrors, joints_apart};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
@@ -106,14 +106,14 @@ pub(super) fn read_all(
     screen: &dyn Screen,
 ) -> anyhow::Result<Vec<Recording>> {
     let films: Vec<Film> = folders.iter().cloned().map(Film::Studio).collect();
-    read_films(&films, size, 0, protocol, screen)
+    read_films(&films, size, HeldOut::Every(0), protocol, screen)
 }
 
-/// The same for `films`; of those of one camera, every `hold_out`-th frame is held out.
+/// The same for `films`; of those of one camera, frames are `held_out`.
 pub(super) fn read_films(
     films: &[Film],
     size: u32,
-    hold_out: usize,
+    held_out: HeldOut,
     protocol: &Protocol,
     screen: &dyn Screen,
 ) -> anyhow::Result<Vec<Recording>> {
@@ -126,7 +126,7 @@ pub(super) fn read_films(
                 screen.note(&format!("reading {}", folder.display()));
                 read(folder, size, protocol)
             }
-            Film::OneCamera(_, film) => one_camera::recording(film, hold_out, size),
+            Film::OneCamera(_, film) => one_camera::recording(film, held_out, size),
         };
         let recording = recording.with_context(|| format!("the capture {}", path.display()))?;
         ensure!(

@@ -2,6 +2,7 @@
 //!
 //! - [`quality`]: quality of a model on held-out pictures of given captures.
 //! - [`captures`], [`one_camera`]: films and their held-out pictures.
+//! - [`real`]: clips as people have them, through the whole path.
 //! - [`ablation`]: the paper's four variants on the same captures.
 //! - [`displacement`]: the error of learned motion of clothes.
 //! - [`tradeoff`]: quality over training time and over render time.
@@ -32,6 +33,7 @@ pub mod one_camera;
 mod other_poses;
 pub mod pose_error;
 pub mod quality;
+pub mod real;
 pub mod report;
 pub mod split_regions;
 pub mod tradeoff;

@@ -1,6 +1,6 @@
 //! Captures as users have them: one camera, and no pictures besides the film.
 
-use crate::captures::{Recording, View};
+use crate::captures::{Recording, Split, View};
 use anyhow::{Context, ensure};
 use std::sync::Arc;
 use yoto_avatar::render::FrameExposure;
@@ -17,43 +17,90 @@ pub struct OneCamera {
     pub shard: Arc<Shard>,
 }
 
-/// Every `every`-th frame of the `film` becomes a held-out picture, `size` pixels at its longest
-/// side, with the pose of its frame in the track. The others are trained on.
-pub(super) fn recording(film: &OneCamera, every: usize, size: u32) -> anyhow::Result<Recording> {
+/// Which frames of a film are held out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HeldOut {
+    /// One frame of each run of this length, as poses.
+    Every(usize),
+    /// One frame of each run of `every`, in place of views, and as poses the middle of each of `blocks` parts of
+    /// the film, a tenth of the film in all: a frame whose neighbours are trained on tells less than one of a
+    /// time that training never saw.
+    EveryAndBlocks {
+        /// Length of a run.
+        every: usize,
+        /// Number of blocks.
+        blocks: usize,
+    },
+}
+
+/// Share of a film that its blocks have together.
+const BLOCKS: f64 = 0.1;
+
+impl HeldOut {
+    /// Where the frame at `position` of `frames`, with `index` in the track, is held out; `None` if it is trained on.
+    fn of(self, position: usize, index: u32, frames: usize) -> Option<Split> {
+        let (every, blocks) = match self {
+            Self::Every(every) => {
+                let held_out = Validation::Every(every).holds_out(position, index);
+                return held_out.then_some(Split::NovelPose);
+            }
+            Self::EveryAndBlocks { every, blocks } => (every, blocks.max(1)),
+        };
+        let part = frames as f64 / blocks as f64;
+        let along = (position as f64 + 0.5) / part;
+        if (along.fract() - 0.5).abs() < BLOCKS / 2.0 {
+            return Some(Split::NovelPose);
+        }
+        let held_out = Validation::Every(every).holds_out(position, index);
+        held_out.then_some(Split::NovelView)
+    }
+}
+
+/// The frames of the `film` that are held out become pictures of `size` pixels at their longest side, with the
+/// poses of their frames in the track. The others are trained on.
+pub(super) fn recording(
+    film: &OneCamera,
+    held_out: HeldOut,
+    size: u32,
+) -> anyhow::Result<Recording> {
     let OneCamera { name, shard } = film;
     let track = &shard.track;
-    let validation = Validation::Every(every);
-    let (mut kept, mut trained, mut pictures) = (track.clone(), Vec::new(), Vec::new());
+    let frames = track.frames.len();
+    let (mut kept, mut trained) = (track.clone(), Vec::new());
+    let (mut novel_view, mut novel_pose) = (Vec::new(), Vec::new());
     kept.frames.clear();
-    for (index, frame) in track.frames.iter().enumerate() {
-        if !validation.holds_out(index, frame.index) {
-            kept.frames.push(frame.clone());
-            trained.push(index);
-            continue;
-        }
+    for (position, frame) in track.frames.iter().enumerate() {
+        let pictures = match held_out.of(position, frame.index, frames) {
+            None => {
+                kept.frames.push(frame.clone());
+                trained.push(position);
+                continue;
+            }
+            Some(Split::NovelView) => &mut novel_view,
+            Some(Split::NovelPose) => &mut novel_pose,
+        };
         pictures.push(View {
             label: format!("frame-{:06}", frame.index),
             pose: Pose::from_frame(frame)?,
             camera: Camera::from_frame(frame, track.image_size)?.scaled_to(size),
-            truth: shard.image(index).resized(size),
+            truth: shard.image(position).resized(size),
             frame: Some(frame.index),
             exposure: FrameExposure::NEUTRAL,
         });
     }
     ensure!(
-        !trained.is_empty() && !pictures.is_empty(),
-        "{} frames are too few to hold out one in {every}",
-        track.frames.len()
+        !trained.is_empty() && !novel_pose.is_empty(),
+        "{frames} frames are too few to hold some out"
     );
     let mut builder = ShardBuilder::new(kept);
-    for index in trained {
-        builder.push(&shard.image(index))?;
+    for position in trained {
+        builder.push(&shard.image(position))?;
     }
     Ok(Recording {
         name: name.clone(),
         shard: Arc::new(builder.finish().context("packing the training frames")?),
-        novel_view: Vec::new(),
-        novel_pose: pictures,
+        novel_view,
+        novel_pose,
         actor: None,
         exact: None,
     })
@@ -79,7 +126,7 @@ mod tests {
     #[test]
     fn held_out_frames_are_not_trained_on() {
         let film = film(9);
-        let recording = recording(&film, 4, 16).expect("a recording");
+        let recording = recording(&film, HeldOut::Every(4), 16).expect("a recording");
         let number = |index: usize| film.shard.track.frames[index].index;
         let trained: Vec<u32> = (recording.shard.track.frames.iter())
             .map(|frame| frame.index)
@@ -101,7 +148,22 @@ mod tests {
 
     #[test]
     fn a_film_needs_frames_to_train_on_and_to_hold_out() {
-        let error = recording(&film(1), 4, 16).expect_err("none is held out");
+        let error = recording(&film(1), HeldOut::Every(4), 16).expect_err("none is held out");
         assert!(error.to_string().contains("too few"), "{error}");
+    }
+
+    #[test]
+    fn blocks_are_apart_from_what_is_trained_on() {
+        let held_out = HeldOut::EveryAndBlocks {
+            every: 10,
+            blocks: 2,
+        };
+        let splits: Vec<_> = (0..100).map(|at| held_out.of(at, at as u32, 100)).collect();
+        let positions = |wanted: Split| -> Vec<usize> {
+            (0..100).filter(|at| splits[*at] == Some(wanted)).collect()
+        };
+        let blocks = positions(Split::NovelPose);
+        assert_eq!(blocks, [23, 24, 25, 26, 73, 74, 75, 76]);
+        assert_eq!(positions(Split::NovelView), [5, 15, 35, 45, 55, 65, 85, 95]);
     }
 }

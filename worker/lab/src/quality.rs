@@ -9,6 +9,7 @@ use crate::captures::{self, Film, Recording, Split, View};
 use crate::display::Screen;
 use crate::limits;
 use crate::measure;
+use crate::one_camera::HeldOut;
 use crate::other_poses;
 use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings};
@@ -31,8 +32,8 @@ const CURVE_POINTS: f64 = 10.0;
 pub struct QualityOptions {
     /// Captures, one per person.
     pub captures: Vec<Film>,
-    /// One in this many frames of a capture of one camera is held out.
-    pub hold_out: usize,
+    /// Which frames of a capture of one camera are held out.
+    pub held_out: HeldOut,
     /// Longest side of the pictures, pixels.
     pub size: u32,
     /// Training budget.
@@ -75,7 +76,7 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     let mut recordings = captures::read_films(
         &options.captures,
         options.size,
-        options.hold_out,
+        options.held_out,
         protocol,
         screen,
     )?;

@@ -13,6 +13,7 @@ mod import_humannerf;
 mod info;
 mod lpips_args;
 mod quality;
+mod real;
 mod render_frame;
 mod screen;
 mod tradeoff;
@@ -55,6 +56,7 @@ enum Format {
 #[derive(Debug, Subcommand)]
 enum Command {
     Quality(Box<quality::Quality>),
+    Real(Box<real::Real>),
     Ablation(ablation::AblationCommand),
     Tradeoff(tradeoff::TradeoffCommand),
     Evaluate(evaluate::Evaluate),
@@ -90,6 +92,7 @@ impl Command {
         yoto_device::check_cpu_form()?;
         match self {
             Self::Quality(command) => command.run(),
+            Self::Real(command) => command.run(),
             Self::Ablation(command) => command.run(),
             Self::Tradeoff(command) => command.run(),
             Self::Evaluate(command) => command.run(),

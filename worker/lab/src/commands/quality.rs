@@ -4,7 +4,7 @@ use super::args;
 use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::captures::Film;
-use crate::one_camera::OneCamera;
+use crate::one_camera::{HeldOut, OneCamera};
 use crate::quality::{QualityOptions, run};
 use anyhow::Context;
 use clap::Args;
@@ -120,7 +120,7 @@ impl Quality {
             .map(|path| film(path, self.ffmpeg.as_deref().map(Path::new)));
         let options = QualityOptions {
             captures: films.collect::<anyhow::Result<_>>()?,
-            hold_out: self.hold_out as usize,
+            held_out: HeldOut::Every(self.hold_out as usize),
             size: self.size,
             budget: match self.steps {
                 Some(steps) => Budget::Steps(steps),
