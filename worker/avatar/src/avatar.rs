@@ -284,6 +284,31 @@ impl Avatar {
         }
     }
 
+    /// The values of the splats of the identity in `slot`; none if the model has no splats.
+    pub(crate) fn splat_values(&self, slot: usize) -> Result<FirstSplats, ReadError> {
+        match self.splats.get(slot) {
+            Some(splats) => splats.values(),
+            None => Ok(FirstSplats::of_nobody(0)),
+        }
+    }
+
+    /// Replaces the values of the splats of the identity in `slot`, whose light stays. Splat i has the
+    /// view-dependent colour of the splat `from[i]`.
+    pub(crate) fn replace_splats(
+        &mut self,
+        slot: usize,
+        values: &FirstSplats,
+        from: &[usize],
+    ) -> Result<(), ReadError> {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        if let Some(splats) = self.splats.get_mut(slot) {
+            splats.replace(&init, slot, values, from)?;
+        }
+        Ok(())
+    }
+
     /// Replaces the `colours` `[N, 3]` of the splats of the identity in `slot`. Those that are `anew` `[N]` no longer
     /// depend on the view.
     pub(crate) fn paint_splats(

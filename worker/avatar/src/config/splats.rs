@@ -17,10 +17,11 @@ pub struct SplatConfig {
     /// Number at first where poses are refined, at most `count`: few large splats fit inexact
     /// poses better than many small ones.
     pub coarse: usize,
-    /// Where poses are refined: share of the run after which that number is placed again.
-    pub coarse_again: f64,
-    /// Where poses are refined: share of the run after which all are placed.
-    pub all: f64,
+    /// Where poses are refined: share of the run after which they are split until there are `count`.
+    pub grow: f64,
+    /// Error of given rotations about each axis, radians, below which poses are refined no longer once splats
+    /// are many: refinement costs time that training has better uses for.
+    pub precise: f64,
     /// Learning rate of the means, metres.
     pub mean_rate: f64,
     /// Learning rate of the rotations, which are quaternions.
@@ -47,8 +48,8 @@ impl Default for SplatConfig {
         Self {
             count: 20_000,
             coarse: 4_000,
-            coarse_again: 0.3,
-            all: 0.6,
+            grow: 0.3,
+            precise: 0.02,
             mean_rate: 1e-3,
             turn_rate: 1e-2,
             scale_rate: 1e-2,
@@ -85,16 +86,8 @@ impl SplatConfig {
         if self.coarse < 64 {
             return fail("splats.coarse", "must be at least 64");
         }
-        for (field, share) in [
-            ("splats.coarse_again", self.coarse_again),
-            ("splats.all", self.all),
-        ] {
-            if !(0.0..1.0).contains(&share) {
-                return fail(field, "must be at least 0 and less than 1");
-            }
-        }
-        if self.coarse_again > self.all {
-            return fail("splats.coarse_again", "must be at most splats.all");
+        if !(0.0..1.0).contains(&self.grow) {
+            return fail("splats.grow", "must be at least 0 and less than 1");
         }
         for (field, rate) in [
             ("splats.mean_rate", self.mean_rate),
@@ -104,6 +97,7 @@ impl SplatConfig {
             ("splats.colour_rate", self.colour_rate),
             ("splats.harmonic_rate", self.harmonic_rate),
             ("splats.light_rate", self.light_rate),
+            ("splats.precise", self.precise),
         ] {
             if !(rate.is_finite() && rate >= 0.0) {
                 return fail(field, "must be at least 0");

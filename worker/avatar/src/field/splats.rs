@@ -43,7 +43,7 @@ pub(crate) struct FirstSplats {
 }
 
 /// Logit of the opacity of splats that are not drawn.
-const HIDDEN: f32 = -20.0;
+pub(crate) const HIDDEN: f32 = -20.0;
 
 impl FirstSplats {
     /// These, and others behind them that are not drawn, `count` in all.
@@ -144,6 +144,46 @@ impl Splats {
         }
         let path = harmonics_path(slot, degree);
         self.harmonics = (degree > 0).then(|| init.given(&path, [count, new], &numbers));
+        Ok(())
+    }
+
+    /// The present values of all splats, hidden ones too.
+    pub(crate) fn values(&self) -> Result<FirstSplats, ReadError> {
+        Ok(FirstSplats {
+            means: read(self.means.val().detach())?,
+            turns: read(self.turns.val().detach())?,
+            scales: read(self.scales.val().detach())?,
+            opacities: read(self.opacities.val().detach())?,
+            colours: read(self.colours.val().detach())?,
+        })
+    }
+
+    /// Replaces the values of all splats. Splat i has the view-dependent colour of the splat `from[i]`; the light
+    /// and the moments of the optimiser stay.
+    pub(crate) fn replace(
+        &mut self,
+        init: &Initial,
+        slot: usize,
+        values: &FirstSplats,
+        from: &[usize],
+    ) -> Result<(), ReadError> {
+        let degree = self.degree();
+        let harmonics = match &self.harmonics {
+            Some(harmonics) => {
+                let shape = harmonics.val().dims();
+                let before = read(harmonics.val().detach())?;
+                let row = |index: &usize| &before[index * shape[1]..(index + 1) * shape[1]];
+                let numbers: Vec<f32> = from.iter().flat_map(row).copied().collect();
+                Some(init.given(&harmonics_path(slot, degree), shape, &numbers))
+            }
+            None => None,
+        };
+        let light = self.light.clone();
+        *self = Self {
+            light,
+            harmonics,
+            ..Self::new(init, slot, values, 0)
+        };
         Ok(())
     }
 

@@ -1,12 +1,14 @@
 //! Results of a training: its progress, its checkpoint, and the model for rendering.
 
 use crate::avatar::Avatar;
+use crate::config::Appearance;
 use crate::motion::body::Body;
 use crate::render::{FrameExposure, Renderer};
 use crate::train::exposure;
 use crate::train::poses::fit::{fitted_pose, refined_track};
 use crate::train::poses::refinement_file;
 use crate::train::poses::wrong_frames::doubts;
+use crate::train::run::best::Best;
 use crate::train::run::checkpoint::{self, ModelState};
 use crate::train::run::options::Validation;
 use crate::train::run::validate::validate;
@@ -83,6 +85,31 @@ impl Trainer {
         let subjects = self.data.subjects();
         let measured = validate(&renderer, &self.model, subjects, opened, goes_on)?;
         self.run.take_measured(measured);
+        let progress = self.run.progress();
+        if let (Some(psnr), Appearance::Splats(_)) = (progress.psnr, &self.model.config.appearance)
+        {
+            let known = self.best.take();
+            self.best = Best::of(known, &self.model.state, psnr, progress.step);
+        }
+        Ok(())
+    }
+
+    /// Returns to the state that measured best on held-out frames, if the last one that was measured is clearly
+    /// worse, and measures again. Splats only: the parts of a field take part by the progress of a run. A process
+    /// that resumes a run knows the states that it measured itself.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn keep_best(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
+        let (Some(best), Some(psnr)) = (&self.best, self.run.progress().psnr) else {
+            return Ok(());
+        };
+        if let Some(note) = best.return_to(&mut self.model.state, psnr) {
+            tracing::info!("{note}");
+            self.run.note(Some(note));
+            self.guess_unseen()?;
+            self.validate_with(goes_on)?;
+        }
         Ok(())
     }
 
@@ -134,6 +161,7 @@ impl Trainer {
             data,
             model,
             known,
+            best: _,
         } = self;
         let mut state = ModelState::new(
             model.config.clone(),

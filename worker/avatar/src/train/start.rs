@@ -182,6 +182,7 @@ impl Trainer {
             model: Model::new(&saved, state, device, patches),
             run: Run::new(&saved, options, goes_on, progress),
             known,
+            best: None,
         })
     }
 }

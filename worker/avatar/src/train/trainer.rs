@@ -14,8 +14,9 @@ use crate::train::frames::whole_picture::{compared, pictured};
 use crate::train::known::Known;
 use crate::train::model::Model;
 use crate::train::poses::fit::{fit_pose, pose};
+use crate::train::run::best::Best;
 use crate::train::run::{Moment, Run};
-use crate::train::splats::placing::place_again;
+use crate::train::splats::placing::grow;
 use crate::train::splats::unseen::guess_unseen;
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
@@ -29,6 +30,9 @@ pub struct Trainer {
     pub(super) data: Data,
     pub(super) model: Model,
     pub(super) known: Known,
+    /// The best state that a validation has measured; none of models with a field, whose parts take part by the
+    /// progress of the run.
+    pub(super) best: Option<Best>,
 }
 
 /// What a step learns by.
@@ -58,7 +62,7 @@ impl Trainer {
         let (subject, frame) = self.data.frame(index);
         let slot = subject.slot;
         fit_pose(&mut self.model, subject, frame, now, &mut rng)?;
-        self.run.note(place_again(&mut self.model, subject, now)?);
+        grow(&mut self.model, subject, now)?;
         let pose = pose(&self.model.state, subject, frame);
         let weight = self.model.state.weight(slot, frame);
         let learned = match self.model.appearance() {
@@ -89,12 +93,20 @@ impl Trainer {
         }
         self.known.count_step(slot);
         self.run.count_step(start.elapsed().as_secs_f64());
-        if self.run.is_over() && !self.run.options().leave_unseen {
-            let opened = self.run.opened();
-            let notes = guess_unseen(&mut self.model, self.data.subjects(), opened)?;
+        if self.run.is_over() {
+            let notes = self.guess_unseen()?;
             self.run.note(notes);
         }
         Ok(())
+    }
+
+    /// Guesses what no frame shows, unless that is not wanted. Returns notes for people.
+    pub(super) fn guess_unseen(&mut self) -> Result<Vec<String>, TrainError> {
+        if self.run.options().leave_unseen {
+            return Ok(Vec::new());
+        }
+        let opened = self.run.opened();
+        guess_unseen(&mut self.model, self.data.subjects(), opened)
     }
 
     /// The loss of a whole frame, of which the model has the `picture` `[H W, 4]`.

@@ -166,8 +166,8 @@ const SPLATS: Quality = Quality {
     poses: 26.95,
 };
 const REFINED: Quality = Quality {
-    views: 24.77,
-    poses: 22.67,
+    views: 25.49,
+    poses: 23.28,
 };
 const EXPOSED: Quality = Quality {
     views: 34.55,

@@ -1,5 +1,6 @@
 //! The model as a library: training, pictures, and numbers that a reference computed.
 
+mod curve;
 mod distill;
 mod exposure;
 mod extremes;

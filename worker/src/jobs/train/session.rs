@@ -145,9 +145,13 @@ impl<'a> Session<'a> {
         tracing::info!(job, step, bytes, "checkpoint published");
     }
 
-    /// Measures once more, publishes the last checkpoint, and returns the result.
+    /// Measures once more, publishes the best state as the last checkpoint, and returns the result.
     pub(super) fn finish(mut self) -> Result<TrainResult, JobFailure> {
         self.validate()?;
+        let control = &self.context.control;
+        self.trainer
+            .keep_best(&mut || control.sign())
+            .map_err(|error| failure("returning to the best state", &error))?;
         self.save_in_the_end()?;
         let progress = self.trainer.progress();
         let (seconds, steps) = self.spent();

@@ -44,6 +44,15 @@ impl ExpectedErrors {
         Self([configured; 2])
     }
 
+    /// Those with these factors of the configured errors.
+    #[cfg(test)]
+    pub fn of(factors: [f64; 2]) -> Self {
+        Self(factors.map(|factor| Expected {
+            squares: BEFORE * factor.powi(2) as f32,
+            determined: BEFORE,
+        }))
+    }
+
     /// Factors of the configured errors: of rotations, and of the place.
     pub fn factors(&self) -> [f64; 2] {
         let [least, most] = RANGE;

@@ -43,11 +43,11 @@ pub(crate) struct PoseRefinement {
     tried: Vec<u8>,
     #[serde(default = "ExpectedErrors::configured")]
     errors: ExpectedErrors,
-    /// How often splats were placed while these poses were refined; 0 if those of an earlier training
-    /// stay.
+    /// 1 while splats are few, 3 once they are all; 0 if those of an earlier training stay. A training of an
+    /// earlier version that placed few again has 2.
     #[serde(default)]
     placed: u8,
-    /// Where the first placement was, as [`Self::stage`] counts progress. In single precision, which a
+    /// Where the placement was, as [`Self::stage`] counts progress. In single precision, which a
     /// file of JSON gives back exactly.
     #[serde(default)]
     placed_at: f32,
@@ -124,30 +124,26 @@ impl PoseRefinement {
         config.first_count()
     }
 
-    /// Number of the splats that are due to be placed again; `None` if they stay. The call counts as
-    /// their placement.
-    pub fn places_again(
+    /// Whether the splats are due to become all of theirs. The call counts as their growth. Where given poses
+    /// were found to be right then, they are refined no longer.
+    pub fn grows(
         &mut self,
         config: &SplatConfig,
+        refinement: &RefinementConfig,
         opened: f64,
         fraction: f64,
-    ) -> Option<usize> {
+    ) -> bool {
         let progress = self.progress(opened, fraction);
         // Somebody who came in the middle of a run has what was left of it.
         let from = f64::from(self.placed_at);
         let passed = (progress - from) / (1.0 - from).max(f64::MIN_POSITIVE);
-        let due = [config.coarse_again, config.all].map(|share| passed >= share);
-        match (self.placed, due) {
-            (1 | 2, [_, true]) => {
-                self.placed = 3;
-                Some(config.count)
-            }
-            (1, [true, _]) => {
-                self.placed = 2;
-                Some(config.first_count())
-            }
-            _ => None,
+        let due = matches!(self.placed, 1 | 2) && passed >= config.grow;
+        if due {
+            self.placed = 3;
+            let errors = self.errors(refinement);
+            self.done |= errors.is_some_and(|[rotation, _]| rotation < config.precise);
         }
+        due
     }
 
     /// The given `pose` of the frame at `position` in the track as it is read, without its change.

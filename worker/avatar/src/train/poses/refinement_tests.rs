@@ -133,32 +133,42 @@ fn a_person_who_comes_late_is_refined_over_that_run() {
 }
 
 #[test]
-fn splats_are_placed_twice_more_and_those_of_an_earlier_training_stay() {
+fn splats_grow_once_and_those_of_an_earlier_training_stay() {
     let config = SplatConfig::default();
+    let settings = RefinementConfig::default();
     let mut poses = PoseRefinement::new(&track(), false);
-    assert_eq!(poses.places_again(&config, 1.0, 1.0), None, "not placed");
+    assert!(!poses.grows(&config, &settings, 1.0, 1.0), "not placed");
     assert!(!poses.has_placed());
     assert_eq!(poses.places_first(&config, 0.0, 0.0), config.coarse);
-    let mut at = |opened| poses.places_again(&config, opened, 0.0);
-    assert_eq!(at(config.coarse_again - 0.01), None);
-    assert_eq!(at(config.coarse_again), Some(config.coarse));
-    assert_eq!(at(config.coarse_again), None, "once");
-    assert_eq!(at(config.all), Some(config.count));
-    assert_eq!(at(1.0), None, "once");
+    let mut at = |opened| poses.grows(&config, &settings, opened, 0.0);
+    assert!(!at(config.grow - 0.01));
+    assert!(at(config.grow));
+    assert!(!at(1.0), "once");
     let mut late = PoseRefinement::new(&track(), true);
     late.places_first(&config, 1.0, 0.0);
-    assert_eq!(late.places_again(&config, 1.0, 0.1), None);
-    let few = SplatConfig {
-        count: 100,
-        ..config
-    };
-    assert_eq!(late.places_again(&few, 1.0, 0.7), Some(100));
+    assert!(!late.grows(&config, &settings, 1.0, 0.1));
+    assert!(late.grows(&config, &settings, 1.0, 0.7));
     // In the middle of a run, by what is left of it.
     let mut joined = PoseRefinement::new(&track(), false);
-    joined.places_first(&few, 0.5, 0.0);
-    assert_eq!(joined.places_again(&few, 0.6, 0.2), None);
-    assert_eq!(joined.places_again(&few, 0.66, 0.32), Some(100), "coarse");
-    assert_eq!(joined.places_again(&few, 0.79, 0.58), None);
-    assert_eq!(joined.places_again(&few, 0.81, 0.62), Some(100));
+    joined.places_first(&config, 0.5, 0.0);
+    assert!(!joined.grows(&config, &settings, 0.6, 0.2));
+    assert!(joined.grows(&config, &settings, 0.66, 0.32));
     assert!(joined.has_placed());
+}
+
+#[test]
+fn poses_that_are_right_are_refined_no_longer_once_splats_are_many() {
+    let config = SplatConfig::default();
+    let settings = RefinementConfig::default();
+    let over = |factor: f64| {
+        let mut poses = PoseRefinement::new(&track(), false);
+        poses.places_first(&config, 0.0, 0.0);
+        poses.errors = ExpectedErrors::of([factor, 1.0]);
+        assert!(poses.stage(&settings, 0.2, 0.2).is_some());
+        assert!(poses.grows(&config, &settings, 0.3, 0.3));
+        poses.stage(&settings, 0.35, 0.35).is_none()
+    };
+    let limit = config.precise / settings.turn;
+    assert!(over(0.9 * limit));
+    assert!(!over(1.1 * limit));
 }

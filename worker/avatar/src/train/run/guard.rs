@@ -91,12 +91,34 @@ impl TrainState {
 }
 
 /// A state to return to.
-struct Snapshot {
+pub(crate) struct Snapshot {
     avatar: Avatar,
     optimiser: ModuleOptimizer,
     occupancy: Vec<Option<Occupancy>>,
     poses: Vec<Option<PoseRefinement>>,
     exposures: Vec<Option<FilmExposures>>,
+}
+
+impl Snapshot {
+    /// What `state` is now. Tensors are shared until the next step changes them.
+    pub fn of(state: &TrainState) -> Self {
+        Self {
+            avatar: state.avatar().clone(),
+            optimiser: state.optimiser.clone(),
+            occupancy: state.occupancy.clone(),
+            poses: state.poses.clone(),
+            exposures: state.exposures.clone(),
+        }
+    }
+
+    /// Makes `state` what it was.
+    pub fn restore(&self, state: &mut TrainState) {
+        state.avatar = Some(self.avatar.clone());
+        state.optimiser = self.optimiser.clone();
+        state.occupancy = self.occupancy.clone();
+        state.poses = self.poses.clone();
+        state.exposures = self.exposures.clone();
+    }
 }
 
 /// Supervisor of training steps.
@@ -141,13 +163,7 @@ impl Guard {
             let _span = trace_span!("update").entered();
             self.bad = 0;
             if step.is_multiple_of(KEEP_EVERY) || self.snapshot.is_none() {
-                self.snapshot = Some(Snapshot {
-                    avatar: state.avatar().clone(),
-                    optimiser: state.optimiser.clone(),
-                    occupancy: state.occupancy.clone(),
-                    poses: state.poses.clone(),
-                    exposures: state.exposures.clone(),
-                });
+                self.snapshot = Some(Snapshot::of(state));
             }
             let avatar = state
                 .avatar
@@ -169,11 +185,7 @@ impl Guard {
         }
         // Without a snapshot, no step was taken and the model is unchanged.
         if let Some(snapshot) = &self.snapshot {
-            state.avatar = Some(snapshot.avatar.clone());
-            state.optimiser = snapshot.optimiser.clone();
-            state.occupancy = snapshot.occupancy.clone();
-            state.poses = snapshot.poses.clone();
-            state.exposures = snapshot.exposures.clone();
+            snapshot.restore(state);
         }
         state.rate_scale *= RATE_FACTOR;
         Verdict::RolledBack

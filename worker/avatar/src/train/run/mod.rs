@@ -1,5 +1,6 @@
 //! A run: its budget, what it has used of it, and how it goes.
 
+pub(crate) mod best;
 pub(crate) mod checkpoint;
 pub(crate) mod guard;
 pub(crate) mod optimiser;

@@ -1,6 +1,8 @@
-//! Splats: where they start, and the colours of those that no frame shows.
+//! Splats: where they start, how they become more, and the colours of those that no frame shows.
 
+mod error;
 mod first;
 mod hull;
 pub(crate) mod placing;
+mod split;
 pub(crate) mod unseen;

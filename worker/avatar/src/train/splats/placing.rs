@@ -1,20 +1,19 @@
-//! Where splats are placed: at the start of a training, and again while poses are refined. In a training that
-//! refines poses, the first splats are few, on a hull of the given poses; each later hull is nearer to the truth,
-//! as the poses are (docs/splats.md).
+//! Where splats are placed, and when they become more. A training that refines poses starts with few, since many small
+//! ones learn the mean of wrong poses by heart; once poses are better, they are split until there are all
+//! (docs/splats.md).
 
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Variant};
 use crate::train::TrainError;
 use crate::train::model::Model;
-use crate::train::people::{TrainFrame, TrainSubject};
+use crate::train::people::TrainSubject;
 use crate::train::poses::refinement::PoseRefinement;
 use crate::train::run::Moment;
 use crate::train::run::guard::TrainState;
+use crate::train::splats::error::errors;
 use crate::train::splats::first::first_splats;
+use crate::train::splats::split::split;
 use tracing::trace_span;
-
-/// How much a frame counts in training if the hull heeds it.
-const TRUSTED: f64 = 0.5;
 
 /// Places the splats of `subject` by the given poses, in a model after the completed fraction
 /// `progress` of its first run. A person who is `known` keeps their splats, unless an earlier training
@@ -50,39 +49,29 @@ pub(crate) fn place_first(
     Ok(())
 }
 
-/// Places the splats of the `subject` by the refined poses, if that is due. Returns a note for people if it is
-/// done by the given ones.
-pub(crate) fn place_again(
+/// Splits the splats of the `subject` where the error is until there are all of them, if that is due. They know
+/// what they have learned, so that a picture hardly changes.
+pub(crate) fn grow(
     model: &mut Model,
     subject: &TrainSubject,
     now: Moment,
-) -> Result<Option<String>, TrainError> {
+) -> Result<(), TrainError> {
     let Some(config) = model.config.appearance.splats() else {
-        return Ok(None);
+        return Ok(());
     };
+    let count = config.count;
     let Some(poses) = &mut model.state.poses[subject.slot] else {
-        return Ok(None);
+        return Ok(());
     };
-    let Some(count) = poses.places_again(config, now.opened, now.fraction) else {
-        return Ok(None);
-    };
-    let _span = trace_span!("place splats").entered();
-    let refined = |frame: &TrainFrame| {
-        let trusted = poses.weight(frame.position) >= TRUSTED;
-        trusted.then(|| poses.refined(frame.position, &frame.pose))
-    };
-    let mut note = None;
-    let first = match first_splats(subject, refined, count) {
-        Err(TrainError::People(why)) => {
-            let by_given = format!("{why}; splats are placed by the given poses");
-            tracing::warn!("{by_given}");
-            note = Some(by_given);
-            first_splats(subject, |frame| Some(frame.pose.clone()), count)?
-        }
-        first => first?,
-    };
-    let first = first.and_hidden(config.count);
+    if !poses.grows(config, &model.config.refinement, now.opened, now.fraction) {
+        return Ok(());
+    }
+    let _span = trace_span!("grow").entered();
+    let worth = errors(model, subject, now)?;
     let own = Avatar::own_slot(&model.config, subject.slot);
-    model.state.avatar_mut().place_splats(own, &first);
-    Ok(note)
+    let avatar = model.state.avatar_mut();
+    let mut splats = avatar.splat_values(own)?;
+    let from = split(&mut splats, &worth, count);
+    avatar.replace_splats(own, &splats, &from)?;
+    Ok(())
 }
