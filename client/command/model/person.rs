@@ -109,30 +109,27 @@ impl Add {
             return Ok(());
         }
         say!("{person} has slot {} of {name}", slot.slot);
-        let spec = TrainSpec {
+        let all = TrainSpec {
             model: model.name.clone(),
+            image_size: self.size,
+            ..TrainSpec::default()
+        };
+        let joining = TrainSpec {
             only: subject.name,
             seconds: match self.steps {
                 Some(_) => 0.0,
                 None => self.seconds.unwrap_or(SECONDS),
             },
             steps: self.steps.unwrap_or(0),
-            image_size: self.size,
-            ..TrainSpec::default()
+            ..all.clone()
         };
-        let Some(seconds) = self.refine else {
-            return train::trained(&client, model, spec, self.preview, self.no_wait).await;
-        };
-        let everybody = TrainSpec {
-            model: model.name.clone(),
-            seconds,
-            image_size: self.size,
-            ..TrainSpec::default()
-        };
-        let (preview, no_wait) = (self.preview.clone(), self.no_wait);
-        train::trained(&client, model.clone(), spec, preview, no_wait).await?;
-        // Trainings of one model run in the order in which they were queued.
-        train::trained(&client, model, everybody, self.preview, no_wait).await
+        let refining = self.refine.map(|seconds| TrainSpec { seconds, ..all });
+        // Trainings of one model run in the order in which they are queued.
+        for spec in [joining].into_iter().chain(refining) {
+            let preview = self.preview.clone();
+            train::trained(&client, &model, spec, preview, self.no_wait).await?;
+        }
+        Ok(())
     }
 }
 

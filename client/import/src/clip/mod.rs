@@ -53,6 +53,7 @@ impl Clip {
         let times = video.times();
         let span = times.last().copied().unwrap_or_default();
         let fps = (frames > 1 && span > 0.0).then(|| (frames - 1) as f64 / span);
+        let fps = fps.filter(|fps| fps.is_finite());
         let first = video.next(false).map_err(|error| unusable(path, error))?;
         let first = first.ok_or_else(|| fault(path, "EMPTY", "the video has no frames"))?;
         Ok(Self {

@@ -46,8 +46,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let mut notes = vec![summary(&motion, options)];
     notes.extend(motion.notes.iter().cloned());
     let wanted = clip.selected(options)?;
-    let fps = clip.fps.filter(|fps| fps.is_finite());
-    let fps = options.fps.or(fps).unwrap_or(motion.fps);
+    let fps = options.fps.or(clip.fps).unwrap_or(motion.fps);
     let numbers = numbers(&motion, &clip, fps, at, &mut notes)?;
     let masks = match (&options.matting, &options.masks) {
         (Some(model), _) => {
