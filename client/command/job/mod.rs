@@ -96,7 +96,7 @@ enum Action {
     Pause {
         /// The kind of jobs.
         kind: KindName,
-        /// Why, for those who wonder (`yoto status` shows it).
+        /// Reason, which `yoto status` shows.
         #[arg(
             long,
             default_value = "",

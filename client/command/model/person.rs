@@ -10,7 +10,7 @@ use yoto_client::{ClientError, YotoClient};
 use yoto_proto::v1::{Model, Subject, TrainSpec};
 use yoto_terminal::output;
 
-/// Seconds that somebody who joins is trained for, unless the caller chooses.
+/// Default seconds of training for a person who joins.
 const SECONDS: f64 = 60.0;
 
 pub(crate) const ADD_HELP: &str = "\
@@ -58,8 +58,8 @@ pub(crate) struct Add {
     /// Write a picture for each checkpoint: a held-out frame of the person beside its render.
     #[arg(long, value_name = "DIR", conflicts_with = "no_wait")]
     preview: Option<PathBuf>,
-    /// Then train everybody further for this many seconds, where what the others taught the model is not
-    /// enough: they change too. Earlier checkpoints keep showing them as they were.
+    /// Then train all people for this many seconds, if the new person needs more than their own
+    /// parameters. The others change too; earlier checkpoints still show them as they were.
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     refine: Option<f64>,
     /// Only give them a slot.
@@ -96,7 +96,7 @@ impl Add {
             "{name} is untrained, and nobody can join it before others have trained it: train it first, \
              with `yoto train {name}`"
         );
-        // Somebody whose training did not come to an end has a slot already.
+        // A person whose training did not finish has a slot already.
         let joins = is_trained && !self.no_train;
         anyhow::ensure!(slot.is_none() || joins, "{person} is in {name} already");
         let slot = client.add_identity(&model.name, &subject.name).await?;

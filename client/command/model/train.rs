@@ -118,7 +118,7 @@ impl Train {
     }
 }
 
-/// Queues the training `spec` of a model, and unless nobody waits follows it to its end and says what it gave.
+/// Queues the training `spec` of a model. Unless `no_wait`, follows it to its end and prints its result.
 pub(crate) async fn trained(
     client: &YotoClient,
     model: &Model,

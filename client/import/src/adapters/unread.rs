@@ -1,5 +1,4 @@
-//! Which options each format reads: one that a format does not read is an error, since a file in its
-//! place would be another's.
+//! An option that a format does not read is an error, since the user expects it to have an effect.
 //!
 //! `--range`, `--best` and `--ffmpeg` are read with every format. `--smpl` and `--pose-model` may come
 //! from the environment, for all commands, so that they are ignored where they have no use.

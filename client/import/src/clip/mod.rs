@@ -1,4 +1,4 @@
-//! A clip that poses are of: a video, or a folder of pictures in order.
+//! The clip that poses belong to: a video, or a folder of pictures in order.
 
 mod frames;
 mod numbers;
@@ -90,7 +90,7 @@ impl Clip {
     /// The frames that the options select.
     ///
     /// # Errors
-    /// When there are none.
+    /// When they select no frame.
     pub fn selected(&self, options: &Options) -> Result<Vec<usize>, ClientError> {
         let (first, end, step) = options.frames.unwrap_or((0, self.frames, 1));
         let selected = (first..end.min(self.frames)).step_by(step.max(1));

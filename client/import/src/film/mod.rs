@@ -84,7 +84,7 @@ fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ClientError
     PoseModel::open(path).map_err(|error| fault(path, "POSE_MODEL", error.to_string()))
 }
 
-/// The frames to look at: the selected ones, or as many of them in even steps as are allowed.
+/// The frames to look at: the selected ones, or, of too many, an evenly spaced part.
 fn wanted(
     clip: &Clip,
     options: &Options,

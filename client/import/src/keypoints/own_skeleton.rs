@@ -78,8 +78,8 @@ pub(super) fn track(
     Ok(track)
 }
 
-/// What the `poses` have in common, in the reading of their rotations with which bones keep their length;
-/// in that reading they are left.
+/// The skeleton that the `poses` share, with the axes of rotations in which bones keep their length;
+/// `poses` are left in these axes.
 fn read(
     tree: &Tree,
     poses: &mut [(usize, OwnPose)],
@@ -126,7 +126,7 @@ fn read(
     Ok(best)
 }
 
-/// Undoes the turn of all rotations to the camera's axes, or makes it.
+/// Rotates all rotations to the camera's axes, or back.
 fn turn(poses: &mut [(usize, OwnPose)]) {
     let rotations = poses
         .iter_mut()

@@ -14,7 +14,7 @@ use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::Pose;
 
 impl PoseFitter<'_> {
-    /// What the `pixels` show, each by its `weights`; `None` if no sample is live.
+    /// The colours of the `pixels`, each by its `weights`; `None` if no sample is live.
     pub(super) fn field_shown(
         &self,
         field: AvatarField<'_>,

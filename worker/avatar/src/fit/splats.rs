@@ -18,7 +18,7 @@ use yoto_ops::splat::probe::Probe;
 use yoto_ops::warp::inverse::solve::Skinning;
 
 impl PoseFitter<'_> {
-    /// What the `pixels` show, each by its `weights`; `None` if no splat is at any of them.
+    /// The colours of the `pixels`, each by its `weights`; `None` if no splat is at any of them.
     pub(super) fn splats_shown(
         &self,
         splats: AvatarSplats<'_>,

@@ -1,4 +1,4 @@
-//! Forces on the bones of a body, and what they do to its pose.
+//! Forces on the bones of a body, and their effect on its pose.
 
 use rayon::prelude::*;
 use yoto_capture::skeleton::Skeleton;

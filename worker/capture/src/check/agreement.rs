@@ -25,7 +25,7 @@ const SAME: f64 = 0.35;
 /// Shares over all frames measured, with the worst frames of each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Agreement {
-    /// Share of projected joints in the mask; `None` if no frame shows anybody.
+    /// Share of projected joints in the mask; `None` if no frame shows a person.
     pub joints_in_mask: Option<f64>,
     pub joints_out: Vec<u32>,
     /// Share of mask inside the projected box.

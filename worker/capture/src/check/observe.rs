@@ -73,7 +73,7 @@ impl Observation {
         }
     }
 
-    /// Whether anybody is in the mask.
+    /// Whether the mask shows a person.
     pub(super) fn somebody(&self) -> bool {
         self.mask.area >= 4.0
     }

@@ -204,7 +204,7 @@ pub(super) fn exposure(seen: &[Observation]) -> Measure {
     let burnt = median(people().map(|it| it.burnt)).unwrap_or(0.0);
     let black = median(people().map(|it| it.black)).unwrap_or(0.0);
     let bright = median(people().map(|it| it.brightness)).unwrap_or(0.0);
-    // A frame may show somebody in black from the back; the lightest frames decide.
+    // A frame may show a person in black from the back; the lightest frames decide.
     let mut lights: Vec<f64> = people().map(|it| it.lights).collect();
     lights.sort_by(f64::total_cmp);
     let lights = lights.get(9 * lights.len() / 10).copied().unwrap_or(0.0);
