@@ -59,7 +59,7 @@ pub(crate) struct ImportOptions {
     #[arg(long, value_name = "RATE", value_parser = rate)]
     fps: Option<f64>,
     /// Keep the N frames that differ most in pose and view, and are sharp; decodes all pictures.
-    #[arg(long, value_name = "N", value_parser = some)]
+    #[arg(long, value_name = "N", value_parser = frame_count)]
     best: Option<NonZeroUsize>,
     #[command(flatten)]
     matting: MattingArgs,
@@ -87,7 +87,7 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a number of frames to keep.
-fn some(text: &str) -> Result<NonZeroUsize, String> {
+fn frame_count(text: &str) -> Result<NonZeroUsize, String> {
     text.parse()
         .map_err(|_| "a whole number of frames is needed, at least 1".to_owned())
 }

@@ -14,8 +14,8 @@ use yoto_terminal::output;
 const SECONDS: f64 = 60.0;
 
 pub(crate) const ADD_HELP: &str = "\
-Somebody who joins a trained model is trained in it at once, and nothing but their own parameters
-changes: everybody else renders bit for bit as before. An untrained model gets them with its training.
+A person who joins a trained model is trained at once. Only their own parameters change: everybody else
+renders bit for bit as before. In an untrained model they are trained together with the others.
 
 Examples:
   yoto model add-person duo cleo
@@ -93,8 +93,7 @@ impl Add {
         let wants = self.seconds.is_some() || self.steps.is_some() || self.refine.is_some();
         anyhow::ensure!(
             is_trained || !wants,
-            "{name} is untrained, and nobody can join it before others have trained it: train it first, \
-             with `yoto train {name}`"
+            "{name} is untrained, so {person} cannot be trained in it alone: train it first, with `yoto train {name}`"
         );
         // A person whose training did not finish has a slot already.
         let joins = is_trained && !self.no_train;

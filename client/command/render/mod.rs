@@ -222,7 +222,7 @@ impl Render {
         display.finish(&format!("{written} in {}", self.folder.out.display()));
         if result.depth_far > 0.0 {
             let (near, far) = (result.depth_near, result.depth_far);
-            tell!("depth: 255 is {near:.3} m, 1 is {far:.3} m, and 0 is nobody");
+            tell!("depth: 255 is {near:.3} m, 1 is {far:.3} m, and 0 is the background");
         }
         if let Some(choice) = &result.choice {
             tell!("{}", kept(choice));

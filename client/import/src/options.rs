@@ -77,7 +77,7 @@ impl Options {
     pub(crate) fn fps_or(&self, of_file: Option<f64>, notes: &mut Vec<String>) -> f64 {
         self.fps.or(of_file).unwrap_or_else(|| {
             notes.push(format!(
-                "no file says how fast the frames are: {ASSUMED_FPS} a second (--fps)"
+                "no file has the frame rate: {ASSUMED_FPS} frames per second are assumed (--fps)"
             ));
             ASSUMED_FPS
         })

@@ -91,16 +91,16 @@ fn read(
         measure(tree, &placed)
     };
     let given = placed(poses);
-    turn(poses);
+    rotate_to_camera(poses);
     let turned = placed(poses);
     let (Some(given), Some(turned)) = (given, turned) else {
-        let message = "hips and neck are at one point, so that nothing tells which way is up";
+        let message = "hips and neck are at one point, so that the up direction is unknown";
         return Err(fault(at, "INVALID", message));
     };
     let is_turned = turned.scatter < 0.5 * given.scatter;
     let best = if is_turned { turned } else { given };
     if !is_turned {
-        turn(poses);
+        rotate_to_camera(poses);
     }
     if best.scatter > SCATTER {
         let message = format!(
@@ -112,7 +112,7 @@ fn read(
     }
     if is_turned {
         notes.push(
-            "the rotations are in the camera's axes already, other than the tool's own code writes them"
+            "the rotations are in the camera's axes already, unlike those that the tool's own code writes"
                 .to_owned(),
         );
     }
@@ -127,7 +127,7 @@ fn read(
 }
 
 /// Rotates all rotations to the camera's axes, or back.
-fn turn(poses: &mut [(usize, OwnPose)]) {
+fn rotate_to_camera(poses: &mut [(usize, OwnPose)]) {
     let rotations = poses
         .iter_mut()
         .flat_map(|(_, own)| &mut own.placed.rotations);

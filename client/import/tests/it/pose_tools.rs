@@ -268,7 +268,7 @@ fn poses_of_a_copy_with_another_rate_go_to_the_nearest_frames() {
     let found = read(Format::Auto, &film("baseline.mp4"), &options).expect("imports");
     let notes = found.notes.join("\n");
     assert!(
-        notes.contains("copy of 30 frames a second (40 frames)"),
+        notes.contains("copy of 30 frames per second (40 frames)"),
         "{notes}"
     );
     assert_eq!(indices(&found.track), (0..20).collect::<Vec<_>>());

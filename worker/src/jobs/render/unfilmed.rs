@@ -56,5 +56,5 @@ fn add_on_bones(
 
 fn slot(request: &Request<'_>, subject: &str, field: &str) -> Result<usize, JobFailure> {
     let slot = request.slot(subject);
-    slot.ok_or_else(|| JobFailure::invalid("render", field, "it names nobody of the model"))
+    slot.ok_or_else(|| JobFailure::invalid("render", field, "it names no person of the model"))
 }

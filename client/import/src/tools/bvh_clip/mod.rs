@@ -176,7 +176,7 @@ fn numbers(
     };
     if ratio != 1.0 {
         notes.push(format!(
-            "the motion has {:.2} frames a second, the clip {fps:.2}: each frame of the clip has the pose \
+            "the motion has {:.2} frames per second, the clip {fps:.2}: each frame of the clip has the pose \
              nearest in time",
             motion.fps
         ));
