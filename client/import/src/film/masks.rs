@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_of_somebody_else_are_refused() {
+    fn masks_of_another_person_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let (clip, watched) = clip(folder.path());
         people(folder.path(), &[(20, &[0, 1, 2, 3])]);

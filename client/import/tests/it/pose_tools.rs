@@ -273,8 +273,8 @@ fn poses_of_a_copy_with_another_rate_go_to_the_nearest_frames() {
     );
     assert_eq!(indices(&found.track), (0..20).collect::<Vec<_>>());
     // The pose of frame 6 of the copy is that of frame 3 of the clip.
-    let turn = |at: usize| &found.track.frames[at].pose[3..6];
-    assert_eq!(turn(3), &body.poses[6][3..6]);
+    let root = |at: usize| &found.track.frames[at].pose[3..6];
+    assert_eq!(root(3), &body.poses[6][3..6]);
     let masked = Options {
         masks: Some(film("b_frames.mp4")),
         ..options
