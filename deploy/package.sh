@@ -46,7 +46,7 @@ if [ "$target" != "$host" ]; then
     command -v aarch64-linux-gnu-gcc >/dev/null || missing="$missing gcc-aarch64-linux-gnu"
     command -v aarch64-linux-gnu-g++ >/dev/null || missing="$missing g++-aarch64-linux-gnu"
     [ -z "$missing" ] || fail "the cross compiler is missing: apt-get install$missing"
-    # A toolchain without rustup may have the target all the same.
+    # A toolchain without rustup may have the target anyway.
     [ -d "$(rustc --print sysroot)/lib/rustlib/$target" ] ||
         fail "Rust's standard library for $target is missing: rustup target add $target"
     export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc

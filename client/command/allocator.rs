@@ -9,8 +9,8 @@ use libmimalloc_sys::{mi_collect, mi_option_set, mi_option_t};
 
 /// `mi_option_purge_delay` of mimalloc's header, for which its bindings have no name.
 const PURGE_DELAY: mi_option_t = 15;
-/// Milliseconds after which freed memory returns to the kernel without [`give_back_memory`]; ten times
-/// as long for blocks of many megabytes. -1 would mean never, not even then.
+/// Milliseconds until freed memory returns to the kernel by itself; ten times as many for blocks of many
+/// megabytes. With -1 it would never return, not even by [`give_back_memory`].
 const MINUTE: std::ffi::c_long = 60_000;
 
 /// Makes mimalloc keep freed memory, unless `MIMALLOC_PURGE_DELAY` is set.

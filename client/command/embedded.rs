@@ -49,7 +49,7 @@ pub struct EmbeddedOptions {
     /// The worker's settings for reading uploads. By default it starts this program again, which must
     /// call [`yoto_ingest::become_ingest_child_if_asked`] before anything else.
     pub ingest: IngestSettings,
-    /// Weights of the networks of LPIPS, where there are any.
+    /// Weights of the networks of LPIPS, if present.
     pub lpips: Option<LpipsWeights>,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
@@ -302,7 +302,7 @@ async fn pick_device() -> Result<PickedDevice, EmbeddedError> {
     })
 }
 
-/// The reason for an unexpected end of a part; never returns while it runs, or if there is none.
+/// The reason for an unexpected end of a part; never returns while the part runs, or without a part.
 async fn ended_early<E>(
     part: &mut Option<JoinHandle<Outcome<E>>>,
     name: &'static str,

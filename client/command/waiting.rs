@@ -1,4 +1,4 @@
-//! Waiting for a job, and what an interruption means: the job goes on without its watcher.
+//! Waiting for a job, and what an interruption means: the job continues without its watcher.
 
 use crate::show::{Titles, kind};
 use std::sync::OnceLock;
@@ -17,13 +17,12 @@ const INTERRUPTED: i32 = 130;
 /// Interval between looks at what a queued job waits for.
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 
-/// Whether somebody waits for a job: Ctrl-C ends this program at once otherwise.
+/// Whether this program waits for a job: otherwise Ctrl-C ends it at once.
 static WAITING: AtomicBool = AtomicBool::new(false);
 /// Number of times that Ctrl-C was pressed during a wait.
 static PRESSED: OnceLock<watch::Receiver<u32>> = OnceLock::new();
 
-/// Says how the job `name` is called that was just started, and follows it to its end, as
-/// [`wait`].
+/// Prints the `name` of a job that was just started, and follows it to its end, as [`wait`].
 ///
 /// # Errors
 /// As [`YotoClient::wait_for_job`].
@@ -92,7 +91,7 @@ async fn follow(
                 None => return YotoClient::succeeded(name, last),
             },
             _ = look.tick(), if is_queued => {
-                // What is ahead is only told: a failure shows at the watch.
+                // The display alone needs the other jobs: a failure appears at the watch.
                 if let (Some(job), Ok(Some(others))) = (&last, running(client).await) {
                     display.waits_for(job, &others);
                 }
@@ -141,7 +140,7 @@ async fn running(client: &YotoClient) -> Result<Option<String>, ClientError> {
 
 /// A wait, until it is dropped.
 struct Waiting {
-    /// Whether another wait goes on around this one.
+    /// Whether this wait is inside another one.
     inner: bool,
 }
 

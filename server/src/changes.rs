@@ -22,7 +22,7 @@ pub enum WatchedState {
     Unreadable,
 }
 
-/// A job that somebody watches.
+/// A watched job.
 #[derive(Debug)]
 struct Watched {
     changed: Arc<Notify>,

@@ -35,7 +35,7 @@ pub enum ClientError {
         /// The system's error.
         source: std::io::Error,
     },
-    /// A capture is wrong, found before anything was uploaded or by its ingest job.
+    /// A capture has faults, found before the upload or by its ingest job.
     #[error("{} is not usable{}", capture(.place), lines(.violations))]
     BadCapture {
         /// Folder or resource name.
@@ -125,7 +125,7 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// What is not usable: files in this folder have no other name than their own, below.
+/// The capture in `place`, or, without a place, an input of no other name.
 fn capture(place: &str) -> String {
     match place {
         "" => "the input".into(),

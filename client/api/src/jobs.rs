@@ -60,7 +60,7 @@ impl YotoClient {
     /// The current state of the job `name`.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] when there is none.
+    /// [`ClientError::Refused`] when no job has this name.
     pub async fn get_job(&self, name: &str) -> Result<Job, ClientError> {
         let answer = self
             .job_service()
@@ -81,7 +81,7 @@ impl YotoClient {
         self.list_jobs_in(&[], usize::MAX).await
     }
 
-    /// The newest jobs in one of `states` (all if there is none), at most `limit`.
+    /// The newest jobs in one of `states` (in any if empty), at most `limit`.
     ///
     /// # Errors
     /// [`ClientError::Refused`].
@@ -131,7 +131,7 @@ impl YotoClient {
             .into_inner())
     }
 
-    /// Stops the leasing of a kind of jobs, for a reason; those that run go on.
+    /// Stops the leasing of a kind of jobs, for a reason; running jobs continue.
     ///
     /// # Errors
     /// [`ClientError::Refused`].
@@ -156,8 +156,8 @@ impl YotoClient {
         Ok(())
     }
 
-    /// Deletes a job that has ended, with its pictures and figures, if its version is
-    /// still `etag`; an empty one is any.
+    /// Deletes a job that has ended, with its pictures and figures, if its version is still `etag`; an
+    /// empty `etag` accepts any version.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while it is queued or running.

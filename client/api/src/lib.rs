@@ -1,9 +1,8 @@
 //! A thin asynchronous client of the `yoto.v1` API.
 //!
-//! One type, [`YotoClient`], over one shared channel, with one file per
-//! resource. It adds only what every caller needs: request ids, calls that are repeated by them, paging,
-//! uploads and watch streams that survive a lost connection, and errors that say the file, frame and
-//! field at fault.
+//! One type, [`YotoClient`], over one shared channel, with one file per resource. It adds only what
+//! every caller needs: request ids, repeated calls, paging, uploads and watch streams that survive a
+//! lost connection, and errors that name the file, frame and field at fault.
 
 mod error;
 mod jobs;

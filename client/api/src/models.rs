@@ -46,7 +46,7 @@ impl YotoClient {
     /// The model `name` with its slots.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] when there is none.
+    /// [`ClientError::Refused`] when no model has this name.
     pub async fn get_model(&self, name: &str) -> Result<Model, ClientError> {
         let answer = self
             .model_service()
@@ -106,7 +106,7 @@ impl YotoClient {
         repeat(add).await.map_err(ClientError::refused(doing))
     }
 
-    /// Takes the slot of a subject away that no checkpoint knows yet.
+    /// Removes a subject's slot that no checkpoint was trained with.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. once the model was trained with them.
@@ -150,7 +150,7 @@ impl YotoClient {
     /// Name of the checkpoint of `model` at a `step`, or of the best one by held-out PSNR.
     ///
     /// # Errors
-    /// [`ClientError::NoCheckpoint`] if there is none yet; [`ClientError::Refused`].
+    /// [`ClientError::NoCheckpoint`] if the model has none yet; [`ClientError::Refused`].
     pub async fn checkpoint_name(
         &self,
         model: &Model,
@@ -169,8 +169,8 @@ impl YotoClient {
     /// (`models/{id}`) has refined it.
     ///
     /// # Errors
-    /// [`ClientError::Refused`], e.g. where their poses stay as given; [`ClientError::Contract`] when
-    /// what arrives is not a pose track.
+    /// [`ClientError::Refused`], e.g. when their poses are not refined; [`ClientError::Contract`] when
+    /// the answer is not a pose track.
     pub async fn refined_poses(
         &self,
         model: &str,
@@ -214,7 +214,7 @@ impl YotoClient {
     /// Changes which checkpoints a model keeps; the others are removed at once.
     ///
     /// # Errors
-    /// [`ClientError::Refused`], e.g. for one that keeps none.
+    /// [`ClientError::Refused`], e.g. for a retention that keeps none.
     pub async fn set_retention(
         &self,
         model: &str,
@@ -235,8 +235,8 @@ impl YotoClient {
         Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
     }
 
-    /// Deletes a model with its checkpoints and jobs, if its version is
-    /// still `etag`; an empty one is any.
+    /// Deletes a model with its checkpoints and jobs, if its version is still `etag`; an empty `etag`
+    /// accepts any version.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a job of it is queued or running.
@@ -254,8 +254,8 @@ impl YotoClient {
         repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
-    /// Deletes the checkpoint `name` (`models/{id}/checkpoints/{step}`), if its version is
-    /// still `etag`; an empty one is any.
+    /// Deletes the checkpoint `name` (`models/{id}/checkpoints/{step}`), if its version is still `etag`;
+    /// an empty `etag` accepts any version.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a job uses it.

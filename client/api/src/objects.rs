@@ -1,5 +1,5 @@
-//! Files that jobs have written, each checked against its SHA-256. A transfer that breaks off goes
-//! on where it ended.
+//! Files that jobs have written, each checked against its SHA-256. An interrupted transfer continues
+//! where it ended.
 
 use super::retry::Retries;
 use super::upload::measure;
@@ -19,8 +19,8 @@ impl YotoClient {
         ObjectServiceClient::new(self.channel.clone())
     }
 
-    /// The files of a job (`jobs/{id}`), those of a render as soon as each is there, or of a checkpoint
-    /// (`models/{id}/checkpoints/{step}`).
+    /// The files of a job (`jobs/{id}`) or of a checkpoint (`models/{id}/checkpoints/{step}`). Each file
+    /// of a render appears once it is committed.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while an evaluation runs.
@@ -75,7 +75,7 @@ impl YotoClient {
     }
 
     /// Writes one file into `dir`, under its own name, and returns its path; `on_bytes` receives the
-    /// size of each part. The file appears once it is whole.
+    /// size of each part. The file appears once it is complete.
     ///
     /// # Errors
     /// [`ClientError::Refused`]; [`ClientError::Contract`] when the content differs from its
@@ -93,7 +93,7 @@ impl YotoClient {
         let received = self.receive(object, &part, &mut file, on_bytes).await;
         let flushed = file.flush().await;
         if let Err(error) = received {
-            // What is left of a failed transfer is of no use; the failure itself is reported.
+            // The remains of a failed transfer are useless; the failure itself is reported.
             let _ = tokio::fs::remove_file(&part).await;
             return Err(error);
         }
@@ -103,8 +103,7 @@ impl YotoClient {
         Ok(path)
     }
 
-    /// The files that `dir` does not hold yet with the same content: those that an earlier transfer
-    /// left out.
+    /// The files that `dir` lacks, or holds with other content.
     ///
     /// # Errors
     /// [`ClientError::File`] when one can't be read; [`ClientError::Contract`] for a name that leads

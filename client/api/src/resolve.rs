@@ -114,7 +114,7 @@ fn id_in(collection: Collection, name: &str) -> Option<&str> {
     name.strip_prefix(collection.as_str())?.strip_prefix('/')
 }
 
-/// The display names that there are, the first ones of many.
+/// The known display names; of many, the first ones.
 fn known(candidates: &[(&str, &str)]) -> String {
     let names: Vec<&str> = candidates
         .iter()

@@ -6,7 +6,7 @@ use tonic::{Code, Response, Status};
 use tonic_types::StatusExt;
 use yoto_proto::backoff::Backoff;
 
-/// The service's reason for a chunk that was altered on its way.
+/// The service's reason for a chunk that was altered in transit.
 const CORRUPT_CHUNK: &str = "CORRUPT_CHUNK";
 
 /// How long the service may be out of reach.
@@ -42,8 +42,8 @@ impl Retries {
         self.failures
     }
 
-    /// The pause before another attempt after the failure `status`; `None` if another attempt is of no use, or the
-    /// time is up.
+    /// The pause before another attempt after the failure `status`; `None` if another attempt is useless, or
+    /// the time is up.
     pub(super) fn pause(&mut self, status: &Status) -> Option<Duration> {
         let since = *self.since.get_or_insert_with(Instant::now);
         if !is_transport(status) || since.elapsed() > GIVE_UP_AFTER {
@@ -59,7 +59,7 @@ impl Retries {
     /// Waits before another attempt after the failure `status`.
     ///
     /// # Errors
-    /// `status` itself if another attempt is of no use, or the time is up.
+    /// `status` itself if another attempt is useless, or the time is up.
     pub(super) async fn wait(&mut self, status: Status) -> Result<(), Status> {
         let Some(pause) = self.pause(&status) else {
             return Err(status);

@@ -5,8 +5,8 @@ use yoto_proto::v1::storage_service_client::StorageServiceClient;
 use yoto_proto::v1::{CollectGarbageRequest, CollectGarbageResponse};
 
 impl YotoClient {
-    /// Finds the objects that nothing refers to, and removes those whose time of grace is over; `now`:
-    /// those of deleted things at once; `dry_run`: none.
+    /// Finds the objects that nothing refers to, and removes those whose time of grace is over. With
+    /// `now`, objects of deleted resources are removed at once; with `dry_run`, none are removed.
     ///
     /// # Errors
     /// [`ClientError::Refused`].

@@ -108,8 +108,8 @@ impl YotoClient {
         repeat(ingest).await.map_err(ClientError::refused(doing))
     }
 
-    /// Deletes a person and their captures, if its version is
-    /// still `etag`; an empty one is any.
+    /// Deletes a person and their captures, if its version is still `etag`; an empty `etag` accepts any
+    /// version.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a model has them.
@@ -127,8 +127,7 @@ impl YotoClient {
         repeat(delete).await.map_err(ClientError::refused(doing))
     }
 
-    /// Deletes a capture, if its version is
-    /// still `etag`; an empty one is any.
+    /// Deletes a capture, if its version is still `etag`; an empty `etag` accepts any version.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. while a job uses it.

@@ -14,7 +14,7 @@ use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse, job};
 pub enum JobChange {
     /// A change of the job.
     Job(Box<Job>),
-    /// The service can't be reached; the watch goes on trying.
+    /// The service can't be reached; the watch keeps trying.
     Disconnected,
 }
 
@@ -59,7 +59,7 @@ impl JobWatch {
         }
     }
 
-    /// As [`next`](Self::next), and tells that the connection is lost when that happens.
+    /// As [`next`](Self::next), and reports a lost connection.
     ///
     /// # Errors
     /// As [`next`](Self::next).
@@ -90,7 +90,7 @@ impl JobWatch {
             };
             tracing::debug!(job = self.name, after = self.after, %status, "watch broke off; opening it again");
             self.pause = Some(pause.max(FIRST_PAUSE));
-            // The end of a stream alone may be that of an idle connection: the second failure counts.
+            // An idle connection may end a stream, so only the second failure counts.
             if self.retries.failures() == 2 {
                 return Ok(Some(JobChange::Disconnected));
             }

@@ -45,10 +45,11 @@ pub(crate) struct ImportOptions {
     /// Focal length of the clip's camera, pixels [default: found, or the pose tool's].
     #[arg(long, value_name = "PX", value_parser = focal)]
     focal: Option<f64>,
-    /// Height of the person, metres, where nothing else tells sizes.
+    /// Height of the person, metres, if nothing else gives a scale.
     #[arg(long, value_name = "M", value_parser = height)]
     height: Option<f64>,
-    /// Keep the tool's own tree of joints, in place of SMPL's 24: SAM 3D Body's (MHR), a BVH file's.
+    /// Keep the tool's own tree of joints instead of SMPL's 24: that of SAM 3D Body (MHR), or of a BVH
+    /// file.
     #[arg(long)]
     keep_skeleton: bool,
     /// The pose model: a file, or the folder that deploy/models/get.sh filled.
@@ -58,7 +59,7 @@ pub(crate) struct ImportOptions {
     #[arg(long, value_name = "RATE", value_parser = rate)]
     fps: Option<f64>,
     /// Keep the N frames that differ most in pose and view, and are sharp; decodes all pictures.
-    #[arg(long, value_name = "N", value_parser = some)]
+    #[arg(long, value_name = "N", value_parser = frame_count)]
     best: Option<NonZeroUsize>,
     #[command(flatten)]
     matting: MattingArgs,
@@ -86,7 +87,7 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a number of frames to keep.
-fn some(text: &str) -> Result<NonZeroUsize, String> {
+fn frame_count(text: &str) -> Result<NonZeroUsize, String> {
     text.parse()
         .map_err(|_| "a whole number of frames is needed, at least 1".to_owned())
 }

@@ -172,7 +172,7 @@ pub(crate) struct IngestArgs {
 
 #[cfg(feature = "embedded")]
 impl IngestArgs {
-    /// The limits as a worker takes them.
+    /// The limits as settings of a worker.
     pub fn settings(&self) -> IngestSettings {
         IngestSettings {
             memory_bytes: self.ingest_memory_mib.saturating_mul(1 << 20),

@@ -18,11 +18,11 @@ pub(crate) struct TrainArgs {
     /// frames are exposed differently [default: as before, or by the tier: auto for splat, else never].
     #[arg(long, value_enum, value_name = "WHEN")]
     pub exposure: Option<Exposure>,
-    /// Let the colours of splats depend on the view, by spherical harmonics of this degree, 0 to 2: for what shines [default: as
-    /// before, or 0].
+    /// Let the colours of splats depend on the view, by spherical harmonics of this degree, 0 to 2, for shiny
+    /// surfaces [default: as before, or 0].
     #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(0..=2))]
     pub harmonics: Option<u32>,
-    /// Leave the colours of what no frame shows as training left them, in place of guesses from what is seen.
+    /// Keep the trained colours of parts that no frame shows, instead of guessing them from visible parts.
     #[arg(long)]
     pub leave_unseen: bool,
 }

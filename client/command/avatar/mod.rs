@@ -58,8 +58,8 @@ pub struct AvatarOptions {
     pub name: String,
     /// Folder for everything.
     pub out: PathBuf,
-    /// Longest side of training images and renders, pixels; that of the clip, at most
-    /// [`LARGEST`], if there is none.
+    /// Longest side of training images and renders, pixels. By default that of the clip, at most
+    /// [`LARGEST`].
     pub size: Option<u32>,
     /// The training, of no model yet.
     pub train: TrainSpec,
@@ -69,7 +69,7 @@ pub struct AvatarOptions {
     pub despite_check: bool,
 }
 
-/// Checks that nothing of the user's would be replaced.
+/// Checks that no file of the user would be replaced.
 fn ensure_replaceable(options: &AvatarOptions) -> anyhow::Result<()> {
     let out = &options.out;
     let own = FOLDERS.iter().map(|name| out.join(name));
@@ -103,7 +103,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let out = &options.out;
     ensure_replaceable(options)?;
-    // What an earlier run has made stays until this one has a capture that can be trained.
+    // The files of an earlier run stay until this one has a capture that can be trained.
     let attempt = folder::fresh(out, "attempt", MAKER)?;
     let (captured, checked) = tokio::task::block_in_place(|| {
         let captured = capture::import(options, &attempt.join("capture"))?;

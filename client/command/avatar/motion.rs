@@ -7,7 +7,7 @@ use yoto_import::motion::{Motion, MotionFrame};
 use yoto_proto::v1::{MotionClip, MotionTransfer, Subject, render_spec::What};
 use yoto_synthetic::SyntheticPerson;
 
-/// Frames of the program's own motion, and how fast they are.
+/// Frames of the program's own motion, and their rate.
 const FRAMES: usize = 30;
 const FPS: f64 = 12.0;
 /// The same motion at each run.
@@ -34,7 +34,7 @@ impl Shown<'_> {
         }
     }
 
-    /// What to render of `subject`, whose clip has `fps` frames a second, and the pictures' frames per
+    /// What to render of `subject`, whose clip has `fps` frames per second, and the pictures' frames per
     /// second.
     pub fn what(&self, subject: &Subject, size: u32, fps: f64) -> anyhow::Result<(What, f32)> {
         let frames = match self {

@@ -45,7 +45,7 @@ pub struct DemoOptions {
     pub seconds: f64,
     /// Random seed.
     pub seed: u64,
-    /// Weights of the networks of LPIPS, where there are any.
+    /// Weights of the networks of LPIPS, if present.
     pub lpips: Option<LpipsWeights>,
 }
 

@@ -75,15 +75,15 @@ pub(crate) struct Export {
     /// e.g. 0..240:4 [default: all].
     #[arg(long, value_name = "A..B:STEP")]
     range: Option<FrameRange>,
-    /// Number of the frame whose pose a file without motion has: of the capture or motion file, or of the
-    /// person's own capture.
+    /// Frame whose pose a file without motion has, by its number in the capture or motion file, or else
+    /// in the person's own capture.
     #[arg(long, value_name = "N")]
     frame: Option<u32>,
     /// File to write: .html, .ply, .spz, .glb or .obj.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// What the file has, or its form, as the extension of --out allows [default: mesh in .glb and .obj, splats in
-    /// .ply and .spz].
+    /// Contents of the file, or its exact form, as far as the extension of --out allows [default: mesh in .glb
+    /// and .obj, splats in .ply and .spz].
     #[arg(long, value_enum)]
     format: Option<Format>,
     /// Most triangles of a mesh, as far as its holes and handles allow [default: 20000].

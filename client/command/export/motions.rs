@@ -20,7 +20,7 @@ pub(crate) struct Numbered {
 }
 
 impl Numbered {
-    /// The motion of the capture in `dir`, in whose world its first camera tells what is up.
+    /// The motion of the capture in `dir`, whose first camera gives the up direction of its world.
     pub fn capture(dir: &Path) -> anyhow::Result<Self> {
         let source = dir.display().to_string();
         let track = read_track(dir)?;

@@ -43,7 +43,7 @@ Example:
   yoto job cancel 9f31c2aa";
 
 const PAUSE_HELP: &str = "\
-Jobs of the kind wait in the queue, and those that run go on.
+Queued jobs of the kind wait; running jobs continue.
 
 Example:
   yoto job pause train --reason \"a new GPU is built in\"";
@@ -96,7 +96,7 @@ enum Action {
     Pause {
         /// The kind of jobs.
         kind: KindName,
-        /// Why, for those who wonder (`yoto status` shows it).
+        /// Reason, which `yoto status` shows.
         #[arg(
             long,
             default_value = "",
@@ -175,7 +175,7 @@ impl JobCommand {
                     .pause_jobs(kind.into(), &reason)
                     .await?;
                 say!(
-                    "no more {} jobs are started; those that run go on",
+                    "no more {} jobs are started; running jobs continue",
                     kind_word(kind.into())
                 );
                 Ok(())

@@ -41,11 +41,11 @@ pub(crate) struct Which {
 pub(crate) struct Keep {
     #[command(flatten)]
     which: Which,
-    /// Keep this many of the newest ones; without it, as many as the service does by default.
+    /// Newest checkpoints to keep [default: that of the service].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
           required_unless_present = "every")]
     newest: Option<u32>,
-    /// Keep every N-th one, 0: none for this reason; without it, as the service does by default.
+    /// Also keep every N-th checkpoint; 0: none for this reason [default: that of the service].
     #[arg(long, value_name = "N")]
     every: Option<u32>,
 }

@@ -10,12 +10,12 @@ use yoto_client::{ClientError, YotoClient};
 use yoto_proto::v1::{Model, Subject, TrainSpec};
 use yoto_terminal::output;
 
-/// Seconds that somebody who joins is trained for, unless the caller chooses.
+/// Default seconds of training for a person who joins.
 const SECONDS: f64 = 60.0;
 
 pub(crate) const ADD_HELP: &str = "\
-Somebody who joins a trained model is trained in it at once, and nothing but their own parameters
-changes: everybody else renders bit for bit as before. An untrained model gets them with its training.
+A person who joins a trained model is trained at once. Only their own parameters change: everybody else
+renders bit for bit as before. In an untrained model they are trained together with the others.
 
 Examples:
   yoto model add-person duo cleo
@@ -58,8 +58,8 @@ pub(crate) struct Add {
     /// Write a picture for each checkpoint: a held-out frame of the person beside its render.
     #[arg(long, value_name = "DIR", conflicts_with = "no_wait")]
     preview: Option<PathBuf>,
-    /// Then train everybody further for this many seconds, where what the others taught the model is not
-    /// enough: they change too. Earlier checkpoints keep showing them as they were.
+    /// Then train all people for this many seconds, if the new person needs more than their own
+    /// parameters. The others change too; earlier checkpoints still show them as they were.
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     refine: Option<f64>,
     /// Only give them a slot.
@@ -93,10 +93,9 @@ impl Add {
         let wants = self.seconds.is_some() || self.steps.is_some() || self.refine.is_some();
         anyhow::ensure!(
             is_trained || !wants,
-            "{name} is untrained, and nobody can join it before others have trained it: train it first, \
-             with `yoto train {name}`"
+            "{name} is untrained, so {person} cannot be trained in it alone: train it first, with `yoto train {name}`"
         );
-        // Somebody whose training did not come to an end has a slot already.
+        // A person whose training did not finish has a slot already.
         let joins = is_trained && !self.no_train;
         anyhow::ensure!(slot.is_none() || joins, "{person} is in {name} already");
         let slot = client.add_identity(&model.name, &subject.name).await?;
@@ -109,30 +108,27 @@ impl Add {
             return Ok(());
         }
         say!("{person} has slot {} of {name}", slot.slot);
-        let spec = TrainSpec {
+        let all = TrainSpec {
             model: model.name.clone(),
+            image_size: self.size,
+            ..TrainSpec::default()
+        };
+        let joining = TrainSpec {
             only: subject.name,
             seconds: match self.steps {
                 Some(_) => 0.0,
                 None => self.seconds.unwrap_or(SECONDS),
             },
             steps: self.steps.unwrap_or(0),
-            image_size: self.size,
-            ..TrainSpec::default()
+            ..all.clone()
         };
-        let Some(seconds) = self.refine else {
-            return train::trained(&client, model, spec, self.preview, self.no_wait).await;
-        };
-        let everybody = TrainSpec {
-            model: model.name.clone(),
-            seconds,
-            image_size: self.size,
-            ..TrainSpec::default()
-        };
-        let (preview, no_wait) = (self.preview.clone(), self.no_wait);
-        train::trained(&client, model.clone(), spec, preview, no_wait).await?;
-        // Trainings of one model run in the order in which they were queued.
-        train::trained(&client, model, everybody, self.preview, no_wait).await
+        let refining = self.refine.map(|seconds| TrainSpec { seconds, ..all });
+        // Trainings of one model run in the order in which they are queued.
+        for spec in [joining].into_iter().chain(refining) {
+            let preview = self.preview.clone();
+            train::trained(&client, &model, spec, preview, self.no_wait).await?;
+        }
+        Ok(())
     }
 }
 

@@ -9,7 +9,7 @@ use yoto_proto::manifest::files::PREVIEW;
 use yoto_proto::names;
 use yoto_proto::v1::{Job, job_result};
 
-/// Fetches the picture of each checkpoint while the training goes on.
+/// Fetches the picture of each checkpoint during the training.
 pub(crate) struct Previews {
     newest: watch::Sender<u64>,
     fetching: JoinHandle<Result<Vec<PathBuf>, ClientError>>,
@@ -59,12 +59,12 @@ async fn fetch(
     mut steps: watch::Receiver<u64>,
 ) -> Result<Vec<PathBuf>, ClientError> {
     let mut paths: Vec<PathBuf> = Vec::new();
-    // A training that goes on begins at a checkpoint of an earlier one.
+    // A resumed training begins at a checkpoint of an earlier one.
     while steps.changed().await.is_ok() {
         let step = *steps.borrow_and_update();
         let checkpoint = names::checkpoint(model, step);
         let fetched = match fetch_one(client, &checkpoint, step, dir).await {
-            // The model keeps newer ones only: they have come faster than this.
+            // The model no longer keeps it: newer checkpoints came faster than this fetch.
             Err(ClientError::Refused(refusal)) if refusal.code() == Code::NotFound => continue,
             fetched => fetched?,
         };

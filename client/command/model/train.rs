@@ -114,14 +114,14 @@ impl Train {
             checkpoint_seconds: self.checkpoint_seconds.unwrap_or(0.0),
             ..self.train.spec()
         };
-        trained(&client, model, spec, self.preview, self.no_wait).await
+        trained(&client, &model, spec, self.preview, self.no_wait).await
     }
 }
 
-/// Queues the training `spec` of a model, and unless nobody waits follows it to its end and says what it gave.
+/// Queues the training `spec` of a model. Unless `no_wait`, follows it to its end and prints its result.
 pub(crate) async fn trained(
     client: &YotoClient,
-    model: Model,
+    model: &Model,
     spec: TrainSpec,
     preview: Option<PathBuf>,
     no_wait: bool,
@@ -132,7 +132,7 @@ pub(crate) async fn trained(
     if no_wait {
         return Ok(());
     }
-    let mut display = ProgressDisplay::new(model.display_name);
+    let mut display = ProgressDisplay::new(model.display_name.clone());
     let previews = preview.map(|dir| Previews::start(client, &model.name, dir));
     let job = follow_new(client, &job.name, &mut display, |job| {
         if let Some(previews) = &previews {

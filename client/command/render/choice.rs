@@ -28,7 +28,8 @@ pub(crate) fn kept(choice: &RenderChoice) -> String {
     )
 }
 
-/// That splats were drawn with the model's own settings, without a measured curve, in this many seconds each.
+/// A note that splats were drawn with the model's own settings, without a measured curve, in `seconds` per
+/// frame.
 pub(crate) fn as_they_are(seconds: f64) -> String {
     format!(
         "splats with the model's own settings: {seconds:.4} s per frame, {:.0} per second, without encoding",

@@ -74,11 +74,11 @@ pub(crate) struct Render {
         value_name = "NAME"
     )]
     subject: Option<String>,
-    /// In place of a person somebody between two of the model: A,B:0.3 is mostly A; A,B:0..1:10 shows ten of
-    /// them, from A to B.
+    /// Mixture of two people of the model, in place of a person: A,B:0.3 is mostly A; A,B:0..1:10 shows ten
+    /// mixtures, from A to B.
     #[arg(long, value_name = "A,B:SHARE", conflicts_with_all = ["scene", "turntable", "compare", "light"])]
     between: Option<BetweenTwo>,
-    /// Show the person on the bones of this one, by name: as tall, with limbs as long.
+    /// Show the person with the bone lengths of this one, by name.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["scene", "between", "turntable", "compare"])]
     bones: Option<String>,
     /// Render this frame of the person's own capture from all around.
@@ -103,7 +103,7 @@ pub(crate) struct Render {
     /// motion file its frames, and of a scene or turntable the film's pictures, counted from 0 [default: all].
     #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
-    /// Move the camera along with a person who walks, who otherwise may leave the picture.
+    /// Move the camera with the person, who otherwise may walk out of the picture.
     #[arg(long, conflicts_with_all = ["orbit", "view_list", "turntable", "scene"])]
     follow: bool,
     /// Poses and cameras from a JSON file.
@@ -112,9 +112,9 @@ pub(crate) struct Render {
     /// Go around the person once while they move as in their capture.
     #[arg(long)]
     turntable: bool,
-    /// Several people in one picture, of this model or others, from a JSON file, which has size and background
-    /// too, and may have --fps, --range and --quality, over which these options win; `yoto scene example` writes
-    /// one to start from.
+    /// JSON file of a scene: several people in one picture, of this model or others, with size and background.
+    /// It may have --fps, --range and --quality, which these options override. `yoto scene example` writes one
+    /// to start from.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Light on the person: `own`, as filmed; `none`, for colours without light and shade, of which spherical
@@ -160,8 +160,8 @@ pub(crate) struct Render {
     /// Show depth (near is bright) or opacity in grey in place of colours.
     #[arg(long, value_name = "LAYER", value_parser = ["depth", "opacity"])]
     layer: Option<String>,
-    /// Put the filmed picture to the left of each rendered one, where there is one: of a person's own
-    /// motion (--motion with their own name).
+    /// Put the filmed picture to the left of each rendered one; only for a person's own motion (--motion
+    /// with their own name).
     #[arg(long, value_name = "WITH", value_parser = ["truth"], requires = "motion")]
     compare: Option<String>,
     /// Choose the best fidelity within this many seconds per frame, as measured by `yoto tradeoff`.
@@ -222,7 +222,7 @@ impl Render {
         display.finish(&format!("{written} in {}", self.folder.out.display()));
         if result.depth_far > 0.0 {
             let (near, far) = (result.depth_near, result.depth_far);
-            tell!("depth: 255 is {near:.3} m, 1 is {far:.3} m, and 0 is nobody");
+            tell!("depth: 255 is {near:.3} m, 1 is {far:.3} m, and 0 is the background");
         }
         if let Some(choice) = &result.choice {
             tell!("{}", kept(choice));
@@ -239,7 +239,7 @@ impl Render {
         Ok(())
     }
 
-    /// Checks the options of the output, and that nothing of the user's would be replaced.
+    /// Checks the options of the output, and that no file of the user would be replaced.
     fn ensure_free(&self) -> anyhow::Result<()> {
         film::ensure_known(&self.folder.out)?;
         let film = film::is_film(&self.folder.out);
@@ -253,7 +253,7 @@ impl Render {
         self.folder.ensure_free(is_rendered)
     }
 
-    /// Checks that a film is not requested with what films lack.
+    /// Checks that a film is requested without options that films lack.
     fn ensure_film(&self, transparent: bool) -> anyhow::Result<()> {
         let out = &self.folder.out;
         anyhow::ensure!(

@@ -32,7 +32,7 @@ pub(crate) fn read_views(path: &Path) -> anyhow::Result<ViewList> {
         serde_json::from_slice(&json).with_context(|| format!("reading {}", path.display()))?;
     anyhow::ensure!(
         !file.views.is_empty(),
-        "{}: views: there is none",
+        "{}: views: the list is empty",
         path.display()
     );
     let view = |view: FileView| View {

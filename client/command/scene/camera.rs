@@ -19,7 +19,7 @@ pub(crate) enum FileCamera {
     Dolly(FileDolly),
     /// Matrices: one camera for all pictures, or one per picture of the film.
     Matrices(Vec<FileMatrices>),
-    /// The camera that filmed the motion of an actor, by the actor's place in the list, from 0.
+    /// The camera that filmed the motion of an actor, by the actor's index, from 0.
     Capture(u32),
     /// Another camera that filmed the motion of an actor.
     HeldOut(FileHeldOut),
@@ -35,7 +35,7 @@ pub(crate) struct FileOrbit {
     pub elevation: f64,
     /// Angle that the camera passes during the film, degrees: 360 is once around.
     pub sweep: f64,
-    /// Distance from the middle, metres; 0: as near as everybody fits.
+    /// Distance from the middle, metres; 0: the smallest at which everybody is in the picture.
     pub distance: f64,
     /// Vertical field of view, degrees; 0: 35.
     pub fov: f64,
@@ -47,7 +47,8 @@ pub(crate) struct FileOrbit {
 pub(crate) struct FileTurntable {
     /// Angle above the ground, degrees.
     pub elevation: f64,
-    /// Distance from the middle of all motions, metres; 0: as near as everybody fits.
+    /// Distance from the middle of all motions, metres; 0: the smallest at which everybody is in the
+    /// picture.
     pub distance: f64,
     /// Vertical field of view, degrees; 0: 35.
     pub fov: f64,
@@ -68,7 +69,7 @@ pub(crate) struct FileKey {
     pub fov: f64,
 }
 
-/// A camera that moves from one place to another.
+/// A camera that moves from one position to another.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FileDolly {
@@ -76,10 +77,12 @@ pub(crate) struct FileDolly {
     pub from: [f64; 3],
     /// Position at the end, metres.
     pub to: [f64; 3],
-    /// The point in the middle of the picture, metres; left out: 1 m above the middle of the actors' places.
+    /// The point in the middle of the picture, metres; left out: 1 m above the middle of the actors'
+    /// positions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<[f64; 3]>,
-    /// When the camera arrives, and stays; left out: after the `seconds` of the scene, which must then have them.
+    /// Time at which the camera arrives, and stays; left out: the `seconds` of the scene, which must then have
+    /// them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
     /// Vertical field of view, degrees; left out: 35.
@@ -106,9 +109,9 @@ pub(crate) struct FileMatrices {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FileHeldOut {
-    /// Place in the list, from 0, of the actor whose motion the camera filmed.
+    /// Index, from 0, of the actor whose motion the camera filmed.
     pub actor: u32,
-    /// The camera's name, or its place among the sorted names, from 0.
+    /// The camera's name, or its index among the sorted names, from 0.
     pub camera: CameraName,
     /// Folder of the capture that the motion is of, relative to the scene file: the service does not keep its
     /// held-out cameras, so they are read from its poses.json.
@@ -142,7 +145,7 @@ impl Default for FileTurntable {
     }
 }
 
-/// Reads the path of a camera, of which there is one.
+/// Reads the path of a camera, which has exactly one.
 pub(crate) fn one_path<'de, D: Deserializer<'de>>(reader: D) -> Result<FileCamera, D::Error> {
     let paths = serde_json::Map::deserialize(reader)?;
     if paths.len() != 1 {

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// People in one picture or film, who hide each other.
+/// People in one picture or film, with mutual occlusion.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct SceneFile {
@@ -29,14 +29,14 @@ pub(crate) struct SceneFile {
     /// Red, green and blue from 0 to 1; left out: black.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<[f32; 3]>,
-    /// Picture behind everybody (PNG or JPEG), relative to the scene file, in place of a colour: as large as
-    /// covers the pictures, and cut at their edges.
+    /// Picture behind everybody (PNG or JPEG), relative to the scene file, in place of a colour: scaled to
+    /// cover the pictures, and cropped at their edges.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub backdrop: Option<PathBuf>,
     /// Whether people darken the ground below them.
     #[serde(default, skip_serializing_if = "is_false")]
     pub shadow: bool,
-    /// Whether the pictures are transparent where nobody is.
+    /// Whether the background of the pictures is transparent.
     #[serde(default, skip_serializing_if = "is_false")]
     pub transparent: bool,
     /// The people.
@@ -58,8 +58,8 @@ pub(crate) struct FileActor {
     /// How they move; left out: as in their own capture.
     #[serde(default)]
     pub motion: FileMotion,
-    /// Place on the ground at the beginning of the motion: to the right and towards the default camera,
-    /// metres.
+    /// Position on the ground at the beginning of the motion: to the right and towards the default
+    /// camera, metres.
     #[serde(default)]
     pub at: Placed,
     /// Facing at the beginning of the motion, degrees: 0 towards the default camera, 90 to the person's
@@ -109,12 +109,12 @@ pub(crate) struct FileMotion {
 pub(crate) enum FileLight {
     /// Colours without light and shade.
     None,
-    /// The light of this person's capture, who is in the actor's model.
+    /// The light of the capture of this person, who must be in the actor's model.
     Of(String),
 }
 
 impl FileActor {
-    /// Somebody with the motion of their own capture.
+    /// An actor with the motion of their own capture.
     pub(crate) fn of(subject: String) -> Self {
         Self {
             subject,

@@ -10,7 +10,7 @@ use yoto_proto::v1::{
     scene_camera::Path as Track,
 };
 
-/// Height above the ground of what a dolly looks at unless it says otherwise, metres: an adult's waist.
+/// Default height of a dolly's target above the ground, metres: an adult's waist.
 const WAIST: f64 = 1.0;
 
 impl SceneFile {

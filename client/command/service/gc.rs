@@ -1,4 +1,4 @@
-//! `yoto gc`: bytes of the service that belong to nothing any more.
+//! `yoto gc`: objects of the service that nothing refers to.
 
 use crate::args::Server;
 use crate::show;
@@ -21,10 +21,10 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Gc {
-    /// Remove nothing: show what there is, and what would go.
+    /// Remove nothing: show what is found, and what would be removed.
     #[arg(long)]
     dry_run: bool,
-    /// Remove what belonged to deleted things at once, without the time of grace.
+    /// Remove objects of deleted resources at once, without the time of grace.
     #[arg(long)]
     now: bool,
     #[command(flatten)]

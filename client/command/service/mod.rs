@@ -1,4 +1,4 @@
-//! The service itself: run it, run workers for it, see how it is, remove its garbage.
+//! The service itself: run it, run workers for it, see its status, remove its garbage.
 
 pub(crate) mod gc;
 pub(crate) mod logs;

@@ -57,10 +57,10 @@ struct Storage {
     /// Newest checkpoints that a model keeps, unless `yoto model keep` says otherwise.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     keep_newest: u32,
-    /// A model keeps every N-th checkpoint besides; 0: none for this reason.
+    /// A model also keeps every N-th checkpoint; 0: none for this reason.
     #[arg(long, value_name = "N", default_value_t = 10)]
     keep_every: u32,
-    /// Hours until bytes that belong to nothing are removed.
+    /// Hours until objects that nothing refers to are removed.
     #[arg(long, value_name = "HOURS", default_value_t = 24.0)]
     grace_hours: f64,
     /// Free space of the disk, GiB, below which uploads and trainings are refused.

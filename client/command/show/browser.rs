@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-/// Opens `page` in the user's browser. Where there is none, a note says so: the page is there all
-/// the same.
+/// Opens `page` in the user's browser. Without a browser, prints a note: the page is written in any
+/// case.
 pub(crate) fn in_browser(page: &Path) {
     if let Err(error) = open::that(page) {
         tell!(

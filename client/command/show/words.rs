@@ -8,7 +8,9 @@ use yoto_terminal::progress::count;
 pub(crate) fn say_deleted(what: &str, deleted: &Deleted) {
     output::put("deleted", output::message(deleted));
     say!("{what} is deleted: {}", taken(deleted));
-    tell!("its bytes go after the service's time of grace; `yoto gc --now` removes them now");
+    tell!(
+        "its files are removed after the service's time of grace; `yoto gc --now` removes them at once"
+    );
 }
 
 /// `2 checkpoints, 1 job`.

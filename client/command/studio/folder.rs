@@ -1,4 +1,4 @@
-//! Folders that a command makes anew at each run, without a loss of anybody else's files.
+//! Folders that a command makes anew at each run, without the loss of other files.
 
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};

@@ -144,7 +144,7 @@ impl Add {
         let folder = imported.as_ref().map_or(&*path, TempDir::path);
         let mut options = self.media.options(self.correction.correction());
         if imported.is_some() {
-            // They went into the import, which has written its own.
+            // The import has read them, and has written masks of its own.
             options.masks = None;
         }
         let capture = CaptureDir::open_with(folder, &options)?;

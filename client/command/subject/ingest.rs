@@ -1,4 +1,4 @@
-//! `yoto subject ingest`: another try of an ingest that failed or was cancelled.
+//! `yoto subject ingest`: another attempt at an ingest that failed or was cancelled.
 
 use super::add::say_ingested;
 use crate::args::Server;

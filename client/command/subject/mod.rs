@@ -1,4 +1,4 @@
-//! `yoto subject`: people and the captures of them.
+//! `yoto subject`: people and their captures.
 
 mod add;
 mod delete;

@@ -21,7 +21,7 @@ const HANDS: [(usize, usize); 2] = [(28, 22), (43, 23)];
 /// Rest joints by shape parameters.
 #[derive(Clone, Debug)]
 pub struct BodyModel {
-    /// Whether it is SMPL-X, whose shapes and pelvis are others than SMPL's.
+    /// Whether it is SMPL-X, whose shapes and pelvis differ from SMPL's.
     is_smplx: bool,
     mean: Vec<Vec3>,
     /// Displacement of the joints per unit of each shape parameter.

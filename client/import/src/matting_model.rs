@@ -21,7 +21,7 @@ pub enum Levels {
 pub struct MattingModel {
     /// Its ONNX file.
     pub path: PathBuf,
-    /// The levels that its pictures want, if the user says.
+    /// The levels of its pictures, if the user gives them.
     pub levels: Option<Levels>,
 }
 

@@ -7,6 +7,9 @@ use std::path::PathBuf;
 use yoto_client::ClientError;
 use yoto_proto::pose_track::MAX_FRAMES;
 
+/// Frames per second where neither the files nor the user give them.
+const ASSUMED_FPS: f64 = 30.0;
+
 /// Inputs that an importer can't find in the files.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -70,13 +73,13 @@ impl Options {
             .then(|| format!("the range goes to frame {end}, and there are {available} frames"))
     }
 
-    /// The user's value, or `assumed` with a note.
-    pub(crate) fn fps_or(&self, assumed: f64, notes: &mut Vec<String>) -> f64 {
-        self.fps.unwrap_or_else(|| {
+    /// Frames per second: the user's, those of the file, or [`ASSUMED_FPS`] with a note.
+    pub(crate) fn fps_or(&self, of_file: Option<f64>, notes: &mut Vec<String>) -> f64 {
+        self.fps.or(of_file).unwrap_or_else(|| {
             notes.push(format!(
-                "no file says how fast the frames are: {assumed} a second (--fps)"
+                "no file has the frame rate: {ASSUMED_FPS} frames per second are assumed (--fps)"
             ));
-            assumed
+            ASSUMED_FPS
         })
     }
 }

@@ -46,7 +46,7 @@ pub fn line(text: Arguments<'_>) {
 /// Prints a note for people on stderr. [`crate::tell`] formats it.
 pub fn note(text: Arguments<'_>) {
     if !style().quiet {
-        // There is nobody to tell that stderr is gone.
+        // A failed write to stderr can't be reported.
         let _ = writeln!(std::io::stderr().lock(), "{text}");
     }
 }
@@ -63,7 +63,7 @@ pub fn put(name: &str, value: impl Into<Value>) {
     results.insert(name.to_owned(), value.into());
 }
 
-/// Prints the result for programs, if this process has such readers.
+/// Prints the result for programs, if the style asks for it.
 pub fn finish() {
     if style().json {
         let results = RESULTS.lock().unwrap_or_else(PoisonError::into_inner);

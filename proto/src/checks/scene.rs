@@ -149,7 +149,7 @@ fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
         Some(Path::Keys(keys)) => check_keys(found, keys),
         Some(Path::Cameras(list)) => {
             found.unless(!list.cameras.is_empty(), "camera.cameras", || {
-                "there is none".into()
+                "the list is empty".into()
             });
             for (i, camera) in list.cameras.iter().enumerate() {
                 found.camera(&format!("camera.cameras.cameras[{i}]"), camera);
@@ -196,7 +196,7 @@ fn check_fov(found: &mut Faults, field: &str, fov: f64) {
 
 fn check_keys(found: &mut Faults, keys: &CameraKeys) {
     found.unless(!keys.keys.is_empty(), "camera.keys", || {
-        "there is none".into()
+        "the list is empty".into()
     });
     let mut last = None;
     for (i, key) in keys.keys.iter().enumerate() {

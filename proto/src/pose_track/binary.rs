@@ -79,7 +79,7 @@ impl Skeleton {
 }
 
 fn read(message: v1::PoseTrack) -> Result<FileTrack, Box<Violation>> {
-    let missing = || violation("MISSING", BINARY_FILE, None, "skeleton", "there is none");
+    let missing = || violation("MISSING", BINARY_FILE, None, "skeleton", "is missing");
     let skeleton = Skeleton::from_proto(message.skeleton.ok_or_else(missing)?)?;
     let distortion = match message.distortion[..] {
         [] => NO_DISTORTION,

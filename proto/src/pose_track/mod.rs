@@ -249,7 +249,7 @@ mod tests {
         let message = crate::v1::PoseTrack::decode(&track().to_binary()[..]).expect("decodes");
         type Break = fn(&mut crate::v1::PoseTrack);
         let cases: [(Break, &str); 6] = [
-            (|m| m.skeleton = None, "poses.pb: skeleton: there is none"),
+            (|m| m.skeleton = None, "poses.pb: skeleton: is missing"),
             (
                 |m| m.distortion = vec![0.1; 4],
                 "poses.pb: distortion: 4 numbers, 5",

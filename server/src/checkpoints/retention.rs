@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_before_somebody_joined_is_kept_as_well() {
+    fn the_best_before_a_person_joined_is_kept_as_well() {
         let mut all = history();
         for number in 26..=30 {
             all.insert(0, published(number, 10 * number, 15.0, &[0, 1]));

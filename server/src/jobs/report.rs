@@ -124,7 +124,7 @@ pub async fn take_range(
         ));
     };
     if pictures == 0 {
-        return Err(RequestError::invalid("pictures", "there are none"));
+        return Err(RequestError::invalid("pictures", "must be above 0"));
     }
     Ok(context.store.take_range(lease, pictures, drawn).await?)
 }

@@ -105,10 +105,10 @@ async fn an_export_needs_a_checkpoint_and_known_people() {
     assert_refused(early, Code::FailedPrecondition, "NO_CHECKPOINT");
     let stranger = create(&service, &spec(&model, &bob, ExportForm::Page)).await;
     assert_refused(stranger, Code::FailedPrecondition, "NO_SLOT");
-    let mut nobody = good.clone();
-    nobody.subject = "subjects/none".into();
-    let nobody = create(&service, &nobody).await;
-    assert_refused(nobody, Code::NotFound, "NOT_FOUND");
+    let mut unknown = good.clone();
+    unknown.subject = "subjects/none".into();
+    let unknown = create(&service, &unknown).await;
+    assert_refused(unknown, Code::NotFound, "NOT_FOUND");
     let mut unfilmed = good.clone();
     unfilmed.motions = vec![moved_by(&bob), moved_by(&cleo)];
     let unfilmed = create(&service, &unfilmed).await;

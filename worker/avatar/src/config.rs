@@ -1,6 +1,6 @@
-//! Every size, rate and threshold of the model, as data. A tier is a named configuration with
-//! a place on the speed/accuracy curve; a variant switches off parts of the model. Both are
-//! settings of the same code.
+//! Every size, rate and threshold of the model, as data. A tier is a named configuration with a point on
+//! the speed/accuracy curve; a variant switches off parts of the model. Both are settings of the same
+//! code.
 
 mod appearance;
 mod check;
@@ -74,8 +74,8 @@ pub struct ModelConfig {
     pub condition: ConditionConfig,
     /// Non-rigid field.
     pub non_rigid: NonRigidConfig,
-    /// What is in canonical space: a field, or splats. Their settings stand beside the others, as in
-    /// `splats.count` or `march.epsilon`.
+    /// The representation in canonical space: a field, or splats. Their settings are beside the others,
+    /// as in `splats.count` or `march.epsilon`.
     #[serde(flatten)]
     pub appearance: Appearance,
     /// Optimisation.

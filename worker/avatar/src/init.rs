@@ -56,7 +56,7 @@ impl<'a> Initial<'a> {
     }
 
     /// Uniform in ±`bound`, with equal numbers in all `phases` of a kernel whose stride is half
-    /// its size: `place(i, p)` is the position in the tensor of draw `i` in phase `p`. With
+    /// its size: `index(i, p)` is the index in the tensor of draw `i` in phase `p`. With
     /// unequal phases, a transposed convolution starts as a checkerboard.
     pub fn phased<const D: usize>(
         &self,
@@ -64,14 +64,14 @@ impl<'a> Initial<'a> {
         shape: [usize; D],
         bound: f64,
         phases: usize,
-        place: impl Fn(usize, usize) -> usize,
+        index: impl Fn(usize, usize) -> usize,
     ) -> Param<Tensor<D>> {
         let mut stream = self.stream(path);
         let mut values = vec![0f32; shape.iter().product()];
         for draw in 0..values.len() / phases {
             let value = ((stream.random::<f64>() * 2.0 - 1.0) * bound) as f32;
             for phase in 0..phases {
-                values[place(draw, phase)] = value;
+                values[index(draw, phase)] = value;
             }
         }
         let mut values = values.into_iter();

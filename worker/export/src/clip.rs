@@ -62,8 +62,8 @@ impl Clip {
             front = cross(up, any);
         }
         let front = normalised(front);
-        let turn = rigid([cross(up, front), up, front], [0.0; 3]);
-        let positions: Vec<Vec3> = joints.iter().map(|joint| apply(&turn, *joint)).collect();
+        let level = rigid([cross(up, front), up, front], [0.0; 3]);
+        let positions: Vec<Vec3> = joints.iter().map(|joint| apply(&level, *joint)).collect();
         let sum = positions
             .iter()
             .fold([0.0; 3], |sum, joint| add(sum, *joint));

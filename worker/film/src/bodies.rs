@@ -27,7 +27,7 @@ pub struct ModelBodies {
     pub has_light: bool,
     /// The people of the request that this model draws or lights.
     pub people: Vec<Person>,
-    /// By slot. Somebody who joined the model after the checkpoint has none.
+    /// By slot. A person who joined the model after the checkpoint has none.
     pub skeletons: BTreeMap<usize, Skeleton>,
 }
 

@@ -35,7 +35,7 @@ pub(crate) fn shots(
     let camera = sized(&capture_camera(track, frame)?, clip.size);
     let poses = poses(clip, body, "clip", fps)?;
     let Some(first) = poses.first() else {
-        return Err(PlanError::invalid("clip.poses", "there is none"));
+        return Err(PlanError::invalid("clip.poses", "the list is empty"));
     };
     let to_capture = ToCapture::new(first, &pose(frame)?, camera.world_up());
     let start = to_capture.pose(first);
@@ -79,7 +79,7 @@ fn driver(clip: &MotionClip, body: &Skeleton, field: &str) -> Result<Skeleton, P
     let message = clip
         .skeleton
         .clone()
-        .ok_or_else(|| invalid("there is none".into()))?;
+        .ok_or_else(|| invalid("is missing".into()))?;
     let skeleton = pose_track::Skeleton::from_proto(message)
         .map_err(|violation| invalid(pose_track::describe(&violation)))?;
     Skeleton::of_motion(&skeleton, body).map_err(|error| invalid(error.to_string()))

@@ -14,7 +14,7 @@ use yoto_proto::v1::{self, Actor, RenderSpec};
 /// The rotation from the world of a scene to itself.
 const IN_SCENE: Mat3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-/// Where the light on somebody comes from, in a model that has light.
+/// Source of the light on a person, in a model that has light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum LightSource<'a> {
     /// The person's capture, in whose world they stand.

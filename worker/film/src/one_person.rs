@@ -53,8 +53,8 @@ pub(crate) fn plan(
     Ok(plan)
 }
 
-/// The subject whose capture's world the pictures are in: the subject of the render, except with somebody else's
-/// motion.
+/// The subject whose capture's world the pictures are in: the subject of the render, except with another
+/// person's motion.
 pub(crate) fn world<'a>(spec: &'a RenderSpec, what: &'a What) -> &'a str {
     match what {
         What::Motion(transfer) => &transfer.driver,

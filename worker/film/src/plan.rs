@@ -18,7 +18,7 @@ pub struct Plan {
     pub views: Vec<View>,
     /// What they show.
     pub layer: Layer,
-    /// What is behind the people, other than the views' own background.
+    /// What is behind the people, if not the views' own background.
     pub surroundings: Option<Surroundings>,
     /// The filmed pictures, if the render repeats some.
     pub truth: Option<Truth>,

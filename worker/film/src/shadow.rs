@@ -11,7 +11,7 @@ const SHADOW_SIDE: u32 = 256;
 /// What people reach beyond their joints, metres.
 const REACH: f64 = 0.35;
 
-/// A camera above the `joints` that sees all of them; none if there are none.
+/// A camera above the `joints` that sees all of them; `None` without joints.
 pub(crate) fn from_above(joints: &[Vec3]) -> Option<Camera> {
     let sum = joints.iter().fold([0.0; 3], |sum, joint| add(sum, *joint));
     let [x, _, z] = scale(sum, 1.0 / joints.len().max(1) as f64);

@@ -42,8 +42,8 @@ impl Truth {
         })
     }
 
-    /// The filmed picture of the view with the `index`, of `size` (width, height): `[H, W, 3]`. `None` if there
-    /// is none of that size.
+    /// The filmed picture of the view with the `index`, of `size` (width, height): `[H, W, 3]`. `None` if no
+    /// picture has that size.
     pub fn picture(&self, index: usize, (width, height): (u32, u32)) -> Option<Vec<u8>> {
         let position = *self.positions.get(index)?;
         let filmed = self.shard.image(position).resized(width.max(height));

@@ -8,8 +8,8 @@ const LOWEST_SCORE: f32 = 0.5;
 
 /// Follows a person through the pictures of a clip.
 ///
-/// The detector finds the person in the first picture. In the following pictures, the person is expected at the last
-/// landmarks; if nobody is there, the detector searches again.
+/// The detector finds the person in the first picture. In the following pictures, the person is expected at the
+/// last landmarks; if no person is there, the detector searches again.
 #[derive(Debug)]
 pub struct Watcher {
     model: PoseModel,
@@ -45,8 +45,8 @@ impl Watcher {
         &self.model
     }
 
-    /// The person in a picture `rgb`, `[height, width, 3]`, of `size` (width, height); `None` if there
-    /// is none.
+    /// The person in a picture `rgb`, `[height, width, 3]`, of `size` (width, height); `None` without a
+    /// person.
     ///
     /// # Errors
     /// [`LandmarkError::Picture`] if `rgb` does not have that size.

@@ -29,7 +29,7 @@ pub struct Matter {
 pub struct Matte {
     /// Coverage of each pixel, `[height, width]`, from 0 to 255.
     pub coverage: Vec<u8>,
-    /// Whether anybody was found.
+    /// Whether a person was found.
     pub is_somebody: bool,
 }
 

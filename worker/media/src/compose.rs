@@ -9,7 +9,7 @@ const BRIGHT_SHARE: f64 = 0.01;
 /// Brightest level of black after compression.
 const BLACK: u8 = 16;
 
-/// The background, from the pixels with mask 0; `None` if there are none.
+/// The background, from the pixels with mask 0; `None` without such pixels.
 pub fn background(picture: &Picture, mask: &[u8]) -> Option<Background> {
     let (mut outside, mut bright) = (0usize, 0usize);
     for (pixel, &coverage) in picture.rgb.chunks_exact(3).zip(mask) {

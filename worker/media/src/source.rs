@@ -197,7 +197,7 @@ impl Clip {
     }
 }
 
-/// The video's frame for a pose frame, or the reason why there is none.
+/// The video's frame for a pose frame, or the reason why the video lacks it.
 fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, String> {
     match wanted.timing {
         Timing::Index => {

@@ -92,7 +92,7 @@ impl Form {
         }
     }
 
-    /// [`Self::available`], or why there is none.
+    /// [`Self::available`], or the fault of the environment variable.
     fn limited() -> Result<&'static Vec<Self>, FormError> {
         static FORMS: OnceLock<Result<Vec<Form>, FormError>> = OnceLock::new();
         let forms = FORMS.get_or_init(|| {

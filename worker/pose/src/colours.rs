@@ -106,14 +106,14 @@ pub(crate) fn wrong(headings: &[[f64; 2]], colours: &[Vec<[f64; 3]>], times: &[f
                 if state == 1 { [-cos, sin] } else { [cos, sin] }
             };
             let (a, b) = (facing(step, from), facing(step + 1, to));
-            let turn = (a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0).acos();
+            let angle = (a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0).acos();
             let own = {
                 let (a, b) = (facing(step, 0), facing(step + 1, 0));
                 (a[0] * b[0] + a[1] * b[1]).clamp(-1.0, 1.0).acos()
             };
             let span = times[step + 1] - times[step];
             let switch = if from == to { 0.0 } else { CHANGE };
-            switch + jump(turn, span) - jump(own, span).min(jump(turn, span))
+            switch + jump(angle, span) - jump(own, span).min(jump(angle, span))
         };
         let run = cheapest_run(&costs, change);
         let next: Vec<bool> = run.iter().map(|state| *state == 1).collect();

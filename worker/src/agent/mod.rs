@@ -52,7 +52,7 @@ pub struct WorkerConfig {
     /// Whether it runs in the coordinator's process: a coordinator that starts takes back the jobs that
     /// such a worker had.
     pub embedded: bool,
-    /// First pause between two requests for work, seconds; it doubles while there is none.
+    /// First pause between two requests for work, seconds; it doubles while no job is queued.
     pub poll_seconds: f64,
     /// Longest pause between two requests for work, seconds.
     pub idle_poll_seconds: f64,
@@ -65,7 +65,7 @@ pub struct WorkerConfig {
     pub silence_seconds: f64,
     /// Program and limits for reading uploads.
     pub ingest: IngestSettings,
-    /// Weights of the networks of LPIPS, where there are any.
+    /// Weights of the networks of LPIPS, if present.
     pub lpips: Option<LpipsWeights>,
     /// Where the files of a running job are: an upload to read, a checkpoint to load or save. Created if
     /// missing.

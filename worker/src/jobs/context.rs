@@ -32,7 +32,7 @@ use yoto_proto::v1::{
 
 /// Longest wait for an answer of the coordinator before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest computation without signs of life of its own: a job that takes longer is thought to hang.
+/// Longest computation without signs of life of its own: a job that takes longer counts as hung.
 const LONGEST_WORK: Duration = Duration::from_secs(1800);
 
 /// A leased job's access to coordinator, objects and device; clones share it.
@@ -46,7 +46,7 @@ pub struct JobContext {
     pub control: Arc<JobControl>,
     /// Settings for reading uploads.
     pub ingest: Arc<IngestSettings>,
-    /// Weights of the networks of LPIPS, where there are any.
+    /// Weights of the networks of LPIPS, if present.
     pub lpips: Option<LpipsWeights>,
     /// Where the job's files are as long as it runs.
     pub(crate) scratch: PathBuf,
@@ -284,7 +284,7 @@ impl JobContext {
         })
     }
 
-    /// Signs of life while the job waits for somebody else.
+    /// Signs of life while the job waits for another process.
     async fn signs(&self) -> Infallible {
         loop {
             self.control.sign();

@@ -52,7 +52,8 @@ impl JobFailure {
         Self::TryLater { code, message }
     }
 
-    /// This machine can't do what the job needs, as when its disk is full: the job waits, and says why.
+    /// This machine lacks what the job needs, e.g. space on its disk: the job waits, and gives the
+    /// reason.
     pub fn machine(doing: &str, error: &dyn Error) -> Self {
         Self::try_later("MACHINE", doing, error)
     }

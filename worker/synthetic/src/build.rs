@@ -111,42 +111,9 @@ pub(crate) fn share_along(from: Vec3, axis: Vec3, p: Vec3) -> f64 {
 /// Shapes that clothes and hair add to the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extras {
-    /// Lower end of a skirt or coat, 1 at the knee; `None` without either.
-    pub hem: Option<f64>,
-    /// Width of a hem's edge; 1 hangs straight.
-    pub flare: f64,
-    pub hair: Hair,
-    /// Thickness of sleeves at the wrist; 1 is the arm's.
-    pub sleeves: f64,
-    /// Thickness of trousers at the ankle; 1 is the leg's.
-    pub trousers: f64,
-    /// Thickness of a bag on the back, metres; 0 without one.
-    pub pack: f64,
-}
-
-impl Default for Extras {
-    /// Short hair and tight clothes.
-    fn default() -> Self {
-        Self {
-            hem: None,
-            flare: 1.0,
-            hair: Hair::Short,
-            sleeves: 1.0,
-            trousers: 1.0,
-            pack: 0.0,
-        }
-    }
-}
-
-/// Styles of hair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Hair {
-    Short,
-    Long,
-    Ponytail,
-    Bun,
-    /// Standing off on all sides.
-    Full,
+    /// Lower end of the skirt or coat, 1 at the knee.
+    pub hem: f64,
+    pub long_hair: bool,
 }
 
 /// Height of the unscaled body in [`Build::skeleton`], metres.
@@ -216,10 +183,9 @@ impl Build {
     pub fn capsules(&self, skeleton: &Skeleton, extras: Extras) -> Vec<Capsule> {
         let mut parts = Vec::new();
         self.torso(skeleton, &mut parts);
-        self.pack(extras, &mut parts);
         self.head(skeleton, extras, &mut parts);
         for side in 0..2 {
-            self.arm(skeleton, side, extras, &mut parts);
+            self.arm(skeleton, side, &mut parts);
             self.leg(skeleton, side, extras, &mut parts);
         }
         parts
@@ -286,64 +252,31 @@ impl Build {
         push(joint::HEAD, Part::Head, nose, nose, [0.014, 0.014]);
         let (front, back) = (beside([0.0, 0.135, 0.015]), beside([0.0, 0.1, -0.03]));
         push(joint::HEAD, Part::Hair, front, back, [0.088, 0.09]);
-        match extras.hair {
-            Hair::Short => {}
-            Hair::Long => {
-                let ends = beside([0.0, -0.1, -0.075]);
-                push(joint::HEAD, Part::Hair, back, ends, [0.09, 0.06]);
-            }
-            Hair::Ponytail => {
-                let (tie, ends) = (beside([0.0, 0.12, -0.15]), beside([0.0, -0.2, -0.19]));
-                push(joint::HEAD, Part::Hair, tie, ends, [0.045, 0.03]);
-            }
-            Hair::Bun => {
-                let bun = beside([0.0, 0.21, -0.08]);
-                push(joint::HEAD, Part::Hair, bun, bun, [0.065; 2]);
-            }
-            Hair::Full => {
-                let (low, high) = (beside([0.0, 0.04, -0.05]), beside([0.0, 0.17, -0.03]));
-                push(joint::HEAD, Part::Hair, low, high, [0.13, 0.15]);
-            }
+        if extras.long_hair {
+            let ends = beside([0.0, -0.1, -0.075]);
+            push(joint::HEAD, Part::Hair, back, ends, [0.09, 0.06]);
         }
     }
 
-    fn pack(&self, extras: Extras, parts: &mut Vec<Capsule>) {
-        if extras.pack <= 0.0 {
-            return;
-        }
-        let s = self.scale();
-        let behind = -0.1 * self.girth - 0.5 * extras.pack;
-        parts.push(Capsule {
-            joint: joint::SPINE3,
-            part: Part::Torso,
-            from: scale([0.0, 1.12, behind], s),
-            to: scale([0.0, 1.36, behind], s),
-            radii: [0.6 * extras.pack + 0.05; 2],
-            cut: None,
-        });
-    }
-
-    fn arm(&self, skeleton: &Skeleton, side: usize, extras: Extras, parts: &mut Vec<Capsule>) {
+    fn arm(&self, skeleton: &Skeleton, side: usize, parts: &mut Vec<Capsule>) {
         let at = |joint: usize| skeleton.rest[joint + side];
         let fingers = add(
             at(joint::L_HAND),
             scale(sub(at(joint::L_HAND), at(joint::L_WRIST)), 0.9),
         );
         let thickness = self.scale() * self.limbs;
-        // At the elbow, sleeves have half of their extra width at the wrist.
-        let wide = 0.5 * (1.0 + extras.sleeves);
         let bones = [
             (
                 joint::L_SHOULDER,
                 Part::UpperArm,
                 at(joint::L_ELBOW),
-                [0.056, 0.045 * wide],
+                [0.056, 0.045],
             ),
             (
                 joint::L_ELBOW,
                 Part::Forearm,
                 at(joint::L_WRIST),
-                [0.045 * wide, 0.034 * extras.sleeves],
+                [0.045, 0.034],
             ),
             (
                 joint::L_WRIST,
@@ -372,7 +305,6 @@ impl Build {
         let foot = at(joint::L_FOOT);
         let beside = |p: Vec3, y: f64, z: f64| [p[0], y * s, p[2] + z * s];
         let limb = |radii: [f64; 2]| radii.map(|r| r * s * self.limbs);
-        let wide = 0.5 * (1.0 + extras.trousers);
         let mut push = |joint: usize, part, from, to, radii| {
             parts.push(Capsule {
                 joint,
@@ -388,14 +320,14 @@ impl Build {
             Part::Thigh,
             hip,
             knee,
-            limb([0.09, 0.062 * wide]),
+            limb([0.09, 0.062]),
         );
         push(
             joint::L_KNEE + side,
             Part::Shin,
             knee,
             ankle,
-            limb([0.062 * wide, 0.044 * extras.trousers]),
+            limb([0.062, 0.044]),
         );
         let heel = beside(ankle, 0.045, -0.03);
         let ball = beside(foot, 0.042, 0.0);
@@ -414,22 +346,20 @@ impl Build {
             toes,
             [0.043 * s, 0.034 * s],
         );
-        if let Some(length) = extras.hem {
-            let hem = self.hem(hip, knee, length);
-            let radii = [0.115 * s * self.girth, extras.flare * self.hem_radius()];
-            // The cloth between the legs hangs from the pelvis.
-            let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
-            let middle = scale(add(hip, hem), 0.5);
-            push(joint::PELVIS, Part::Hem, inner(hip), inner(middle), radii);
-            parts.push(Capsule {
-                joint: joint::L_HIP + side,
-                part: Part::Hem,
-                from: hip,
-                to: hem,
-                radii,
-                cut: Some(hem[1]),
-            });
-        }
+        let hem = self.hem(hip, knee, extras.hem);
+        let radii = [0.115 * s * self.girth, self.hem_radius()];
+        // The cloth between the legs hangs from the pelvis.
+        let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
+        let middle = scale(add(hip, hem), 0.5);
+        push(joint::PELVIS, Part::Hem, inner(hip), inner(middle), radii);
+        parts.push(Capsule {
+            joint: joint::L_HIP + side,
+            part: Part::Hem,
+            from: hip,
+            to: hem,
+            radii,
+            cut: Some(hem[1]),
+        });
     }
 
     fn hem(&self, hip: Vec3, knee: Vec3, length: f64) -> Vec3 {
@@ -441,13 +371,10 @@ impl Build {
         0.125 * self.scale() * self.girth
     }
 
-    /// The moving clothes: the hem, if there is one, and sleeves that end at `sleeves`.
+    /// The moving clothes: the hem, and sleeves that end at `sleeves`.
     pub fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
-        let hem = extras.hem.map(|length| {
-            let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);
-            let radius = extras.flare * self.hem_radius();
-            (self.hem(hip, knee, length)[1], radius)
-        });
-        Drape::new(skeleton, self.scale(), hem, sleeves)
+        let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);
+        let hem = (self.hem(hip, knee, extras.hem)[1], self.hem_radius());
+        Drape::new(skeleton, self.scale(), Some(hem), sleeves)
     }
 }

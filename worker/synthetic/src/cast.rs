@@ -1,31 +1,31 @@
 //! The cast: people with clearly different builds, clothes and colours.
 
 use super::SyntheticPerson;
-use super::build::{Build, Extras, Hair};
+use super::build::{Build, Extras};
 use super::motion::Gait;
 use super::outfit::{Cloth, Colour, Measures, Outfit, Pattern};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
-pub(crate) const NAMES: [&str; 12] = [
+const NAMES: [&str; 12] = [
     "ada", "bruno", "chloe", "dmitri", "esra", "femi", "greta", "hugo", "ines", "jun", "kofi",
     "lena",
 ];
-pub(crate) const SKINS: [Colour; 4] = [
+const SKINS: [Colour; 4] = [
     [0.93, 0.74, 0.62],
     [0.55, 0.36, 0.25],
     [0.82, 0.6, 0.44],
     [0.38, 0.25, 0.18],
 ];
-pub(crate) const HAIRS: [Colour; 5] = [
+const HAIRS: [Colour; 5] = [
     [0.3, 0.17, 0.09],
     [0.08, 0.07, 0.07],
     [0.83, 0.66, 0.3],
     [0.56, 0.22, 0.08],
     [0.6, 0.6, 0.6],
 ];
-pub(crate) const SHIRTS: [Pattern; 4] = [
+const SHIRTS: [Pattern; 4] = [
     Pattern::Stripes,
     Pattern::Checks,
     Pattern::Dots,
@@ -55,11 +55,7 @@ fn types() -> [Type; 5] {
                 limbs,
                 belly,
             },
-            extras: Extras {
-                hem: Some(hem),
-                hair: if long_hair { Hair::Long } else { Hair::Short },
-                ..Extras::default()
-            },
+            extras: Extras { hem, long_hair },
             coat,
             sleeves,
             legs,
@@ -190,13 +186,12 @@ fn person(i: usize, first_hue: f64, offsets: [usize; 3], rng: &mut impl Rng) -> 
             turn: if even { 1.0 } else { -1.0 },
             phase: rng.random_range(0.0..TAU),
             vigour: rng.random_range(0.85..1.15),
-            ..Gait::default()
         },
     }
 }
 
 /// A colour by hue (turns), saturation and value (0 to 1).
-pub(crate) fn colour(hue: f64, saturation: f64, value: f64) -> Colour {
+fn colour(hue: f64, saturation: f64, value: f64) -> Colour {
     std::array::from_fn(|channel| {
         let at = (6.0 * hue + [5.0, 3.0, 1.0][channel]).rem_euclid(6.0);
         value * (1.0 - saturation * at.min(4.0 - at).clamp(0.0, 1.0))

@@ -14,7 +14,6 @@ mod estimator;
 mod motion;
 mod outfit;
 mod raycast;
-mod varied;
 
 pub use estimator::{Estimate, Estimator, Mistake};
 
@@ -54,14 +53,6 @@ impl SyntheticPerson {
         cast::cast(n, seed)
     }
 
-    /// `n` people with the variety of real captures: thin and stout, in skirts, coats, wide sleeves and
-    /// trousers, with ponytails, full hair and bags, in colours from black to white. They turn once or
-    /// twice, and some raise their arms. The same seed gives the same people, and a larger `n` only adds
-    /// to them.
-    pub fn varied(n: usize, seed: u64) -> Vec<Self> {
-        varied::varied(n, seed)
-    }
-
     /// A name that is unique in the cast.
     pub fn name(&self) -> &str {
         &self.name
@@ -76,13 +67,6 @@ impl SyntheticPerson {
     /// The image of the person in `pose` by `camera`: colours premultiplied by coverage, over black.
     pub fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
         raycast::render(&self.posed(pose, &self.drape), camera)
-    }
-
-    /// Signed distance of a point to the surface in the rest pose, metres, negative inside.
-    pub fn distance_at_rest(&self, point: Vec3) -> f64 {
-        let rest = Pose::rest(self.skeleton.joints());
-        let all: Vec<usize> = (0..self.capsules.len()).collect();
-        self.posed(&rest, &self.drape).distance(point, &all)
     }
 
     fn posed<'a>(&'a self, pose: &Pose, drape: &'a Drape) -> PosedBody<'a> {

@@ -15,27 +15,12 @@ pub(crate) struct Gait {
     pub phase: f64,
     /// Size of their steps and arm swings; 1 is average.
     pub vigour: f64,
-    /// Turns in a filmed motion.
-    pub turns: f64,
-    /// Strides in a filmed motion; no multiple of the turns.
-    pub strides: f64,
-    /// How far arms are raised in a filmed motion: 1 above the shoulders, 0 not at all.
-    pub arms: f64,
 }
 
-impl Default for Gait {
-    /// Two turns, so that each side is seen in different steps.
-    fn default() -> Self {
-        Self {
-            turn: 1.0,
-            phase: 0.0,
-            vigour: 1.0,
-            turns: 2.0,
-            strides: 7.0,
-            arms: 1.0,
-        }
-    }
-}
+/// Turns in a filmed motion: two, so that each side is seen in different steps.
+const TURNS: f64 = 2.0;
+/// Strides in a filmed motion; no multiple of the turns.
+const STRIDES: f64 = 7.0;
 
 /// Joint rotations under construction, axis-angle, radians.
 struct Stance(Vec<Vec3>);
@@ -81,12 +66,12 @@ impl Gait {
     }
 
     fn walk(&self, skeleton: &Skeleton, time: f64) -> Pose {
-        let step = TAU * self.strides * time + self.phase;
+        let step = TAU * STRIDES * time + self.phase;
         let swing = step.sin() * self.vigour;
         let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
         stance.set(
             joint::PELVIS,
-            [0.0, wrapped(self.turn * TAU * self.turns * time), 0.0],
+            [0.0, wrapped(self.turn * TAU * TURNS * time), 0.0],
         );
         for (side, swing) in [(0, swing), (1, -swing)] {
             let lifted = (0.5 + 0.5 * (step + PI * side as f64).cos()) * self.vigour;
@@ -109,7 +94,6 @@ impl Gait {
         let right = 1.65 * bump(time, 0.08, 0.3) + 1.1 * bump(time, 0.62, 0.8);
         let left = 1.55 * bump(time, 0.36, 0.58) + 1.1 * bump(time, 0.62, 0.8);
         for (side, sign, raised, swing) in [(0, 1.0, left, -swing), (1, -1.0, right, swing)] {
-            let raised = self.arms * raised;
             let hanging = (1.0 - raised).clamp(0.0, 1.0);
             let lowered = -sign * 1.25 * (1.0 - raised);
             let forward = [-0.55 * swing * hanging, 0.0, 0.0];

@@ -1,5 +1,5 @@
-//! Uploads of captures, which go on after a lost connection, a restart of the service, and a restart of
-//! this program.
+//! Uploads of captures, which continue after a lost connection, a restart of the service, and a restart
+//! of this program.
 
 mod send;
 mod source;
@@ -23,9 +23,9 @@ impl YotoClient {
     }
 
     /// Uploads one capture of `subject` and starts its ingest job. `on_bytes` receives the number of
-    /// bytes that are behind since the last call, those of an earlier attempt first.
+    /// bytes committed since its last call, those of an earlier attempt first.
     ///
-    /// An open upload of the very same files is continued, also one of another process that has ended.
+    /// An open upload of the same files is continued, even that of another process.
     ///
     /// # Errors
     /// [`ClientError::File`] when a file can't be read; [`ClientError::Refused`], also when the service
@@ -78,7 +78,7 @@ impl YotoClient {
             files,
             request_id: String::new(),
         };
-        // The same files again, e.g. after a crash, find the upload that has some of their bytes.
+        // After a crash, the same files find the upload that has some of their bytes.
         request.request_id = yoto_proto::sha256_hex(&request.encode_to_vec());
         loop {
             let create = || {
@@ -88,15 +88,15 @@ impl YotoClient {
             let doing = format!("uploading a capture of {subject}");
             let upload = repeat(create).await.map_err(ClientError::refused(doing))?;
             if upload.state() == upload::State::Open {
-                // Whoever wrote to it before may have left a connection that still counts as open.
+                // An earlier writer may have left a connection that still counts as open.
                 return self.get_upload(&upload.name).await;
             }
-            // It was uploaded before, and is wanted once more.
+            // It was uploaded before, and is uploaded again.
             request.request_id = request_id();
         }
     }
 
-    /// What was committed of the upload `name`, once no earlier call writes to it any more.
+    /// The state of the upload `name`, once no earlier call writes to it.
     async fn get_upload(&self, name: &str) -> Result<Upload, ClientError> {
         let request = GetUploadRequest {
             name: name.to_owned(),
@@ -111,14 +111,14 @@ impl YotoClient {
     }
 }
 
-/// Tells how far an upload is; bytes that are sent once more count once.
+/// Reports the progress of an upload; bytes that are sent again count once.
 struct Meter<F> {
     on_bytes: F,
     told: u64,
 }
 
 impl<F: FnMut(u64)> Meter<F> {
-    /// `bytes` of all files are behind.
+    /// Of all files, `bytes` are committed.
     fn reached(&mut self, bytes: u64) {
         if let Some(more) = bytes.checked_sub(self.told).filter(|more| *more > 0) {
             self.told = bytes;

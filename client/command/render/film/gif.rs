@@ -1,4 +1,4 @@
-//! Films as GIF, for where others do not play: 256 colours.
+//! Films as GIF, with 256 colours, for viewers that play no other format.
 
 use anyhow::Context;
 use image::codecs::gif::{GifEncoder, Repeat};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Effort for the colours of a GIF, from 1, the best, to 30. At 10, the encoder looks at every tenth pixel.
 const GIF_SPEED: i32 = 10;
 
-/// Least time of a picture of a GIF, hundredths of a second: browsers show shorter ones for ten.
+/// Shortest duration of a picture in a GIF, hundredths of a second: browsers show shorter ones for ten.
 const GIF_LEAST: u32 = 2;
 
 /// GIF counts hundredths of a second. Pictures that have less than [`GIF_LEAST`] are left out, so that the film

@@ -12,7 +12,8 @@ use tempfile::NamedTempFile;
 use yoto_media::film::Film;
 use yoto_proto::exports::EXTENSIONS;
 
-/// Endings of which people expect one file, in lower case, beside those of exports; renders are never written so.
+/// Extensions of single files, in lower case, besides those of exports; renders are never written to such
+/// files.
 const OTHER_FILES: [&str; 29] = [
     "3gp", "apng", "avi", "avif", "bmp", "bvh", "exr", "flv", "gz", "heic", "jpeg", "jpg", "json",
     "m4v", "mkv", "mov", "mpeg", "mpg", "mts", "npz", "ogv", "pdf", "svg", "tar", "tif", "tiff",
@@ -44,10 +45,11 @@ fn extension(out: &Path) -> Option<String> {
     Some(out.extension()?.to_str()?.to_ascii_lowercase())
 }
 
-/// Checks that `out` is a film that we write or a folder for pictures: one that is there may have any name.
+/// Checks that `out` is a film that we write or a folder for pictures; an existing folder may have any
+/// name.
 ///
 /// # Errors
-/// If it is called like a file of another kind.
+/// If its name is that of a file of another kind.
 pub(crate) fn ensure_known(out: &Path) -> anyhow::Result<()> {
     let exported = |it: &str| EXTENSIONS.contains(&it);
     let other = extension(out).filter(|it| exported(it) || OTHER_FILES.contains(&it.as_str()));

@@ -17,48 +17,21 @@ pub(super) enum Flag {
     Fps,
 }
 
+/// An option, its name, and whether it is given.
+type Row = (Flag, &'static str, fn(&Options) -> bool);
+
 /// All of them, in the order in which help lists them.
-pub(super) const FLAGS: [Flag; 10] = [
-    Flag::View,
-    Flag::RestJoints,
-    Flag::Poses,
-    Flag::Masks,
-    Flag::Matting,
-    Flag::Person,
-    Flag::Focal,
-    Flag::Height,
-    Flag::KeepSkeleton,
-    Flag::Fps,
+pub(super) const FLAGS: [Row; 10] = [
+    (Flag::View, "--view", |it| it.camera.is_some()),
+    (Flag::RestJoints, "--rest-joints", |it| {
+        it.rest_joints.is_some()
+    }),
+    (Flag::Poses, "--poses", |it| it.poses.is_some()),
+    (Flag::Masks, "--masks", |it| it.masks.is_some()),
+    (Flag::Matting, "--matting-model", |it| it.matting.is_some()),
+    (Flag::Person, "--person", |it| it.person.is_some()),
+    (Flag::Focal, "--focal", |it| it.focal.is_some()),
+    (Flag::Height, "--height", |it| it.height.is_some()),
+    (Flag::KeepSkeleton, "--keep-skeleton", |it| it.keep_skeleton),
+    (Flag::Fps, "--fps", |it| it.fps.is_some()),
 ];
-
-impl Flag {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::View => "--view",
-            Self::RestJoints => "--rest-joints",
-            Self::Poses => "--poses",
-            Self::Masks => "--masks",
-            Self::Matting => "--matting-model",
-            Self::Person => "--person",
-            Self::Focal => "--focal",
-            Self::Height => "--height",
-            Self::KeepSkeleton => "--keep-skeleton",
-            Self::Fps => "--fps",
-        }
-    }
-
-    pub(super) fn is_given(self, options: &Options) -> bool {
-        match self {
-            Self::View => options.camera.is_some(),
-            Self::RestJoints => options.rest_joints.is_some(),
-            Self::Poses => options.poses.is_some(),
-            Self::Masks => options.masks.is_some(),
-            Self::Matting => options.matting.is_some(),
-            Self::Person => options.person.is_some(),
-            Self::Focal => options.focal.is_some(),
-            Self::Height => options.height.is_some(),
-            Self::KeepSkeleton => options.keep_skeleton,
-            Self::Fps => options.fps.is_some(),
-        }
-    }
-}

@@ -52,7 +52,7 @@ fn read_as(adapter: &Adapter, dir: &Path, options: &Options) -> Result<Imported,
     checked(dir, imported, options)
 }
 
-/// Reads the files of `forced`, or of whichever tool wrote them.
+/// Reads the files of the tool `forced`, or of the tool that is recognised.
 fn read_tool(
     forced: Option<&'static Tool>,
     dir: &Path,

@@ -1,5 +1,4 @@
-//! Which options each format reads: one that a format does not read is an error, since a file in its
-//! place would be another's.
+//! An option that a format does not read is an error, since the user expects it to have an effect.
 //!
 //! `--range`, `--best` and `--ffmpeg` are read with every format. `--smpl` and `--pose-model` may come
 //! from the environment, for all commands, so that they are ignored where they have no use.
@@ -21,21 +20,17 @@ pub(super) fn ensure_read(
     source: &Path,
     options: &Options,
 ) -> Result<(), ClientError> {
-    let unread = |flag: &Flag| flag.is_given(options) && !adapter.flags.contains(flag);
-    let Some(flag) = FLAGS.into_iter().find(unread) else {
+    let mut given = FLAGS.into_iter().filter(|(_, _, given)| given(options));
+    let Some((flag, name, _)) = given.find(|(flag, ..)| !adapter.flags.contains(flag)) else {
         return Ok(());
     };
+    let others = readers(flag);
     let mut message = format!(
-        "is read as {}, which does not read {}: {}",
+        "is read as {}, which does not read {name}: {} {}",
         adapter.from,
-        flag.name(),
-        readers(flag).join(", ")
+        others.join(", "),
+        if others.len() == 1 { "does" } else { "do" }
     );
-    message += if readers(flag).len() == 1 {
-        " does"
-    } else {
-        " do"
-    };
     if (adapter.format, flag) == (Format::Film, Flag::Person) {
         message += ". In a clip alone the pose model takes the most certain person; to choose among \
                     several, give a pose tool's files or key points (--poses), or cut the clip so that it \
@@ -52,13 +47,7 @@ pub(super) fn ensure_read(
     let folder = source.parent().unwrap_or(Path::new(""));
     Err(ClientError::BadCapture {
         place: folder.display().to_string(),
-        violations: vec![violation(
-            "UNREAD_OPTION",
-            &file,
-            None,
-            flag.name(),
-            message,
-        )],
+        violations: vec![violation("UNREAD_OPTION", &file, None, name, message)],
     })
 }
 

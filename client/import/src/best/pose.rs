@@ -5,7 +5,7 @@ use crate::geometry::{
 };
 use yoto_proto::pose_track::{Frame, Skeleton};
 
-/// Weight of the view beside the mean of all bones: a body turned by an angle is as new as one all
+/// Weight of the view beside the mean of all bones: a body rotated by an angle is as new as one all
 /// of whose bones are.
 const VIEW: f64 = 1.0;
 
@@ -13,29 +13,30 @@ const VIEW: f64 = 1.0;
 /// together count for one, and the direction of the camera's view in the root's frame. The length
 /// of the difference between two frames' features is about the angle between them, radians.
 pub(super) fn features(skeleton: &Skeleton, frame: &Frame) -> Vec<f64> {
-    let turns = frame.pose.as_chunks::<3>().0;
-    let turn = |joint: usize| {
-        turns
+    let rotations = frame.pose.as_chunks::<3>().0;
+    let rotation = |joint: usize| {
+        rotations
             .get(joint)
             .map_or(IDENTITY_ROTATION, |&vector| rodrigues(vector))
     };
     let bones = skeleton.parents.len().saturating_sub(1).max(1) as f64;
     // Rotations of the joints so far, in the root's frame.
-    let mut turned: Vec<Mat3> = Vec::with_capacity(skeleton.parents.len());
+    let mut rotated: Vec<Mat3> = Vec::with_capacity(skeleton.parents.len());
     let mut features = Vec::with_capacity(3 * skeleton.parents.len());
     for (joint, &parent) in skeleton.parents.iter().enumerate() {
         let above = usize::try_from(parent).ok();
-        let Some((above, above_turn)) = above.and_then(|it| Some((it, *turned.get(it)?))) else {
-            turned.push(IDENTITY_ROTATION);
+        let Some((above, above_rotation)) = above.and_then(|it| Some((it, *rotated.get(it)?)))
+        else {
+            rotated.push(IDENTITY_ROTATION);
             continue;
         };
-        turned.push(matmul(&above_turn, &turn(joint)));
+        rotated.push(matmul(&above_rotation, &rotation(joint)));
         let rest = |joint: usize| skeleton.rest_joints.get(joint).copied().unwrap_or_default();
-        let bone = matvec(&above_turn, sub(rest(joint), rest(above)));
+        let bone = matvec(&above_rotation, sub(rest(joint), rest(above)));
         features.extend(scale(unit(bone), bones.sqrt().recip()));
     }
     let [_, _, [x, y, z, _], _] = frame.e;
-    let view = matvec(&transpose(&turn(0)), [x, y, z]);
+    let view = matvec(&transpose(&rotation(0)), [x, y, z]);
     features.extend(scale(view, VIEW));
     features
 }
@@ -86,16 +87,16 @@ mod tests {
             apart(&still, &frame([0.0; 3], [0.0; 3], [3.0, 0.0, 1.0])),
             0.0
         );
-        // One of two bones is a quarter turn off, its direction by √2, over √2 bones.
+        // One of two bones is off by a quarter turn, its direction by √2, over √2 bones.
         let bent = frame([0.0; 3], [FRAC_PI_2, 0.0, 0.0], [0.0; 3]);
         assert!((apart(&still, &bent) - 1.0).abs() < 1e-9);
-        let turned = frame([0.0, FRAC_PI_2, 0.0], [0.0; 3], [0.0; 3]);
-        assert!((apart(&still, &turned) - SQRT_2).abs() < 1e-9);
+        let rotated = frame([0.0, FRAC_PI_2, 0.0], [0.0; 3], [0.0; 3]);
+        assert!((apart(&still, &rotated) - SQRT_2).abs() < 1e-9);
         // The camera goes round with the body: the same view of it.
-        let mut followed = turned.clone();
+        let mut followed = rotated.clone();
         let back = transpose(&rodrigues([0.0, FRAC_PI_2, 0.0]));
-        for (row, turn) in followed.e.iter_mut().zip(back) {
-            row[..3].copy_from_slice(&turn);
+        for (row, rotation) in followed.e.iter_mut().zip(back) {
+            row[..3].copy_from_slice(&rotation);
         }
         assert!(apart(&still, &followed) < 1e-9);
     }

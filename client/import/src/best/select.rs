@@ -1,8 +1,8 @@
 //! Farthest points first, by weight.
 
-/// Marks `count` of the points: the one whose distance from the mean times its weight is largest,
-/// and then again and again the one whose distance from the nearest marked point times its weight
-/// is. Among equals the larger weight goes first, then the earlier point.
+/// Marks `count` of the points: first the one with the largest product of weight and distance from the
+/// mean, then, again and again, the one with the largest product of weight and distance from the nearest
+/// marked point. Among equals the larger weight goes first, then the earlier point.
 pub(super) fn farthest(points: &[Vec<f64>], weights: &[f64], count: usize) -> Vec<bool> {
     let mut taken = vec![false; points.len()];
     let centre = mean(points);

@@ -48,8 +48,8 @@ pub(super) fn line(
     let steps = (to[0] - from[0]).hypot(to[1] - from[1]).ceil().max(1.0);
     for step in 0..=steps as usize {
         let t = step as f64 / steps;
-        let place = [0, 1].map(|i| from[i] + t * (to[i] - from[i]));
-        disc(picture, place, thick / 2.0, colour);
+        let point = [0, 1].map(|i| from[i] + t * (to[i] - from[i]));
+        disc(picture, point, thick / 2.0, colour);
     }
 }
 

@@ -35,12 +35,12 @@ pub fn refined_sheet(capture: &DecodedCapture, refined: &PoseTrack) -> anyhow::R
     );
     let count = given.frames.len();
     let columns = COLUMNS.min(count);
-    let places: Vec<usize> = (0..columns)
+    let positions: Vec<usize> = (0..columns)
         .map(|i| (2 * i + 1) * count / (2 * columns))
         .collect();
     let mut pictures = HashMap::new();
-    capture.capture.frames(&places, |place, frame| {
-        pictures.insert(place, frame);
+    capture.capture.frames(&positions, |position, frame| {
+        pictures.insert(position, frame);
     })?;
     let row = LINE + SIDE + CAPTION + GAP;
     let width = GAP + columns as u32 * (SIDE + GAP);
@@ -48,11 +48,11 @@ pub fn refined_sheet(capture: &DecodedCapture, refined: &PoseTrack) -> anyhow::R
     for (at, (title, track)) in (0..).zip([("poses as given", given), ("refined", refined)]) {
         let y = GAP + at * row;
         text::write(&mut page, GAP, y, SCALE, INK, title);
-        for (column, place) in (0..).zip(&places) {
-            let index = track.frames[*place].index;
-            let picture = pictures.get(place);
+        for (column, position) in (0..).zip(&positions) {
+            let index = track.frames[*position].index;
+            let picture = pictures.get(position);
             let picture = picture.with_context(|| format!("frame {index} has no picture"))?;
-            let drawing = Drawing::of(track, *place)?;
+            let drawing = Drawing::of(track, *position)?;
             let tile = tiles::tile(picture, &drawing, index);
             // The page has room for all columns of both rows.
             page.copy_from(&tile, GAP + column * (SIDE + GAP), y + LINE)?;

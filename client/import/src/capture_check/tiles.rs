@@ -69,7 +69,7 @@ impl Window {
         }
     }
 
-    fn place(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    fn to_tile(self, [u, v]: [f64; 2]) -> [f64; 2] {
         let scale = f64::from(SIDE) / self.side;
         [(u - self.x) * scale, (v - self.y) * scale]
     }
@@ -135,13 +135,13 @@ fn skeleton(picture: &mut RgbImage, frame: &FrameImage, drawing: &Drawing, windo
                 continue;
             }
             if let (Some(a), Some(b)) = (drawing.corners[corner], drawing.corners[other]) {
-                line(picture, window.place(a), window.place(b), 1.0, BOX);
+                line(picture, window.to_tile(a), window.to_tile(b), 1.0, BOX);
             }
         }
     }
-    let place = |joint: usize| {
+    let projected = |joint: usize| {
         let point = *drawing.joints.get(joint)?;
-        point.map(|point| window.place(point))
+        point.map(|point| window.to_tile(point))
     };
     for &[parent, child] in &drawing.bones {
         let colour = match drawing.sides.get(child) {
@@ -149,12 +149,12 @@ fn skeleton(picture: &mut RgbImage, frame: &FrameImage, drawing: &Drawing, windo
             Some(side) if *side < -0.02 => RIGHT,
             _ => MIDDLE,
         };
-        if let (Some(a), Some(b)) = (place(parent), place(child)) {
+        if let (Some(a), Some(b)) = (projected(parent), projected(child)) {
             line(picture, a, b, 2.0, colour);
         }
     }
     for (joint, point) in drawing.joints.iter().enumerate() {
-        if let Some(at) = place(joint) {
+        if let Some(at) = projected(joint) {
             let inside = in_mask(frame, *point);
             let (radius, colour) = if inside { (1.5, INK) } else { (3.0, OUTSIDE) };
             disc(picture, at, radius, colour);

@@ -38,7 +38,7 @@ use yoto_proto::media_plan::{
 use yoto_proto::pose_track::{FILE, FILES, violation};
 use yoto_proto::v1::Violation;
 
-/// Missing files named at most; a wrong folder misses all of them.
+/// Most missing files that are named; a wrong folder lacks all of them.
 const MAX_MISSING: usize = 20;
 
 /// A checked capture.

@@ -1,4 +1,4 @@
-//! A clip that poses are of: a video, or a folder of pictures in order.
+//! The clip that poses belong to: a video, or a folder of pictures in order.
 
 mod frames;
 mod numbers;
@@ -53,6 +53,7 @@ impl Clip {
         let times = video.times();
         let span = times.last().copied().unwrap_or_default();
         let fps = (frames > 1 && span > 0.0).then(|| (frames - 1) as f64 / span);
+        let fps = fps.filter(|fps| fps.is_finite());
         let first = video.next(false).map_err(|error| unusable(path, error))?;
         let first = first.ok_or_else(|| fault(path, "EMPTY", "the video has no frames"))?;
         Ok(Self {
@@ -89,7 +90,7 @@ impl Clip {
     /// The frames that the options select.
     ///
     /// # Errors
-    /// When there are none.
+    /// When they select no frame.
     pub fn selected(&self, options: &Options) -> Result<Vec<usize>, ClientError> {
         let (first, end, step) = options.frames.unwrap_or((0, self.frames, 1));
         let selected = (first..end.min(self.frames)).step_by(step.max(1));

@@ -17,8 +17,6 @@ use crate::{Imported, Options};
 use yoto_client::ClientError;
 
 const CAMERAS: &str = "cameras.npz";
-/// Default frames per second, since no file has it.
-const FPS: f64 = 30.0;
 
 /// A file of poses.
 pub(crate) struct Poses {
@@ -56,7 +54,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let rest_joints = rest.joints(&betas);
     let pelvis = rest_joints.first().copied().unwrap_or_default();
     let mut notes = Vec::new();
-    let fps = options.fps_or(FPS, &mut notes);
+    let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(smpl_skeleton(rest_joints), size, fps);
     let mut pictures = Vec::new();
     for (order, &position) in wanted.iter().enumerate() {

@@ -19,8 +19,6 @@ use std::path::{Component, Path};
 use yoto_client::ClientError;
 
 const ANNOTS: &str = "annots.npy";
-/// Default frames per second, since no file has it.
-const FPS: f64 = 30.0;
 
 /// A frame's files and body.
 struct Body {
@@ -52,7 +50,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let first = pictures.first().zip(bodies.first());
     let size = first.map(|(files, body)| image_size(&files.image, body.index));
     let mut notes = Vec::new();
-    let fps = options.fps_or(FPS, &mut notes);
+    let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(
         smpl_skeleton(rest_joints),
         size.transpose()?.unwrap_or_default(),

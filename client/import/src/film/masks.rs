@@ -13,7 +13,7 @@ use yoto_terminal::progress::count;
 
 /// Frames in which given masks are compared with the pose model's.
 const COMPARED: usize = 8;
-/// Least overlap of given masks with the pose model's: below it, they show somebody else.
+/// Least overlap of given masks with the pose model's: below it, they show another person.
 const SAME_PERSON: f64 = 0.5;
 
 /// The frames that have masks, with the masks of each.
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_of_somebody_else_are_refused() {
+    fn masks_of_another_person_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let (clip, watched) = clip(folder.path());
         people(folder.path(), &[(20, &[0, 1, 2, 3])]);

@@ -25,8 +25,6 @@ use yoto_terminal::progress::{ProgressDisplay, count};
 
 /// Most frames that are looked at: more of one clip are alike, and each takes a part of a second.
 const MOST_FRAMES: usize = 200;
-/// Frames per second of a clip that has no times.
-const FPS: f64 = 30.0;
 
 /// Finds poses and masks of the person in the clip `source`.
 pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
@@ -48,13 +46,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         return Err(fault(source, "EMPTY", message));
     }
     let (watched, masks) = masks::of(options, &clip, watched, &mut notes)?;
-    let fps = clip.fps.filter(|fps| fps.is_finite());
-    let fps = options.fps.or(fps).unwrap_or_else(|| {
-        notes.push(format!(
-            "no file says how fast the frames are: {FPS} a second (--fps)"
-        ));
-        FPS
-    });
+    let fps = options.fps_or(clip.fps, &mut notes);
     let indices: Vec<usize> = watched.iter().map(|it| it.index).collect();
     let points = KeyPoints {
         set: KeyPointSet::BlazePose33,
@@ -92,7 +84,7 @@ fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ClientError
     PoseModel::open(path).map_err(|error| fault(path, "POSE_MODEL", error.to_string()))
 }
 
-/// The frames to look at: the selected ones, or as many of them in even steps as are allowed.
+/// The frames to look at: the selected ones, or, of too many, an evenly spaced part.
 fn wanted(
     clip: &Clip,
     options: &Options,

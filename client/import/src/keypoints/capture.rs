@@ -9,9 +9,6 @@ use std::path::Path;
 use yoto_client::ClientError;
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
 
-/// Frames per second of a clip that has no times.
-const FPS: f64 = 30.0;
-
 /// The capture of a person in `found`, whose files are at `at`.
 ///
 /// # Errors
@@ -50,7 +47,7 @@ pub(super) fn read(
         (None, Some(model)) => Some(mask::made(model, clip, &seen, options, &mut notes)?),
         (None, None) => mask::own(&seen, &mut notes),
     };
-    let fps = fps(clip, options, &mut notes);
+    let fps = options.fps_or(clip.fps, &mut notes);
     let mut track = match options.keep_skeleton {
         true => own_skeleton::track(found, &seen, clip.size, fps, options, at, &mut notes)?,
         false => {
@@ -91,17 +88,6 @@ pub(super) fn read(
         pictures: clip.pictures(&indices, of_frames.collect()),
         available: clip.frames,
         notes,
-    })
-}
-
-/// Frames per second of the clip.
-fn fps(clip: &Clip, options: &Options, notes: &mut Vec<String>) -> f64 {
-    let fps = options.fps.or(clip.fps.filter(|fps| fps.is_finite()));
-    fps.unwrap_or_else(|| {
-        notes.push(format!(
-            "no file says how fast the frames are: {FPS} a second (--fps)"
-        ));
-        FPS
     })
 }
 

@@ -10,9 +10,10 @@ use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 use yoto_pose::KeyPointSet;
 
-/// Points surer than this show where a person is.
+/// Points of a higher confidence show where a person is.
 pub(super) const SURE: f64 = 0.3;
-/// Frames beyond the clip's last that are left out in silence: decoders disagree about the last ones.
+/// Frames beyond the clip's last that are left out without a note: decoders disagree about the last
+/// ones.
 const SLACK: usize = 2;
 
 /// One person in one frame.

@@ -1,6 +1,6 @@
 //! MediaPipe's landmarks as JSON: a list of frames (or `frames`) with `pose_landmarks` (or `landmarks`)
 //! and `pose_world_landmarks` (or `world_landmarks`), of dictionaries with x, y, z and visibility, or of
-//! rows of these; for several people, lists of such lists. A frame where nobody was seen has none.
+//! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks.
 
 use super::detections::Detections;
 use super::mediapipe::{POINTS, Row, any, detections, number};

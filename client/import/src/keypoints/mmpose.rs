@@ -43,7 +43,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
         });
     }
     let mut found = Detections::new("MMPose", KeyPointSet::Coco17, frames);
-    // All frames are in the list, with nobody in some: the first one's number is the first.
+    // All frames are in the list, some without people: the first one's number is the first.
     found.first = found.frames.first().map(|seen| seen.number.min(1));
     Ok(found)
 }

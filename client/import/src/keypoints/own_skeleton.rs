@@ -78,8 +78,8 @@ pub(super) fn track(
     Ok(track)
 }
 
-/// What the `poses` have in common, in the reading of their rotations with which bones keep their length;
-/// in that reading they are left.
+/// The skeleton that the `poses` share, with the axes of rotations in which bones keep their length;
+/// `poses` are left in these axes.
 fn read(
     tree: &Tree,
     poses: &mut [(usize, OwnPose)],
@@ -91,16 +91,16 @@ fn read(
         measure(tree, &placed)
     };
     let given = placed(poses);
-    turn(poses);
+    rotate_to_camera(poses);
     let turned = placed(poses);
     let (Some(given), Some(turned)) = (given, turned) else {
-        let message = "hips and neck are at one point, so that nothing tells which way is up";
+        let message = "hips and neck are at one point, so that the up direction is unknown";
         return Err(fault(at, "INVALID", message));
     };
     let is_turned = turned.scatter < 0.5 * given.scatter;
     let best = if is_turned { turned } else { given };
     if !is_turned {
-        turn(poses);
+        rotate_to_camera(poses);
     }
     if best.scatter > SCATTER {
         let message = format!(
@@ -112,7 +112,7 @@ fn read(
     }
     if is_turned {
         notes.push(
-            "the rotations are in the camera's axes already, other than the tool's own code writes them"
+            "the rotations are in the camera's axes already, unlike those that the tool's own code writes"
                 .to_owned(),
         );
     }
@@ -126,8 +126,8 @@ fn read(
     Ok(best)
 }
 
-/// Undoes the turn of all rotations to the camera's axes, or makes it.
-fn turn(poses: &mut [(usize, OwnPose)]) {
+/// Rotates all rotations to the camera's axes, or back.
+fn rotate_to_camera(poses: &mut [(usize, OwnPose)]) {
     let rotations = poses
         .iter_mut()
         .flat_map(|(_, own)| &mut own.placed.rotations);

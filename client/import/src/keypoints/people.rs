@@ -1,14 +1,14 @@
-//! Who is who: people are gathered over all frames by the detector's numbers or, without them, by where
-//! they are, and one of them is taken.
+//! Identities: people are followed over all frames by the detector's numbers or, without them, by
+//! position, and one of them is taken.
 
 use super::detections::{Detection, Detections, SURE};
 use crate::clip::fault;
 use std::path::Path;
 use yoto_client::ClientError;
 
-/// Frames after which a person who was not seen is somebody else.
+/// Frames without a detection after which a person counts as a new one.
 const FORGOTTEN: usize = 15;
-/// How far a person moves between two frames at most, by the size of their box.
+/// Largest motion of a person between two frames, as a multiple of the size of their box.
 const FARTHEST: f64 = 0.5;
 /// People that are named by an error or a note.
 const NAMED: usize = 8;
@@ -27,7 +27,7 @@ pub(super) struct Person<'a> {
 /// The person that the user names, else the one who is seen in most frames; with a note of the others.
 ///
 /// # Errors
-/// When there is nobody, or nobody of the name.
+/// When nobody is found, or nobody has the name.
 pub(super) fn choose<'a>(
     found: &'a Detections,
     name: Option<&str>,

@@ -1,4 +1,4 @@
-//! The levels that a matting model's pictures want, of which its file says nothing.
+//! The levels of pictures that a matting model expects, which its file does not give.
 
 use super::Wanted;
 use super::run::failed_at;

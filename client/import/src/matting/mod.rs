@@ -1,8 +1,8 @@
 //! Masks that a matting model makes of the frames of a clip.
 //!
-//! What a network takes and gives is `yoto_matting`'s business; here it is found which levels its
-//! pictures want ([`levels`]), and it is given the frames in order ([`run`]). A client without the
-//! feature `matting` has no runtime for networks, and says so.
+//! `yoto_matting` knows the inputs and outputs of a network. Here the levels of its pictures are found
+//! ([`levels`]), and it gets the frames in order ([`run`]). A client without the feature `matting` has
+//! no runtime for networks, and says so.
 
 #[cfg(feature = "matting")]
 mod levels;
@@ -26,7 +26,7 @@ use yoto_client::ClientError;
 pub(super) struct Wanted {
     /// Its number.
     pub frame: usize,
-    /// Where the person is about: a mask of the clip's size, 0 to 255.
+    /// Roughly where the person is: a mask of the clip's size, 0 to 255.
     pub expected: Option<Vec<u8>>,
 }
 
@@ -34,7 +34,7 @@ impl MattingModel {
     /// The person's masks in the frames `wanted`, in ascending order. Frames that show nobody have none.
     ///
     /// # Errors
-    /// A file that is no matting model; levels that nobody can tell; a network that fails; a client
+    /// A file that is no matting model; levels that can't be found; a network that fails; a client
     /// without a runtime for networks.
     pub(super) fn masks(
         &self,

@@ -62,7 +62,7 @@ pub(super) fn masks(
     ));
     if masks.is_empty() {
         let message = format!(
-            "finds nobody in {}: are the levels of its pictures others (--matting-levels)?",
+            "finds nobody in {}: does it expect other levels of its pictures (--matting-levels)?",
             count(frames.len(), "frame")
         );
         return Err(fault(&model.path, "EMPTY", message));

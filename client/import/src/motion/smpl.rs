@@ -33,7 +33,7 @@ pub(super) fn read(
         Some(rate) => rate.number()?,
         None => {
             notes.push(format!(
-                "the file does not say how fast it is: {FPS} frames per second"
+                "the file has no frame rate: {FPS} frames per second are assumed"
             ));
             FPS
         }
@@ -50,7 +50,7 @@ pub(super) fn read(
     }
     let rest = options.rest_joints(&read.betas)?;
     if rest.is_none() {
-        notes.push("no body model (--smpl): strides are not fitted to other legs".into());
+        notes.push("no body model (--smpl): strides are not scaled to the length of legs".into());
     }
     let pelvis = rest.as_ref().and_then(|rest| rest.first().copied());
     let pelvis = pelvis.unwrap_or_default();

@@ -10,10 +10,10 @@ use crate::geometry::{Mat3, Vec3, dot, matvec, sub};
 use crate::tree::Placed;
 use yoto_formats::bvh::Bvh;
 
-/// Cosine of the largest angle, 37°, between the vertical and the spine of somebody who stands.
+/// Cosine of the largest angle, 37°, between the vertical and the spine of a standing person.
 const STANDING: f64 = 0.8;
-/// Cosine of the largest angle, 60°, between the vertical and the spine of somebody who does not lie, or
-/// a thigh or a shin of somebody who stands or walks.
+/// Cosine of the largest angle, 60°, between the vertical and the spine of a person who does not lie, or
+/// a thigh or a shin of a person who stands or walks.
 const UPRIGHT: f64 = 0.5;
 /// Frames looked at, at most, spread over the motion.
 const LOOKED_AT: usize = 2000;
@@ -47,7 +47,7 @@ pub(super) enum Fallen {
 }
 
 /// The rest pose of `file` if it stands, else the most upright frame. The up axis is `up`, or the one
-/// with which the rest pose stands and somebody is upright in the motion, or the one with which they
+/// with which the rest pose stands and the person is upright in the motion, or the one with which they
 /// are upright in more frames.
 pub(super) fn reference(file: &Bvh, kept: &Kept, up: Option<Up>) -> Result<Reference, Fallen> {
     let step = file.frames.len().div_ceil(LOOKED_AT).max(1);
@@ -58,7 +58,7 @@ pub(super) fn reference(file: &Bvh, kept: &Kept, up: Option<Up>) -> Result<Refer
     let rest = kept.rest(file);
     let view = |up: Up| View::new(kept, up, &rest, &frames);
     let view = match up {
-        // An axis that was asked for is believed: the motion may be of somebody who lies.
+        // A given axis is not checked: the person may lie in the motion.
         Some(up) => view(up),
         None => {
             let [y, z] = [view(Up::Y), view(Up::Z)];

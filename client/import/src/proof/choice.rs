@@ -12,7 +12,7 @@ use crate::clip::{Clip, fault};
 use std::path::Path;
 use yoto_client::ClientError;
 
-/// People that are held against masks, those seen most often first.
+/// Most people that are compared with masks, those seen most often first.
 const MOST_PEOPLE: usize = 6;
 /// Figure of a reading that agrees well.
 pub(crate) const GOOD: f64 = 0.7;
@@ -56,8 +56,8 @@ impl Candidate<'_> {
 }
 
 /// The candidate with most masked pixels, of those that their masks show. Masks show the people who agree
-/// with them about as well as anybody does, so that somebody beside or behind the person is not taken,
-/// even if seen for longer. Where masks show nobody, the candidate that agrees best.
+/// with them about as well as the best one, so that a person beside or behind them is not taken, even if
+/// seen for longer. Without such people, the candidate that agrees best.
 fn most_masked(candidates: Vec<Candidate<'_>>) -> Option<Candidate<'_>> {
     let is_shown = |one: &Candidate<'_>| {
         let rivals = candidates.iter().filter(|other| one.has_masks_of(other));

@@ -1,4 +1,4 @@
-//! Masks to hold poses against and to train with: the tool's own, a folder's or a video's.
+//! Masks to compare poses with and to train with: the tool's own, a folder's or a video's.
 //!
 //! A folder may hold pictures of coverage, pictures that give every person a colour (SAM 2's palette
 //! PNGs), or a folder of pictures for every person. The one that shows the person is found by the

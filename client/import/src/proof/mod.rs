@@ -1,9 +1,9 @@
 //! What the numbers of a pose tool mean, and whether that is true: by masks of the same clip.
 //!
-//! Readers give [`Found`]. Every tool documents one reading of its numbers ([`reading`]); converters
-//! and older versions follow others. [`choice`] takes the person, the masks ([`masks`]) and the reading
-//! that agree best ([`score`], [`silhouette`]), with rest joints ([`rest`]) and the frame of the clip
-//! that each pose is of ([`numbers`]). [`track`] holds a track with any tree of joints against masks.
+//! Readers give [`Found`]. Every tool documents one reading of its numbers ([`reading`]); converters and
+//! older versions follow others. [`choice`] takes the person, the masks ([`masks`]) and the reading that
+//! agree best ([`score`], [`silhouette`]), with rest joints ([`rest`]) and the frame of the clip that
+//! each pose is of ([`numbers`]). [`track`] compares a track with any tree of joints with masks.
 
 mod camera_pose;
 mod choice;

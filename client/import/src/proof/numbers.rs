@@ -49,7 +49,7 @@ impl Numbers {
             if found.frames.is_some() && (converted - count as f64).abs() <= 1.0 + 0.01 * converted
             {
                 notes.push(format!(
-                    "the poses are of a copy of {COMMON} frames a second ({count} frames), the clip has \
+                    "the poses are of a copy of {COMMON} frames per second ({count} frames), the clip has \
                      {fps:.3} ({}): each pose goes to the frame nearest in time",
                     clip.frames
                 ));

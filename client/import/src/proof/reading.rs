@@ -2,8 +2,8 @@
 //! frame is which.
 //!
 //! Every tool documents one reading. Converters and older versions follow others: a translation is
-//! copied to where another meaning is expected, a focal length is replaced, the first frame is left
-//! out. [`score`](super::score) holds the readings against masks.
+//! copied to where another meaning is expected, a focal length is replaced, the first frame is left out.
+//! [`score`](super::score) compares the readings with masks.
 
 use super::found::{Intrinsics, PoseEstimate};
 use crate::geometry::{Vec3, add, matvec};

@@ -7,7 +7,7 @@
 use crate::geometry::{Vec3, add, scale};
 use crate::track::Camera;
 
-/// Longest side of a mask in a proof, pixels: larger ones are thinned out.
+/// Longest side of a mask in a proof, pixels: larger ones are subsampled.
 const SIDE: usize = 480;
 /// Least figure of a reading that is believed.
 pub(crate) const LEAST: f64 = 0.45;
@@ -28,7 +28,7 @@ pub(crate) struct Silhouette {
 }
 
 impl Silhouette {
-    /// Of the levels of a mask; `None` where nobody is.
+    /// Of the levels of a mask; `None` for an empty mask.
     pub fn new(levels: &[u8], [width, height]: [u32; 2]) -> Option<Self> {
         let (across, down) = (width as usize, height as usize);
         let step = across.max(down).div_ceil(SIDE).max(1);

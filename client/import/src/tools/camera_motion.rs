@@ -5,7 +5,7 @@ use crate::proof::{CameraPose, Person, moves};
 use crate::source::Part;
 use yoto_client::ClientError;
 
-/// What is said of a world with gravity, and of one without.
+/// The notes about a world with gravity, and about one without.
 pub(super) const Y_UP: &str = "the camera moves: bodies and cameras stand in the tool's world, whose y \
      points up";
 pub(super) const FIRST_CAMERA: &str = "the camera moves: bodies and cameras stand in the axes of the \

@@ -12,8 +12,6 @@ use yoto_client::ClientError;
 
 /// Endings of videos, lower case.
 const VIDEOS: [&str; 6] = [".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi"];
-/// Frames per second of a clip that has no times.
-const FPS: f64 = 30.0;
 
 /// The capture of a person among those that `tool` `found` in the clip `source`.
 ///
@@ -180,13 +178,7 @@ fn imported(
         let message = "no frame is left that has a pose and, if there are masks, a mask";
         return Err(fault(at, "EMPTY", message));
     }
-    let fps = clip.fps.filter(|fps| fps.is_finite());
-    let fps = options.fps.or(fps).unwrap_or_else(|| {
-        notes.push(format!(
-            "no file says how fast the frames are: {FPS} a second (--fps)"
-        ));
-        FPS
-    });
+    let fps = options.fps_or(clip.fps, &mut notes);
     let mut track = empty_track(smpl_skeleton(choice.rest.joints.clone()), clip.size, fps);
     let indices: Vec<usize> = frames.keys().copied().collect();
     let masks;

@@ -1,10 +1,10 @@
 //! GVHMR: `hmr4d_results.pt`, written by torch.
 //!
 //! `smpl_params_incam` and `smpl_params_global`: `body_pose` `[L, 63]`, `global_orient`, `transl` `[L, 3]`,
-//! `betas` `[L, 10]` of SMPL-X; `K_fullimg` `[L, 3, 3]`. `global` has y up and no camera, so only
-//! `incam` is read. A converter to `.pkl` is in use that writes the numbers of `global` in the place
-//! of `incam`: such a file is refused. Frames are those of the copy `0_input_video.mp4`, which has all
-//! frames of the clip, shown at 30 a second.
+//! `betas` `[L, 10]` of SMPL-X; `K_fullimg` `[L, 3, 3]`. `global` has y up and no camera, so only `incam`
+//! is read. A converter to `.pkl` is in use that writes the numbers of `global` in the place of `incam`:
+//! such a file is refused. Frames are those of the copy `0_input_video.mp4`, which has all frames of the
+//! clip, at 30 frames per second.
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;

@@ -15,7 +15,7 @@ use crate::source::{Part, Source};
 use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
-/// How far a person moves from frame to frame, at most, metres, where no file has numbers of people.
+/// Largest motion of a person from frame to frame, metres, if no file has numbers of people.
 const STRIDE: f64 = 1.0;
 
 pub(crate) static TOOL: Tool = Tool {

@@ -25,7 +25,7 @@ pub(crate) struct Measured {
     pub scatter: f64,
 }
 
-/// Measures `frames` of `tree`; `None` where nothing tells which way is up or left.
+/// Measures `frames` of `tree`; `None` where the up or left direction is unknown.
 pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
     let step = frames.len().div_ceil(MOST).max(1);
     let frames: Vec<&Placed> = frames.iter().step_by(step).copied().collect();

@@ -1,9 +1,9 @@
 //! Trees of joints of other programs, whose rest pose is a person's: standing, arms in a T, y up, facing +z.
 //!
 //! What a program calls its rest pose is arbitrary, and its joints' axes are too. The person's is made from a
-//! pose in which somebody stands: with global rotations G of a frame, S of the standing pose (turned
-//! to face +z, y up), and D the rotation that takes a limb of a T-pose to the limb of the standing one,
-//! the joint's global rotation from the rest pose is `G Sᵀ D`.
+//! standing pose: with global rotations G of a frame, S of the standing pose (turned to face +z, y up), and D
+//! the rotation that takes a limb of a T-pose to the limb of the standing one, the joint's global rotation
+//! from the rest pose is `G Sᵀ D`.
 //!
 //! ```text
 //! BVH: rest pose or most upright frame ┐
@@ -94,7 +94,7 @@ impl Tree {
         })
     }
 
-    /// The rest pose made of `pose`, in which somebody stands with y up.
+    /// The rest pose made of `pose`, a standing pose with y up.
     pub fn standing(&self, pose: &Placed) -> Standing<'_> {
         let pose = pose.rotated(&self.facing(pose));
         let limbs = self.limbs(&pose.positions);

@@ -73,11 +73,11 @@ fn lands(found: &Imported, of: impl Fn(usize) -> usize) {
         let pose = Pose::from_frame(frame).expect("a pose");
         let camera = Camera::from_frame(frame, found.track.image_size).expect("a camera");
         for (joint, name) in skeleton.posed_joints(&pose).iter().zip(&skeleton.names) {
-            let place = MIXAMO.iter().position(|it| it == name);
-            let place = place.or_else(|| JOINTS.iter().position(|(it, _)| it == name));
-            let place = place.expect(name);
+            let index = MIXAMO.iter().position(|it| it == name);
+            let index = index.or_else(|| JOINTS.iter().position(|(it, _)| it == name));
+            let index = index.expect(name);
             let seen = camera.project(*joint).expect("in front of the camera");
-            let [u, v] = truth.people[0].pixels[of(frame.index as usize)][place];
+            let [u, v] = truth.people[0].pixels[of(frame.index as usize)][index];
             let off = (seen[0] - 0.5 - u).hypot(seen[1] - 0.5 - v);
             assert!(
                 off < HALF,
@@ -193,13 +193,13 @@ fn matrix(name: &str, rows: usize, numbers: &[f64]) -> String {
 fn the_camera_is_opencv_s_beside_the_file() {
     let dir = tempfile::tempdir().expect("a folder");
     // World to camera, of a world with z up.
-    let turn = matmul(
+    let rotation = matmul(
         &rodrigues([0.0, 0.1, 0.0]),
         &[[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
     );
     let shift = [0.2, 1.1, 0.4];
-    let back = transpose(&turn);
-    // The camera's axes to the world's, about the camera's place.
+    let back = transpose(&rotation);
+    // The camera's axes to the world's, about the camera's position.
     let mut moved = track(0..16);
     for frame in &mut moved.frames {
         for (value, shift) in frame.translation.iter_mut().zip(shift) {
@@ -215,10 +215,10 @@ fn the_camera_is_opencv_s_beside_the_file() {
         std::fs::write(dir.path().join(name), format!("{head}{text}")).expect("writes");
     };
     write("intri.yml", &matrix("K_01", 3, &k));
-    let extri = |turn: &Mat3, shift: [f64; 3]| {
-        matrix("Rot_01", 3, turn.as_flattened()) + &matrix("T_01", 3, &shift)
+    let extri = |rotation: &Mat3, shift: [f64; 3]| {
+        matrix("Rot_01", 3, rotation.as_flattened()) + &matrix("T_01", 3, &shift)
     };
-    write("extri.yml", &extri(&turn, shift));
+    write("extri.yml", &extri(&rotation, shift));
     let given = options(dir.path(), &text);
     let found = import(&given);
     let notes = found.notes.join("\n");
@@ -238,7 +238,7 @@ fn the_camera_is_opencv_s_beside_the_file() {
     );
     lands(&found, |index| index);
     // Somebody else's camera.
-    write("extri.yml", &extri(&turn, [1.5, 1.1, 0.4]));
+    write("extri.yml", &extri(&rotation, [1.5, 1.1, 0.4]));
     let text = refused(&given);
     assert!(
         text.contains("does not agree with the masks in any of") && text.contains("extri.yml"),

@@ -33,16 +33,16 @@ fn dialects() -> HashMap<String, Dialect> {
 fn rotations(motion: &Motion, at: usize) -> Vec<Mat3> {
     use yoto_capture::skeleton::transform::{compose, rigid, rodrigues};
     let mut global: Vec<[[f64; 4]; 3]> = Vec::new();
-    for (joint, turn) in motion.frames[at].rotations.iter().enumerate() {
-        let local = rigid(rodrigues(*turn), [0.0; 3]);
+    for (joint, rotation) in motion.frames[at].rotations.iter().enumerate() {
+        let local = rigid(rodrigues(*rotation), [0.0; 3]);
         let parent = motion.skeleton.parents[joint];
         global.push(match usize::try_from(parent) {
             Ok(parent) => compose(&global[parent], &local),
             Err(_) => local,
         });
     }
-    let turn = |it: &[[f64; 4]; 3]| it.map(|row| [row[0], row[1], row[2]]);
-    global.iter().map(turn).collect()
+    let rotation = |it: &[[f64; 4]; 3]| it.map(|row| [row[0], row[1], row[2]]);
+    global.iter().map(rotation).collect()
 }
 
 /// Degrees between two rotations.

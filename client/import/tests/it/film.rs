@@ -87,11 +87,11 @@ fn a_person_is_followed_through_a_clip() {
     let pelvis = imported.track.skeleton.rest_joints[0];
     let x = |at: usize| {
         let frame = &frames[at];
-        let place: [f64; 3] = std::array::from_fn(|axis| pelvis[axis] + frame.translation[axis]);
+        let position: [f64; 3] = std::array::from_fn(|axis| pelvis[axis] + frame.translation[axis]);
         let [_, _, [x, y, z, by], _] = frame.e;
-        let depth = x * place[0] + y * place[1] + z * place[2] + by;
+        let depth = x * position[0] + y * position[1] + z * position[2] + by;
         // The camera does not roll: its x is the world's.
-        frame.k[0][0] * place[0] / depth + frame.k[0][2]
+        frame.k[0][0] * position[0] / depth + frame.k[0][2]
     };
     let moved = x(5) - x(0);
     assert!((moved - 48.0).abs() < 10.0, "{moved} pixels");

@@ -186,7 +186,7 @@ fn a_range_a_focal_length_and_a_height_are_kept() {
 }
 
 #[test]
-fn masks_of_somebody_else_are_refused_and_gaps_are_said() {
+fn masks_of_another_person_are_refused_and_gaps_are_said() {
     let dir = tempfile::tempdir().expect("a folder");
     for frame in 0..16 {
         let aside = |x: u32, y: u32| image::Luma([if x > 54 && y < 30 { 255 } else { 0 }]);

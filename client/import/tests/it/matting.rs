@@ -6,7 +6,7 @@ use crate::pose_tools::{files, indices, options};
 use std::path::{Path, PathBuf};
 use yoto_import::{Format, Levels, MattingModel, Options, TrackForm, read, write};
 
-/// `network` as a file in `folder`, whose pictures want `levels`.
+/// `network` as a file in `folder`, which expects pictures with `levels`.
 fn matting(folder: &Path, network: Network, levels: Option<Levels>) -> Option<MattingModel> {
     let path = folder.join("matting.onnx");
     network.write(&path);
@@ -70,7 +70,7 @@ fn a_clip_alone_gets_the_masks_of_the_matting_model() {
 }
 
 #[test]
-fn a_model_that_sees_somebody_else_is_refused() {
+fn a_model_that_sees_another_person_is_refused() {
     let Some(pose_model) = model() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let clip = clip(folder.path(), 1, &[]);

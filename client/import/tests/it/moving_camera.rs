@@ -99,9 +99,9 @@ fn prompt_hmr(dir: &Path, change: impl Fn(&mut Value)) -> PathBuf {
     let rotations = |pose: &Vec<f64>| -> Value {
         let all = (0..55).map(|joint| {
             let axis = |i: usize| pose.get(3 * joint + i).copied().unwrap_or_default();
-            let turn = [axis(0), axis(1), axis(2)];
-            let turn = if joint < 22 { turn } else { [0.0; 3] };
-            yoto_capture::skeleton::transform::rodrigues(turn)
+            let rotation = [axis(0), axis(1), axis(2)];
+            let rotation = if joint < 22 { rotation } else { [0.0; 3] };
+            yoto_capture::skeleton::transform::rodrigues(rotation)
         });
         json!(all.collect::<Vec<_>>())
     };
@@ -186,8 +186,8 @@ fn ex_avatar_s_camera_is_from_the_world() {
             let mut json: Value = serde_json::from_slice(&text).expect("JSON");
             if folder == "cam_params" {
                 let ToWorld { r, t } = camera;
-                let turn = |i: usize| std::array::from_fn::<f64, 3, _>(|j| r[j][i]);
-                json["R"] = json!([turn(0), turn(1), turn(2)]);
+                let column_of = |i: usize| std::array::from_fn::<f64, 3, _>(|j| r[j][i]);
+                json["R"] = json!([column_of(0), column_of(1), column_of(2)]);
                 let shift = |i: usize| -(0..3).map(|j| r[j][i] * t[j]).sum::<f64>();
                 json["t"] = json!([shift(0), shift(1), shift(2)]);
             }

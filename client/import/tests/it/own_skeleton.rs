@@ -12,7 +12,7 @@ use yoto_proto::pose_track;
 use yoto_proto::smpl::JOINTS;
 
 /// SMPL's joint in the place of each of the 22 of MHR that are kept, in their order.
-const PLACES: [usize; 22] = [
+const SMPL_JOINTS: [usize; 22] = [
     0, 1, 4, 7, 10, 2, 5, 8, 11, 3, 6, 9, 14, 17, 19, 21, 13, 16, 18, 20, 12, 15,
 ];
 
@@ -57,10 +57,10 @@ fn changed(dir: &Path, change: impl Fn(&str, &mut Array)) -> PathBuf {
     folder
 }
 
-fn turns(skeleton: &Skeleton, pose: &[f64]) -> Vec<Mat3> {
+fn rotations(skeleton: &Skeleton, pose: &[f64]) -> Vec<Mat3> {
     let global = skeleton.global_transforms(pose.as_chunks::<3>().0);
-    let turn = |it: &[[f64; 4]; 3]| it.map(|row| [row[0], row[1], row[2]]);
-    global.iter().map(turn).collect()
+    let rotation = |it: &[[f64; 4]; 3]| it.map(|row| [row[0], row[1], row[2]]);
+    global.iter().map(rotation).collect()
 }
 
 /// Joints land where the script has them, and turn from frame to frame as the script's do.
@@ -75,23 +75,23 @@ fn lands(found: &Imported) {
         let at = frame.index as usize;
         let pose = Pose::from_frame(frame).expect("a pose");
         let camera = Camera::from_frame(frame, found.track.image_size).expect("a camera");
-        for (joint, place) in skeleton.posed_joints(&pose).iter().zip(PLACES) {
+        for (joint, index) in skeleton.posed_joints(&pose).iter().zip(SMPL_JOINTS) {
             let seen = camera.project(*joint).expect("in front of the camera");
-            let [u, v] = body.pixels[at][place];
+            let [u, v] = body.pixels[at][index];
             let off = (seen[0] - 0.5 - u).hypot(seen[1] - 0.5 - v);
-            assert!(off < 0.3, "frame {at} joint {place}: {off} px; {notes}");
+            assert!(off < 0.3, "frame {at} joint {index}: {off} px; {notes}");
         }
         let (own, wanted) = (
-            turns(&skeleton, &frame.pose),
-            turns(&original, &body.poses[at]),
+            rotations(&skeleton, &frame.pose),
+            rotations(&original, &body.poses[at]),
         );
         if let Some((own_before, wanted_before)) = &before {
-            for (joint, place) in PLACES.iter().enumerate() {
+            for (joint, index) in SMPL_JOINTS.iter().enumerate() {
                 let moved = matmul(&own[joint], &transpose(&own_before[joint]));
-                let meant = matmul(&wanted[*place], &transpose(&wanted_before[*place]));
+                let meant = matmul(&wanted[*index], &transpose(&wanted_before[*index]));
                 let off = moved.as_flattened().iter().zip(meant.as_flattened());
                 let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                assert!(off < 2e-3, "frame {at} joint {place}: {off}");
+                assert!(off < 2e-3, "frame {at} joint {index}: {off}");
             }
         }
         before = Some((own, wanted));
@@ -150,11 +150,11 @@ fn mhr_s_joints_are_kept_with_their_places_and_turns() {
 #[test]
 fn rotations_in_the_camera_s_axes_are_found_and_others_are_refused() {
     let dir = tempfile::tempdir().expect("a folder");
-    // A fork that turns the rotations as well as the places.
+    // A fork that turns the rotations as well as the positions.
     let turned = changed(dir.path(), |name, array| {
         if name == "pred_global_rots" {
-            for turn in array.values.as_chunks_mut::<9>().0 {
-                turn[3..].iter_mut().for_each(|v| *v = -*v);
+            for rotation in array.values.as_chunks_mut::<9>().0 {
+                rotation[3..].iter_mut().for_each(|v| *v = -*v);
             }
         }
     });
@@ -166,9 +166,9 @@ fn rotations_in_the_camera_s_axes_are_found_and_others_are_refused() {
     // From the camera's axes, in place of to them.
     let transposed = changed(dir.path(), |name, array| {
         if name == "pred_global_rots" {
-            for turn in array.values.as_chunks_mut::<9>().0 {
+            for rotation in array.values.as_chunks_mut::<9>().0 {
                 for (i, j) in [(1, 3), (2, 6), (5, 7)] {
-                    turn.swap(i, j);
+                    rotation.swap(i, j);
                 }
             }
         }

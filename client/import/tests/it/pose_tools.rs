@@ -268,13 +268,13 @@ fn poses_of_a_copy_with_another_rate_go_to_the_nearest_frames() {
     let found = read(Format::Auto, &film("baseline.mp4"), &options).expect("imports");
     let notes = found.notes.join("\n");
     assert!(
-        notes.contains("copy of 30 frames a second (40 frames)"),
+        notes.contains("copy of 30 frames per second (40 frames)"),
         "{notes}"
     );
     assert_eq!(indices(&found.track), (0..20).collect::<Vec<_>>());
     // The pose of frame 6 of the copy is that of frame 3 of the clip.
-    let turn = |at: usize| &found.track.frames[at].pose[3..6];
-    assert_eq!(turn(3), &body.poses[6][3..6]);
+    let root = |at: usize| &found.track.frames[at].pose[3..6];
+    assert_eq!(root(3), &body.poses[6][3..6]);
     let masked = Options {
         masks: Some(film("b_frames.mp4")),
         ..options

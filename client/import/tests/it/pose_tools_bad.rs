@@ -48,8 +48,8 @@ fn a_translation_of_the_other_meaning_is_found_by_the_masks() {
     // Th = t + J0 − R J0, written where t belongs.
     let path = wham(dir.path(), &all(), |person| {
         for frame in 0..16 {
-            let turn = |i: usize| person["pose"][frame][i].as_f64().expect("a number");
-            let r = rodrigues([turn(0), turn(1), turn(2)]);
+            let angle = |i: usize| person["pose"][frame][i].as_f64().expect("a number");
+            let r = rodrigues([angle(0), angle(1), angle(2)]);
             for axis in 0..3 {
                 let turned: f64 = (0..3).map(|i| r[axis][i] * pelvis[i]).sum();
                 let t = person["trans"][frame][axis].as_f64().expect("a number");
@@ -203,7 +203,7 @@ fn poses_a_frame_late_are_found_by_the_masks() {
 }
 
 #[test]
-fn somebody_beside_the_masks_is_not_taken_for_being_seen_longer() {
+fn a_person_beside_the_masks_is_not_taken_for_being_seen_longer() {
     let dir = tempfile::tempdir().expect("a folder");
     let body = &truth().people[0];
     let seen = |frames: std::ops::Range<usize>, aside: f64| {
@@ -305,11 +305,11 @@ fn files_known_to_be_wrong_are_refused_by_name() {
         text.contains("looked for WHAM") && !text.contains("TRAM"),
         "{text}"
     );
-    let nobody = Options {
+    let unknown = Options {
         person: Some("17".into()),
         ..options(dir.path(), files("romp"))
     };
-    let text = refused(&files("clip/frames"), &nobody);
+    let text = refused(&files("clip/frames"), &unknown);
     assert!(
         text.contains("there is no person 17; there are 7, 9"),
         "{text}"

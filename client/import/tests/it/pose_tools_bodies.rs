@@ -47,13 +47,13 @@ fn posed_joints_measure_the_skeleton_and_nothing_gives_an_average_one() {
 /// A body model of SMPL-X with a vertex for each of its 55 joints, the script's where SMPL has them.
 fn smplx(dir: &Path) -> PathBuf {
     let rest = truth().rest_joints;
-    let place = |joint: usize| match joint {
+    let position = |joint: usize| match joint {
         0..22 => rest[joint],
         28 => rest[22],
         43 => rest[23],
         other => [9.0, 9.0, other as f64],
     };
-    let vertices: Vec<[f64; 3]> = (0..55).map(place).collect();
+    let vertices: Vec<[f64; 3]> = (0..55).map(position).collect();
     let row = |joint: usize| (0..55).map(|at| f64::from(u8::from(at == joint))).collect();
     let regressor: Vec<Vec<f64>> = (0..55).map(row).collect();
     let path = dir.join("SMPLX_NEUTRAL.pkl");

@@ -1,5 +1,5 @@
 //! Every pose tool's files with the same mistakes: another focal length, another meaning of the translation,
-//! poses a frame late, somebody else's poses, gaps. Each is named or refused, for every tool.
+//! poses a frame late, poses of another person, gaps. Each is named or refused, for every tool.
 
 use crate::pickled;
 use crate::pose_tools::{files, indices, off, options, truth};
@@ -52,7 +52,7 @@ struct Row {
 /// A file's numbers.
 struct Written {
     rows: Vec<Row>,
-    /// Focal length that the places belong to, pixels.
+    /// Focal length that the positions belong to, pixels.
     focal: f64,
     /// Factor on the focal length that the file says, if it says one.
     said: f64,
@@ -104,23 +104,23 @@ impl Tool {
         let root = |row: &Row| -> Vec3 { [row.pose[0], row.pose[1], row.pose[2]] };
         // In the tool's meaning, or in another's.
         let t = |row: &Row| -> Vec3 {
-            let mut place = row.pelvis;
+            let mut position = row.pelvis;
             // At another focal length the body is as large as it is seen.
-            place[2] *= written.focal / focal();
-            let th = |place: Vec3| {
+            position[2] *= written.focal / focal();
+            let th = |position: Vec3| {
                 let about = matvec(&rodrigues(root(row)), pelvis);
-                std::array::from_fn(|i| place[i] - about[i])
+                std::array::from_fn(|i| position[i] - about[i])
             };
-            let smpl = |place: Vec3| std::array::from_fn(|i| place[i] - pelvis[i]);
+            let smpl = |position: Vec3| std::array::from_fn(|i| position[i] - pelvis[i]);
             match (self, written.other_place) {
-                (Self::Lhm, false) => place,
-                (Self::Lhm | Self::EasyMocap, true) => smpl(place),
-                (Self::EasyMocap, false) | (_, true) => th(place),
-                (_, false) => smpl(place),
+                (Self::Lhm, false) => position,
+                (Self::Lhm | Self::EasyMocap, true) => smpl(position),
+                (Self::EasyMocap, false) | (_, true) => th(position),
+                (_, false) => smpl(position),
             }
         };
         let body = |row: &Row| row.pose[3..66].to_vec();
-        let turns = |row: &Row, count: usize| -> Vec<Mat3> {
+        let rotations = |row: &Row, count: usize| -> Vec<Mat3> {
             let axes = row.pose.as_chunks::<3>().0;
             let axis = |at: usize| {
                 axes.get(at)
@@ -147,8 +147,8 @@ impl Tool {
         match self {
             Self::Phalp => {
                 let frame = |row: &Row| {
-                    let turns = turns(row, 24);
-                    let smpl = json!({"global_orient": [turns[0]], "body_pose": turns[1..], "betas": betas});
+                    let rotations = rotations(row, 24);
+                    let smpl = json!({"global_orient": [rotations[0]], "body_pose": rotations[1..], "betas": betas});
                     let value = json!({"time": row.number, "tid": [1], "tracked_time": [0], "smpl": [smpl],
                         "camera": [t(row)], "size": [[96, 64]]});
                     (format!("img/{:06}.jpg", row.number), value)
@@ -171,7 +171,7 @@ impl Tool {
                 )
             }
             Self::Tram => {
-                let track = json!({"pred_rotmat": all(&|row| json!(turns(row, 24))), "pred_shape": [betas],
+                let track = json!({"pred_rotmat": all(&|row| json!(rotations(row, 24))), "pred_shape": [betas],
                     "pred_trans": all(&|row| json!([t(row)])), "frame": numbers});
                 put("hps/hps_track_0.npy", &track);
                 put(
@@ -191,7 +191,7 @@ impl Tool {
                 put("video_results.pkl", &json!({ "results": frames }))
             }
             Self::PromptHmr => {
-                let body = json!({"rotmat": all(&|row| json!(turns(row, 55))), "shape": [betas],
+                let body = json!({"rotmat": all(&|row| json!(rotations(row, 55))), "shape": [betas],
                     "trans": all(&|row| json!(t(row)))});
                 let people = json!({"1": {"frames": numbers, "smplx_cam": body}});
                 let camera = json!({"img_focal": k, "img_center": [32.0, 48.0]});
@@ -283,7 +283,7 @@ fn what_is_right_is_read_as_documented() {
 #[test]
 fn another_focal_length_is_named() {
     for tool in TOOLS {
-        // A file with a focal length says a wrong one; places in others are for another than documented.
+        // A file with a focal length says a wrong one; positions in others are for another than documented.
         let written = match tool.0.documented() {
             None => Written {
                 said: 1.6,
@@ -362,7 +362,7 @@ fn poses_a_frame_late_are_named() {
 }
 
 #[test]
-fn somebody_else_s_poses_are_refused() {
+fn poses_of_another_person_are_refused() {
     for (tool, name) in TOOLS {
         let mut rows = rows(0..16);
         rows.iter_mut().for_each(|row| row.pelvis[0] += 0.7);

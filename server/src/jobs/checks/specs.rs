@@ -77,7 +77,7 @@ async fn check_only<'a>(
     let id = parse(Collection::Models, "spec.train.model", &model.name)?;
     if context.store.checkpoints(id, 1).await?.is_empty() {
         let message = format!(
-            "{} is untrained, and nobody can join it before others have trained it: train it first",
+            "{} is untrained, so no person can be trained in it alone: train it first",
             model.display_name
         );
         return Err(RequestError::precondition("NO_CHECKPOINT", message));

@@ -1,4 +1,4 @@
-//! The part of a model that stands in canonical space, with its configuration.
+//! The part of a model in canonical space, with its configuration.
 
 use super::{Avatar, Posed};
 use crate::config::{Appearance, FieldConfig, ModelConfig, SplatConfig};
@@ -10,7 +10,7 @@ use burn::tensor::Tensor;
 use yoto_capture::camera::Pose;
 use yoto_ops::{splat, warp};
 
-/// A model with what its tier has in canonical space.
+/// A model with the canonical part of its tier.
 pub enum AvatarAppearance<'a> {
     /// A field.
     Field(AvatarField<'a>),

@@ -61,8 +61,8 @@ impl ModelConfig {
     }
 }
 
-/// The JSON of an [`Appearance`]: `canonical` and `march`, or `splats`. Earlier versions wrote all three for splats,
-/// which made nothing of the first two but the size of the box.
+/// The JSON of an [`Appearance`]: `canonical` and `march`, or `splats`. Earlier versions wrote all three for
+/// splats, which used only the size of the box from the first two.
 #[derive(Serialize, Deserialize)]
 struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]

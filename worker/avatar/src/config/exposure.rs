@@ -8,12 +8,12 @@ use yoto_proto::v1::ExposureLearning;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LearnExposure {
-    /// Nobody's: all frames are taken to be exposed alike.
+    /// No film: all frames count as exposed alike.
     #[default]
     Never,
     /// Those whose frames differ by more than [`ExposureConfig::least`].
     Auto,
-    /// Everybody's.
+    /// All films.
     Always,
 }
 
@@ -39,7 +39,7 @@ pub struct ExposureConfig {
     pub who: LearnExposure,
     /// Share of the run after which exposures are fitted: before, the model's colours are too rough.
     pub start: f64,
-    /// Share of the run after which it is decided, for `auto`, whose are learned.
+    /// Share of the run after which, for `auto`, the films with learned exposures are chosen.
     pub decide: f64,
     /// Root mean square of the gains' logarithms from which on a film's exposures are learned, for
     /// `auto`.
@@ -50,7 +50,7 @@ pub struct ExposureConfig {
     pub offset: f64,
     /// Expected difference of the mean of a few pixels from the model's where the exposure is right.
     pub noise: f64,
-    /// Share of the way to what a fit finds that an exposure is moved.
+    /// Share of the difference to the fitted exposure by which an exposure moves.
     pub share: f64,
 }
 

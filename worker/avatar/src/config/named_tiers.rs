@@ -1,4 +1,4 @@
-//! The named tiers, each with a place on the speed/accuracy curve.
+//! The named tiers, each a point on the speed/accuracy curve.
 
 use super::{
     Appearance, BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,

@@ -11,8 +11,8 @@ pub enum Refine {
     /// Nobody's.
     #[default]
     Never,
-    /// Those of people whose bodies wander off their masks
-    /// ([`PRECISE`](yoto_capture::check::PRECISE)), or jump as none can.
+    /// Those of people whose bodies wander off their masks ([`PRECISE`](yoto_capture::check::PRECISE)),
+    /// or jump as no body can.
     Auto,
     /// Everybody's.
     Always,
@@ -40,12 +40,12 @@ pub struct RefinementConfig {
     pub who: Refine,
     /// Start, as a share of the run.
     pub start: f64,
-    /// End, as a share of the run: after it, the model learns from poses that stay.
+    /// End, as a share of the run: after it, the model learns from fixed poses.
     pub end: f64,
     /// Share of the steps before which a pose is fitted.
     pub share: f64,
     /// Blur of the compared pictures at the start, as a share of the person's longer side in the
-    /// picture: a fit finds what is about as far away as pictures are blurred.
+    /// picture: a fit corrects errors of about the size of the blur.
     pub first_blur: f64,
     /// Blur at the end.
     pub last_blur: f64,

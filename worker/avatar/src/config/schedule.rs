@@ -134,8 +134,8 @@ impl Schedule {
         warm * self.final_rate.powf(progress.min(1.0))
     }
 
-    /// Where the learning rates begin of a run of length `run` that goes on after training of length
-    /// `before`: at the start of a run if it is as long, the later the shorter it is.
+    /// Where the learning rates of a run of length `run` begin that resumes after training of length
+    /// `before`: at the start if the run is as long, and the later the shorter it is.
     pub fn begins_at(&self, before: f64, run: f64) -> f64 {
         (1.0 - run / before.max(f64::MIN_POSITIVE)).clamp(0.0, self.restart)
     }

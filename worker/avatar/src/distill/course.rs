@@ -53,7 +53,7 @@ impl Course {
     /// it ends early unless it `goes_on`.
     ///
     /// # Errors
-    /// If there is nobody or no pose, a picture can't be rendered, or the training fails;
+    /// Without a person or a pose, if a picture can't be rendered, or if the training fails;
     /// [`DistillError::Stopped`].
     pub fn run(
         &self,
@@ -80,7 +80,8 @@ impl Course {
             image_size: lessons.size[0].max(lessons.size[1]),
             validation: held_out(rendered),
             scratch: self.scratch.clone(),
-            // The field was rendered in these very poses, and those of frames are as its training left them.
+            // The field was rendered in exactly these poses, and those of frames are as its training left
+            // them.
             refine_poses: Some(Refine::Never),
             // The field's pictures are exposed alike; a camera may have adjusted itself.
             exposure: lessons.filmed.is_empty().then_some(LearnExposure::Never),
@@ -118,7 +119,7 @@ impl Course {
     }
 }
 
-/// Some of the pictures that the field `rendered`; what a capture has is for learning.
+/// Some of the pictures that the field `rendered`; frames of a capture are for training.
 fn held_out(rendered: usize) -> Validation {
     let every = Validation::Every(HELD_OUT);
     let pictures = (0..rendered).filter(|index| every.holds_out(*index, 0));

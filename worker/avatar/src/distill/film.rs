@@ -1,5 +1,6 @@
-//! A film of what a model knows about one person. Its poses are those of motions, its cameras stand all
-//! around the person. Frames of the person's capture may follow: they have what the field has lost.
+//! A film of what a model knows about one person. Its poses are those of motions, and its cameras
+//! surround the person. Frames of the person's capture may follow: they have detail that the field has
+//! lost.
 
 use super::DistillError;
 use crate::render::{RenderError, RenderView, Rendered, Renderer};
@@ -38,7 +39,7 @@ pub struct Lessons<'a> {
     pub up: Vec3,
     /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// What was filmed, for the film to have as well.
+    /// Frames of the person's capture, which the film includes.
     pub filmed: &'a [Filmed],
 }
 
@@ -96,7 +97,7 @@ impl Lessons<'_> {
     /// least one; then what was filmed follows.
     ///
     /// # Errors
-    /// If there is nobody or no pose, or a picture can't be rendered.
+    /// Without a person or a pose, or if a picture can't be rendered.
     pub fn film(&self, wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
         self.film_while(wanted, &mut || true)
     }

@@ -18,7 +18,7 @@ use yoto_capture::{CaptureError, ViewError};
 /// Splats that can't be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DistillError {
-    /// Nobody is in the slot.
+    /// The model has no such slot.
     #[error("the model has no slot {0}")]
     NoSuchSlot(usize),
     /// There are no poses.

@@ -13,7 +13,7 @@ impl LpipsMetric {
     /// With the networks of these files, on `device`.
     ///
     /// # Errors
-    /// When a file is not what it should be.
+    /// When a file does not hold the expected weights.
     pub fn load(weights: &LpipsWeights, device: &Device) -> Result<Self, LpipsError> {
         let device = device.clone().inner();
         let lpips = Lpips::load(weights, &device)?;

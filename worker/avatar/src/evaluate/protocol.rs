@@ -96,7 +96,7 @@ impl Protocol {
     /// The protocol called `name`.
     ///
     /// # Errors
-    /// If there is none; the message lists all names.
+    /// If no protocol has the name; the message lists all names.
     pub fn named(name: &str) -> Result<&'static Self, UnknownProtocol> {
         let found = PROTOCOLS.iter().find(|protocol| protocol.name == name);
         found.ok_or_else(|| UnknownProtocol(name.to_owned()))

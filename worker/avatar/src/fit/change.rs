@@ -106,15 +106,15 @@ mod tests {
         step[width - 3] = 0.4;
         change.take(&step, 0.5);
         let after = change.of(&given);
-        let place =
+        let global =
             |pose: &Pose, joint: usize| skeleton.global_transforms(&pose.rotations_f64())[joint];
-        let turn = rigid(rodrigues([0.0, 0.0, 0.1]), [0.0; 3]);
-        let expected = compose(&place(&before, elbow), &turn);
-        let found = place(&after, elbow);
+        let rotation = rigid(rodrigues([0.0, 0.0, 0.1]), [0.0; 3]);
+        let expected = compose(&global(&before, elbow), &rotation);
+        let found = global(&after, elbow);
         for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
             assert!(length(sub(rotate(&expected, axis), rotate(&found, axis))) < 1e-5);
         }
-        let expected = rotate(&place(&before, 0), [0.2, 0.0, 0.0]);
+        let expected = rotate(&global(&before, 0), [0.2, 0.0, 0.0]);
         let [from, to] = [&before, &after].map(|pose| pose.translation.map(f64::from));
         assert!(length(sub(expected, sub(to, from))) < 1e-5);
     }

@@ -14,7 +14,7 @@ use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::Pose;
 
 impl PoseFitter<'_> {
-    /// What the `pixels` show, each by its `weights`; `None` if no sample is live.
+    /// The colours of the `pixels`, each by its `weights`; `None` if no sample is live.
     pub(super) fn field_shown(
         &self,
         field: AvatarField<'_>,
@@ -64,10 +64,10 @@ impl PoseFitter<'_> {
         pixels: &[usize],
         host: &HostPose,
     ) -> Samples {
-        let sight = BodyView::new(&self.body.skeleton, pose, picture.camera);
+        let view = BodyView::new(&self.body.skeleton, pose, picture.camera);
         let width = picture.image.width;
         let rays: Vec<_> = (pixels.iter())
-            .map(|p| sight.ray((p % width) as f64 + 0.5, (p / width) as f64 + 0.5))
+            .map(|p| view.ray((p % width) as f64 + 0.5, (p / width) as f64 + 0.5))
             .collect();
         let volume = Volume {
             weights: &host.weights,

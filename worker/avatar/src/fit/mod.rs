@@ -35,8 +35,8 @@ const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], [COLOUR, COLOUR, COLOUR, 0.0]
 /// A difference that counts half, of values up to 1: what neither pose nor model explain, such as
 /// another object, should not pull.
 const ROBUST: f64 = 0.3;
-/// Longest turn of a joint in a step, radians: beyond it, a step's linear picture of the pose does
-/// not hold.
+/// Largest rotation of a joint in a step, radians: beyond it, the linearisation of the pose does not
+/// hold.
 const MAX_TURN: f64 = 0.3;
 
 /// A person of a model whose pose is fitted. No gradient flows to the model, whose parameters
@@ -61,7 +61,7 @@ pub(crate) struct Picture<'a> {
     pub covered: &'a [u32],
 }
 
-/// A step that a parameter should take, apart from what the picture says.
+/// A step that a parameter should take, regardless of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Wish {
     pub step: f64,
@@ -84,7 +84,7 @@ pub(crate) struct Fit {
     /// The square of the difference from the picture as a share of the picture's square, both
     /// blurred.
     pub misfit: f64,
-    /// What the picture alone says of the expected errors of rotations, and of the position.
+    /// Evidence from the picture alone about the expected errors of rotations, and of the position.
     pub evidence: [Evidence; 2],
 }
 
@@ -223,7 +223,7 @@ impl PoseFitter<'_> {
     }
 }
 
-/// What pixels show, each by weights of its own of red, green, blue and opacity.
+/// The colours of pixels, each by weights of its own of red, green, blue and opacity.
 struct Shown {
     /// `[R]`.
     values: Vec<f32>,
@@ -231,7 +231,7 @@ struct Shown {
     rows: Vec<f64>,
 }
 
-/// What the equations of a picture say of the expected errors in the wishes for the `given` pose.
+/// Evidence of a picture's equations about the expected errors in the wishes for the `given` pose.
 fn evidence(mut normal: Normal, given: &[Wish]) -> [Evidence; 2] {
     let mut evidence = [Evidence::default(); 2];
     for (i, wish) in given.iter().enumerate() {

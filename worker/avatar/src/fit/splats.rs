@@ -18,7 +18,7 @@ use yoto_ops::splat::probe::Probe;
 use yoto_ops::warp::inverse::solve::Skinning;
 
 impl PoseFitter<'_> {
-    /// What the `pixels` show, each by its `weights`; `None` if no splat is at any of them.
+    /// The colours of the `pixels`, each by its `weights`; `None` if no splat is at any of them.
     pub(super) fn splats_shown(
         &self,
         splats: AvatarSplats<'_>,
@@ -28,9 +28,9 @@ impl PoseFitter<'_> {
         weights: &[[f32; 4]],
     ) -> Result<Option<Shown>, RenderError> {
         let (posed, host) = self.posed(pose)?;
-        let (splats, sight) = self.host_splats(splats, pose, picture, &posed)?;
+        let (splats, view) = self.host_splats(splats, pose, picture, &posed)?;
         let _span = trace_span!("fit: splats").entered();
-        let probe = Probe::new(splats.numbers(), &sight);
+        let probe = Probe::new(splats.numbers(), &view);
         let asked = pixels.par_iter().zip(weights);
         let found: Vec<_> = asked
             .map(|(pixel, by)| probe.gradients(*pixel, *by))
@@ -73,12 +73,12 @@ impl PoseFitter<'_> {
         pixels: &[usize],
     ) -> Result<Option<Vec<[f32; 4]>>, RenderError> {
         let posed = (self.avatar).pose(self.config, self.body, self.slot, pose, self.progress);
-        let (splats, sight) = self.host_splats(splats, pose, picture, &posed)?;
-        let probe = Probe::new(splats.numbers(), &sight);
+        let (splats, view) = self.host_splats(splats, pose, picture, &posed)?;
+        let probe = Probe::new(splats.numbers(), &view);
         let pixels = pixels.par_iter();
         let seen: Vec<[f32; 4]> = pixels.map(|pixel| probe.pixel(*pixel)).collect();
-        let somebody = seen.iter().any(|pixel| pixel[3] > 0.0);
-        Ok(somebody.then_some(seen))
+        let shown = seen.iter().any(|pixel| pixel[3] > 0.0);
+        Ok(shown.then_some(seen))
     }
 
     /// The splats of the person in `pose`, and the camera of `picture` in their frame.
@@ -89,9 +89,9 @@ impl PoseFitter<'_> {
         picture: &Picture,
         posed: &Posed,
     ) -> Result<(HostSplats<'static>, View), RenderError> {
-        let sight = sight(&self.body.skeleton, pose, picture.camera);
-        let splats = HostSplats::read(splats.posed(self.body, posed), &sight)?;
-        Ok((splats, sight))
+        let view = sight(&self.body.skeleton, pose, picture.camera);
+        let splats = HostSplats::read(splats.posed(self.body, posed), &view)?;
+        Ok((splats, view))
     }
 }
 

@@ -62,9 +62,9 @@ fn pixels_change_as_the_rows_say() {
             sums.collect()
         };
         let splats = splats_of.posed(body, &posed);
-        let sight = sight(&body.skeleton, pose, &scene.camera);
-        let splats = HostSplats::read(splats, &sight).expect("reads");
-        let drawn = render(&[(splats.numbers(), &sight)]).expect("somebody");
+        let view = sight(&body.skeleton, pose, &scene.camera);
+        let splats = HostSplats::read(splats, &view).expect("reads");
+        let drawn = render(&[(splats.numbers(), &view)]).expect("somebody");
         let drawn = grid.pixels.iter().map(|p| {
             let colour: f32 = (0..3).map(|c| by[c] * drawn.rgb[3 * p + c]).sum();
             colour + by[3] * drawn.alpha[*p]

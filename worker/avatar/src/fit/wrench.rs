@@ -1,4 +1,4 @@
-//! Forces on the bones of a body, and what they do to its pose.
+//! Forces on the bones of a body, and their effect on its pose.
 
 use rayon::prelude::*;
 use yoto_capture::skeleton::Skeleton;
@@ -7,7 +7,7 @@ use yoto_capture::skeleton::transform::{
 };
 
 /// A force and its moment about the origin: how a number changes with the shift of a bone, per metre,
-/// and with its turn, per radian.
+/// and with its rotation, per radian.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Wrench {
     pub force: Vec3,
@@ -38,14 +38,14 @@ pub(super) fn rows(skeleton: &Skeleton, joints: &[Mat34], mut wrenches: Vec<Wren
     let numbers = numbers.zip(rows.par_chunks_exact_mut(width));
     numbers.for_each(|(wrenches, row)| {
         // Parents come before their children.
-        for (joint, place) in joints.iter().enumerate().rev() {
+        for (joint, transform) in joints.iter().enumerate().rev() {
             let below = wrenches[joint];
             if let Some(parent) = skeleton.parents[joint] {
                 wrenches[parent].add(below);
             }
-            let about = sub(below.moment, cross(position(place), below.force));
-            let turn = rotate(&inverted(place), about);
-            row[3 * joint..3 * joint + 3].copy_from_slice(&turn);
+            let about = sub(below.moment, cross(position(transform), below.force));
+            let rotation = rotate(&inverted(transform), about);
+            row[3 * joint..3 * joint + 3].copy_from_slice(&rotation);
         }
         row[3 * bones..].copy_from_slice(&wrenches[0].force);
     });

@@ -29,7 +29,7 @@ const CHANNELS: usize = SMPL.len() + 1;
 pub struct Imported {
     /// Iterations it was trained for, where the checkpoint says so.
     pub iteration: Option<u64>,
-    /// Canonical place of the pelvis, metres: `joints` as they stand in their file.
+    /// Canonical position of the pelvis, metres: `joints` as their file has them.
     pub root: Vec3,
     /// Numbers in all its tensors.
     pub parameters: u64,
@@ -285,7 +285,7 @@ impl Layers<'_> {
     }
 }
 
-/// Puts numbers in the places of a model's parameters.
+/// Replaces a model's parameters by numbers.
 struct Fill {
     values: HashMap<ParamId, Vec<f32>>,
     left_out: usize,

@@ -14,10 +14,10 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Extents of a body along its longest axis, metres: from a child to stretched arms, with room.
 const EXTENT: RangeInclusive<f64> = 0.3..=4.0;
 
-/// The 24 canonical joints, metres, as their file has them: a pickle `{"joints": [24][3]}`, JSON
-/// in the same form or as a bare list, or a capture's `poses.json`, whose rest joints they are.
-/// None is moved: the networks know the places that they were trained with, and the released
-/// program leaves the pelvis where SMPL's template has it.
+/// The 24 canonical joints, metres, as their file has them: a pickle `{"joints": [24][3]}`, JSON in the
+/// same form or as a bare list, or a capture's `poses.json`, whose rest joints they are. None is moved:
+/// the networks know the positions that they were trained with, and the released program leaves the
+/// pelvis where SMPL's template has it.
 ///
 /// # Errors
 /// When the file is none of these, or its numbers are not a body's joints in metres.

@@ -31,7 +31,8 @@ pub enum ImportError {
         /// What it holds instead.
         message: String,
     },
-    /// Tensors are missing or not what they should be; each entry names one. Never empty.
+    /// Tensors are missing, or have another shape or type than expected; each entry names one. Never
+    /// empty.
     #[error("{file}: {} of its tensors do not fit: {}", .faults.len(), .faults.join("; "))]
     Tensors {
         /// Path.

@@ -11,7 +11,7 @@ use std::path::Path;
 const NETWORK: &str = "network";
 /// What wrappers for several devices put into names.
 const WRAPPER: &str = "module";
-/// What the names of HumanNeRF's tensors begin with.
+/// The prefix of the names of HumanNeRF's tensors.
 const PARTS: [&str; 4] = [
     "mweight_vol_decoder",
     "non_rigid_mlp",

@@ -49,7 +49,7 @@ pub trait Objective: Send {
     }
 }
 
-/// The weighted sum of `terms`, `[1]`; `None` if there are none.
+/// The weighted sum of `terms`, `[1]`; `None` without terms.
 pub(crate) fn total(terms: &[LossTerm]) -> Option<Tensor<1>> {
     terms
         .iter()

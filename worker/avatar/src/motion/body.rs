@@ -13,8 +13,7 @@ const MIN_PRIOR: f32 = 1e-12;
 /// One identity's body.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Joint tree with the rest positions that poses move: the person's own, or those of the body that wears
-    /// them.
+    /// Joint tree with the rest positions that poses move: the person's own, or those of another body.
     pub skeleton: Skeleton,
     /// Rest positions of the person's own joints, metres, in the canonical box.
     pub rest: Vec<Vec3>,
@@ -63,8 +62,8 @@ impl Body {
 }
 
 impl Body {
-    /// This body on the bones of another skeleton with as many joints: bones are as long and stand as far
-    /// apart as the other's, and what is around each is this person's.
+    /// This body on the bones of another skeleton with as many joints: bones have the other's lengths and
+    /// distances, and each keeps this person's flesh and clothes.
     pub fn on_bones_of(mut self, skeleton: Skeleton) -> Self {
         self.skeleton = skeleton;
         self

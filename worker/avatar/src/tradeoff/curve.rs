@@ -141,7 +141,7 @@ impl Curve {
     fn check(&self) -> Result<(), CurveError> {
         let fail = |what: String| Err(CurveError::Figure(what));
         if self.points.is_empty() {
-            return fail("points: there is none".into());
+            return fail("points: the list is empty".into());
         }
         if !(self.rays.is_finite() && self.rays > 0.0) {
             return fail(format!("rays: {} is not above 0", self.rays));

@@ -1,4 +1,4 @@
-//! What was measured of training time and render time, as files and as text.
+//! The measurements of training time and render time, as files and as text.
 
 use super::rows;
 use super::{Curve, Machine};

@@ -180,7 +180,7 @@ fn the_search_finds_what_is_left() {
 }
 
 #[test]
-fn a_model_that_somebody_left_is_trained_on_without_them() {
+fn a_model_that_a_person_left_is_trained_on_without_them() {
     let device = Device::flex();
     for tier in ["draft", "splat"] {
         let (before, parent) = (tempdir(), tempdir());

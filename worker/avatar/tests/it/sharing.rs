@@ -98,7 +98,7 @@ fn a_person_has_a_small_table_and_is_nobody_in_a_model_without_identities() {
 }
 
 #[test]
-fn training_somebody_moves_what_is_shared_and_nothing_of_others() {
+fn training_a_person_moves_what_is_shared_and_nothing_of_others() {
     let device = Device::flex();
     let (fresh, trained) = (tempdir(), tempdir());
     let start =

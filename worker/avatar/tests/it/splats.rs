@@ -204,7 +204,7 @@ fn a_loaded_model_shows_what_the_trained_one_does() {
 }
 
 #[test]
-fn somebody_new_starts_from_their_own_hull_and_leaves_the_others_splats_alone() {
+fn a_new_person_starts_from_their_own_hull_and_leaves_the_others_splats_alone() {
     let dir = tempdir();
     let mut first = trainer(&[0], 6);
     run(&mut first, 6);
@@ -225,9 +225,9 @@ fn somebody_new_starts_from_their_own_hull_and_leaves_the_others_splats_alone() 
     assert!(mean_psnr(&joined.renderer(), &both[1]) > 15.0);
 }
 
-/// Splats of two people do not correspond: somebody between them is both, on the same bones.
+/// Splats of two people do not correspond: a mixture of them is both, on the same bones.
 #[test]
-fn somebody_between_two_people_of_splats_is_both() {
+fn a_mixture_of_two_people_of_splats_is_both() {
     let trainer = trainer(&[0, 1], 6);
     let renderer = || trainer.renderer();
     let people = people(&[0, 1], 12, SIZE);

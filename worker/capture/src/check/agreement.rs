@@ -25,7 +25,7 @@ const SAME: f64 = 0.35;
 /// Shares over all frames measured, with the worst frames of each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Agreement {
-    /// Share of projected joints in the mask; `None` if no frame shows anybody.
+    /// Share of projected joints in the mask; `None` if no frame shows a person.
     pub joints_in_mask: Option<f64>,
     pub joints_out: Vec<u32>,
     /// Share of mask inside the projected box.
@@ -42,7 +42,7 @@ pub(super) struct Agreement {
 impl Agreement {
     pub(super) fn of(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> Self {
         let grid = Grid::of(track.image_size);
-        let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
+        let people: Vec<&Observation> = seen.iter().filter(|it| it.shows_person()).collect();
         let people = spread(&people, MOST);
         let (mut joints, mut boxes, mut images) = (Vec::new(), Vec::new(), Vec::new());
         let mut same = Vec::new();
@@ -126,7 +126,7 @@ pub(super) fn duplicates(
     let (mut found, mut compared) = (Vec::new(), 0);
     for pair in seen.windows(2) {
         let [before, now] = pair else { continue };
-        if now.position != before.position + 1 || !now.somebody() || !before.somebody() {
+        if now.position != before.position + 1 || !now.shows_person() || !before.shows_person() {
             continue;
         }
         compared += 1;

@@ -73,8 +73,8 @@ impl Observation {
         }
     }
 
-    /// Whether anybody is in the mask.
-    pub(super) fn somebody(&self) -> bool {
+    /// Whether the mask shows a person.
+    pub(super) fn shows_person(&self) -> bool {
         self.mask.area >= 4.0
     }
 }
@@ -241,6 +241,6 @@ mod tests {
         assert!(two.mask.overlap_with(&two.content) > 0.99);
         let cut = Observation::of(0, &frame(|x, _| (0, if x < 9 { 255 } else { 0 })));
         assert!(cut.cut_off && cut.black == 1.0 && cut.scattered == 0.0);
-        assert!(!Observation::of(0, &frame(|_, _| (9, 0))).somebody());
+        assert!(!Observation::of(0, &frame(|_, _| (9, 0))).shows_person());
     }
 }

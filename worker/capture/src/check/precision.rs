@@ -37,7 +37,7 @@ pub fn precision(shard: &Shard) -> Result<Option<f64>, SkeletonError> {
     let seen: Vec<Observation> = seen
         .map(|position| Observation::of(position, &shard.image(position)))
         .collect();
-    let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
+    let people: Vec<&Observation> = seen.iter().filter(|it| it.shows_person()).collect();
     let reading = Correction::default();
     let fit = Fitter::new(track, spread(&people, SAMPLE)).fit(&reading);
     Ok(fit.and_then(|fit| wander(track, &reading, fit.fatness, &seen)))
@@ -54,7 +54,7 @@ pub(super) fn wander(
     let track = reading.apply(track).ok()?.track;
     let skeleton = Skeleton::from_track(&track.skeleton).ok()?;
     // A mask that the image's border cuts off has its centre in the wrong position.
-    let whole = |it: &&Observation| it.somebody() && !it.cut_off;
+    let whole = |it: &&Observation| it.shows_person() && !it.cut_off;
     let people: Vec<&Observation> = seen.iter().filter(whole).collect();
     if people.len() < ENOUGH {
         return None;

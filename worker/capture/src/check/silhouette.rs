@@ -186,7 +186,7 @@ mod tests {
             radii: [0.2; 2],
         };
         let cells = canvas.draw(&[capsule, capsule], &camera, 1.0).to_vec();
-        // 25 cells a metre: a strip of 25 x 10 and a disc of radius 5.
+        // 25 cells per metre: a strip of 25 x 10 and a disc of radius 5.
         let area = 250.0 + std::f64::consts::PI * 25.0;
         assert!((cells.len() as f64 - area).abs() < 12.0, "{}", cells.len());
         let mut mask = vec![0; grid.width * grid.height];

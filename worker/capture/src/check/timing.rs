@@ -68,12 +68,12 @@ fn compare(
 ) -> Shifts {
     let by_position: HashMap<i64, &Observation> = seen
         .iter()
-        .filter(|it| it.somebody())
+        .filter(|it| it.shows_person())
         .map(|it| (it.position as i64, it))
         .collect();
     let mut gains: HashMap<i32, Vec<f64>> = HashMap::new();
     let mut fits: HashMap<i32, Vec<f64>> = HashMap::new();
-    for own in seen.iter().filter(|it| it.somebody()) {
+    for own in seen.iter().filter(|it| it.shows_person()) {
         let shifted = |shift: i32| by_position.get(&(own.position as i64 + i64::from(shift)));
         let near: Vec<(i32, &Observation)> = std::iter::once(0)
             .chain((-MOST..=MOST).filter(|&shift| shift != 0))

@@ -201,7 +201,7 @@ fn vertices_have_the_colours_and_the_bones_of_their_place() {
 }
 
 #[test]
-fn nobody_is_an_error() {
+fn a_person_without_splats_is_an_error() {
     let mut person = ball(0.0);
     person.splats.clear();
     let error = mesh(&person, &[], &MeshOptions::default()).expect_err("nothing");

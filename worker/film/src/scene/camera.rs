@@ -157,7 +157,7 @@ fn between_keys(keys: &[CameraKey], size: [u32; 2], time: f64) -> Result<Camera,
     ) {
         (Some(from), Some(to)) => (from, to),
         (Some(only), None) | (None, Some(only)) => (only, only),
-        (None, None) => return Err(invalid("keys", "there is none")),
+        (None, None) => return Err(invalid("keys", "the list is empty")),
     };
     let passed = to.seconds - from.seconds;
     let share = if passed > 0.0 {

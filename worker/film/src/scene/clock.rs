@@ -1,6 +1,6 @@
 //! The pose that an actor of a scene has at a time.
 
-/// Shares of an interval that are as good as none: frame rates are rounded.
+/// Share of an interval below which it counts as 0: frame rates are rounded.
 const ROUNDING: f64 = 1e-3;
 
 /// Times of the poses of a motion within a scene.

@@ -67,7 +67,7 @@ pub(crate) fn plan(
     })
 }
 
-/// The frames of a film of `count` pictures that `range` chooses; it may go on beyond the film's end.
+/// The frames of a film of `count` pictures that `range` chooses; it may reach beyond the film's end.
 fn chosen(count: usize, range: &FilmRange) -> Result<Vec<usize>, PlanError> {
     let FilmRange { first, step, .. } = *range;
     let refused = |field: &str, message: String| {
@@ -82,7 +82,7 @@ fn chosen(count: usize, range: &FilmRange) -> Result<Vec<usize>, PlanError> {
     let mut frames: Vec<usize> = (first as usize..count)
         .step_by(step.max(1) as usize)
         .collect();
-    // Nobody knows before how many pictures a film has.
+    // The number of pictures of a film is not known before.
     if range.count > 0 {
         frames.truncate(range.count as usize);
     }

@@ -122,7 +122,7 @@ fn a_clip_needs_the_track_of_its_subject() {
 }
 
 #[test]
-fn somebody_else_s_motion_comes_with_the_subject_s_own_light_where_there_is_one() {
+fn another_person_s_motion_comes_with_the_subject_s_own_light_where_there_is_one() {
     for (model, captures) in [
         (FIELDS, &[(BEN, false)][..]),
         (SPLATS, &[(BEN, false), (ANN, false)]),

@@ -34,8 +34,8 @@ impl Video {
     /// kind of video; `ffmpeg` has to decode the file once more for them.
     ///
     /// # Errors
-    /// If the file is not a video, is cut short, or declares too much, or if it needs `ffmpeg` and there
-    /// is none.
+    /// If the file is not a video, is cut short, or declares too much, or if it needs `ffmpeg`, which is
+    /// not found.
     pub fn open(
         path: &Path,
         limits: &Limits,

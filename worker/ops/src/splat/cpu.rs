@@ -108,7 +108,7 @@ pub struct Rendered {
 }
 
 /// One picture of the splats of all `people`, each with the same camera in the frame of their body; `None`
-/// if there is nobody. Nearer splats hide those behind, also of other people.
+/// without people. Nearer splats hide those behind, also of other people.
 ///
 /// # Panics
 /// If the cameras differ in size.

@@ -15,7 +15,7 @@ use yoto_proto::v1::{Checkpoint, Distillation, ObjectRef, Progress};
 const REPORT_EVERY: Duration = Duration::from_millis(250);
 /// Share of the job that a distillation is; the rest writes the files.
 pub(super) const SHARE: f64 = 0.95;
-/// The fraction from which on the pace so far tells the time that is left.
+/// The fraction of progress from which on the remaining time is estimated.
 const SOON: f64 = 0.02;
 /// Seed of the training, as of `yoto-lab distill`.
 const SEED: u64 = 7;

@@ -52,8 +52,8 @@ impl<'a> Committed<'a> {
         self.files.get(file).is_some_and(|it| it.sound)
     }
 
-    /// The pixels of a picture that an earlier lease committed. None if there is none, or if it was damaged since:
-    /// then it is drawn again.
+    /// The pixels of a picture that an earlier lease committed. `None` without such a picture, or if it was
+    /// damaged since: then it is drawn again.
     pub(super) fn take_over(
         &mut self,
         file: &str,
@@ -157,7 +157,7 @@ mod tests {
             ..Inputs::default()
         };
         let mut files = Committed::new(&context, &inputs);
-        // The second one was damaged and drawn again by somebody else.
+        // The second one was damaged and drawn again by another worker.
         let others = [("000000.png", 1), ("000001.png", 2), ("000002.png", 3)];
         files.learn(others.map(|(name, bytes)| file(name, bytes)).to_vec());
         let sound = others.map(|(name, _)| files.is_sound(name));

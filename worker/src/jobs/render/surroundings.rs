@@ -145,7 +145,7 @@ mod tests {
         Camera::look_at(eye, [1.0, 0.0, -1.0], up, focal, SIDE, SIDE)
     }
 
-    /// Somebody above the square of 0.5 m around (2, -2).
+    /// A person above the square of 0.5 m around (2, -2).
     fn shadow() -> Shadow {
         let opacity = (0..SIDE * SIDE).map(|at| {
             let metres = |pixel: u32| f64::from(pixel) / 64.0 - 2.0;
@@ -199,7 +199,7 @@ mod tests {
             backdrop: None,
             colour: [1.0; 3],
         };
-        // In the middle nobody, on the left somebody, on the right half of somebody.
+        // Nobody in the middle, a person on the left, half of a person on the right.
         let frame = || Rendered {
             rgb: vec![0.2, 0.3, 0.4, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1],
             alpha: vec![1.0, 0.0, 0.5],

@@ -5,8 +5,8 @@ use crate::jobs::JobFailure;
 use yoto_avatar::render::Renderer;
 use yoto_proto::v1::Between;
 
-/// Adds the people without a capture that replace the request's subject to `renderer`. Returns the slots of each
-/// person, which are drawn together in one pose. There are none if the request shows its subject.
+/// Adds the people without a capture that replace the request's subject to `renderer`. Returns the slots of
+/// each person, which are drawn together in one pose. Empty if the request shows its subject.
 pub(super) fn add(
     renderer: Renderer,
     request: &Request<'_>,
@@ -56,5 +56,5 @@ fn add_on_bones(
 
 fn slot(request: &Request<'_>, subject: &str, field: &str) -> Result<usize, JobFailure> {
     let slot = request.slot(subject);
-    slot.ok_or_else(|| JobFailure::invalid("render", field, "it names nobody of the model"))
+    slot.ok_or_else(|| JobFailure::invalid("render", field, "it names no person of the model"))
 }

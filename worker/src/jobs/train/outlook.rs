@@ -12,7 +12,7 @@ pub(super) const VALIDATIONS: f64 = 8.0;
 pub(super) struct Outlook {
     validation: f64,
     checkpoint: f64,
-    /// Largest share that was told: a bar does not move backwards.
+    /// Largest share that was reported: a bar does not move backwards.
     told: f64,
 }
 

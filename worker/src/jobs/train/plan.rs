@@ -57,7 +57,7 @@ impl Plan {
         }
         let (learn, slots) = who(spec, &model)?;
         let chosen = spec.checkpoint_seconds;
-        // A training that goes on keeps its size, unless the request has another.
+        // A resumed training keeps its size, unless the request has another.
         let before = inputs.checkpoints.first().map_or(0, |it| it.image_size);
         let shard = |subject: &str| {
             let entry = inputs.shards.iter().find(|it| it.subject == subject)?;
@@ -78,8 +78,8 @@ impl Plan {
         })
     }
 
-    /// The options of a training that goes on after `before`, whose budget counts when the
-    /// same job spent it. Without a budget it has `run` steps. Films are in the folder `scratch`.
+    /// The options of a training that resumes after `before`, whose budget counts when the same job
+    /// spent it. Without a budget it has `run` steps. Films are in the folder `scratch`.
     pub(super) fn options(
         &self,
         job: &str,

@@ -1,5 +1,5 @@
 //! When a training saves, and how: the trainer writes its files to this machine's disk, and a thread
-//! brings them to the store while the training goes on.
+//! copies them to the store while the training continues.
 
 use crate::jobs::{
     JobContext, JobFailure,
@@ -11,8 +11,8 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Time from the start of a lease to its first checkpoint: a crash loses seconds, and a job that saves is
-/// none that kills its workers.
+/// Time from the start of a lease to its first checkpoint: a crash loses seconds, and a job that saves
+/// does not count as one that kills its workers.
 const FIRST: Duration = Duration::from_secs(5);
 /// Shortest time between two checkpoints that the training chooses by itself.
 const SHORTEST: Duration = Duration::from_secs(30);
@@ -78,7 +78,7 @@ pub(super) struct Upload {
 }
 
 impl Upload {
-    /// Starts to bring the files in `folder` to the store, and to publish them.
+    /// Starts to copy the files in `folder` to the store, and to publish them.
     ///
     /// # Errors
     /// When the system has no more threads.

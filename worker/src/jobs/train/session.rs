@@ -24,7 +24,7 @@ use yoto_proto::{
 /// Pause between two progress messages.
 const REPORT_EVERY: Duration = Duration::from_millis(250);
 /// Longest wait of a trained model for a disk or a store that can take it; after it the job waits in the
-/// queue, and goes on from its last checkpoint.
+/// queue, and resumes from its last checkpoint.
 const PATIENCE: Duration = Duration::from_secs(900);
 const LONGEST_PAUSE: Duration = Duration::from_secs(30);
 
@@ -99,8 +99,8 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Saves, and goes on while the files are on their way. A fault is logged: the next checkpoint may
-    /// reach the store.
+    /// Saves, and continues while the files are copied. A fault is logged: the next checkpoint may reach
+    /// the store.
     fn save_beside(&mut self) -> Result<(), JobFailure> {
         let began = Instant::now();
         // The best checkpoint is chosen by its own PSNR.
@@ -145,7 +145,7 @@ impl<'a> Session<'a> {
         tracing::info!(job, step, bytes, "checkpoint published");
     }
 
-    /// Measures once more, publishes the best state as the last checkpoint, and returns the result.
+    /// Measures again, publishes the best state as the last checkpoint, and returns the result.
     pub(super) fn finish(mut self) -> Result<TrainResult, JobFailure> {
         self.validate()?;
         let control = &self.context.control;

@@ -4,9 +4,6 @@ use crate::pictures::{Mask, MaskKind, PictureFiles};
 use crate::source::Source;
 use yoto_client::ClientError;
 
-/// Default frames per second, since no file has it.
-pub(super) const FPS: f64 = 30.0;
-
 /// The image and the mask of a frame by its name.
 pub(super) fn files(source: &Source, name: &str, frame: u32) -> Result<PictureFiles, ClientError> {
     if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {

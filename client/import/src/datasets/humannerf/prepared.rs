@@ -10,7 +10,7 @@
 //! Images are `images/<frame>.png`, masks `masks/<frame>.png` (coverage); pixel coordinates count
 //! from the first pixel's centre.
 
-use super::frame_files::{FPS, files};
+use super::frame_files::files;
 use crate::pictures::{Pictures, image_size};
 use crate::source::Source;
 use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
@@ -39,7 +39,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     }
     let rest_root = rest_joints.first().copied().unwrap_or_default();
     let mut notes = Vec::new();
-    let fps = options.fps_or(FPS, &mut notes);
+    let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(smpl_skeleton(rest_joints), [0; 2], fps);
     let mut pictures = Vec::new();
     let mut lens = None;

@@ -5,7 +5,7 @@
 //! own position, without a translation: the camera has all of it. Images are
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
-use super::frame_files::{FPS, files};
+use super::frame_files::files;
 use crate::pictures::image_size;
 use crate::rest_joints::RestJoints;
 use crate::source::Source;
@@ -39,7 +39,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let rest_joints = rest.joints(&mean(&betas));
     let rest_root = rest_joints.first().copied().unwrap_or_default();
     let mut notes = Vec::new();
-    let fps = options.fps_or(FPS, &mut notes);
+    let fps = options.fps_or(None, &mut notes);
     let size = pictures.first().zip(read.first());
     let size = size.map(|(files, (index, ..))| image_size(&files.image, *index));
     let mut track = empty_track(

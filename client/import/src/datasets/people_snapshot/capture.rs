@@ -10,9 +10,6 @@ use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
 use crate::{Imported, Options};
 use yoto_client::ClientError;
 
-/// Default frames per second, since only the video has it.
-const FPS: f64 = 30.0;
-
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     let rest = RestJoints::needed(options, source, POSES)?;
     let (camera, distortion, size) = camera(source)?;
@@ -32,7 +29,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let rest_joints = rest.joints(&betas);
     let pelvis = rest_joints.first().copied().unwrap_or_default();
     let mut notes = Vec::new();
-    let fps = options.fps_or(FPS, &mut notes);
+    let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(smpl_skeleton(rest_joints), size, fps);
     track.distortion = distortion;
     let mut masks = Vec::new();

@@ -1,10 +1,10 @@
 //! A clip, with its person's motion as BVH: what motion-capture programs write, and some pose tools.
 //!
-//! Joints are SMPL's by name, or the file's own ([`motion`](crate::motion)). Positions are of a world
-//! whose y or z is up, in metres, centimetres or millimetres. The camera is in OpenCV's `intri.yml` and
+//! Joints are SMPL's by name, or the file's own ([`motion`](crate::motion)). Positions are of a world whose
+//! y or z is up, in metres, centimetres or millimetres. The camera is in OpenCV's `intri.yml` and
 //! `extri.yml` beside the file or above it, of the same world in metres. Without these the world is the
-//! camera's own: y up, looking along −z, as OpenGL has it. Readings other than these are held against masks
-//! ([`reading`]), as those of pose tools are.
+//! camera's own: y up, looking along −z, as OpenGL has it. Other readings than these are compared with
+//! masks ([`reading`]), as those of pose tools are.
 
 mod reading;
 
@@ -46,8 +46,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let mut notes = vec![summary(&motion, options)];
     notes.extend(motion.notes.iter().cloned());
     let wanted = clip.selected(options)?;
-    let fps = clip.fps.filter(|fps| fps.is_finite());
-    let fps = options.fps.or(fps).unwrap_or(motion.fps);
+    let fps = options.fps.or(clip.fps).unwrap_or(motion.fps);
     let numbers = numbers(&motion, &clip, fps, at, &mut notes)?;
     let masks = match (&options.matting, &options.masks) {
         (Some(model), _) => {
@@ -125,7 +124,7 @@ fn summary(motion: &Motion, options: &Options) -> String {
     )
 }
 
-/// Metres per unit of the file, by which a person is as large as people are.
+/// Metres per unit of the file: the unit that gives the person a plausible size.
 fn unit(motion: &Motion, at: &Path, notes: &mut Vec<String>) -> Result<f64, ClientError> {
     /// Units, and metres in each.
     const UNITS: [(&str, f64); 3] = [
@@ -167,7 +166,7 @@ fn numbers(
 ) -> Result<impl Fn(usize) -> Option<usize> + use<>, ClientError> {
     /// Share by which rates of the same clip differ, by rounding.
     const SAME: f64 = 0.01;
-    /// Motions that go on for longer than this share beyond the clip are another clip's.
+    /// Motions that are longer than the clip by more than this share belong to another clip.
     const LONGER: f64 = 1.1;
     let ratio = motion.fps / fps;
     let ratio = if (ratio - 1.0).abs() < SAME {
@@ -177,7 +176,7 @@ fn numbers(
     };
     if ratio != 1.0 {
         notes.push(format!(
-            "the motion has {:.2} frames a second, the clip {fps:.2}: each frame of the clip has the pose \
+            "the motion has {:.2} frames per second, the clip {fps:.2}: each frame of the clip has the pose \
              nearest in time",
             motion.fps
         ));

@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn unit_features_are_the_packages_and_have_a_slope_at_zero() {
         let device = Device::flex().autodiff();
-        // Places with no feature, with tiny ones and with ordinary ones.
+        // Positions with no feature, with tiny ones and with ordinary ones.
         let features: [f32; 8] = [0.0, 1e-15, 3e-10, 2.0, 0.0, 0.0, 4e-10, -1.0];
         let input = Tensor::<1>::from_floats(features, &device)
             .reshape([1, 2, 1, 4])

@@ -15,9 +15,9 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
     let named = |fits: &dyn Fn(&Observation) -> bool| -> Vec<u32> {
         seen.iter().filter(|it| fits(it)).map(index).collect()
     };
-    let empty = named(&|it| !it.somebody());
+    let empty = named(&|it| !it.shows_person());
     let pieces = named(&|it| it.scattered > 0.1);
-    let cut = named(&|it| it.somebody() && it.cut_off);
+    let cut = named(&|it| it.shows_person() && it.cut_off);
     let share = |frames: &[u32]| frames.len() as f64 / seen.len().max(1) as f64;
     let faults = [
         (&empty, 0.3, "empty", "nobody is in some masks"),
@@ -200,11 +200,11 @@ pub(super) fn blur(track: &PoseTrack, seen: &[Observation]) -> Measure {
 const LIGHTS: [f64; 2] = [0.15, 0.05];
 
 pub(super) fn exposure(seen: &[Observation]) -> Measure {
-    let people = || seen.iter().filter(|it| it.somebody());
+    let people = || seen.iter().filter(|it| it.shows_person());
     let burnt = median(people().map(|it| it.burnt)).unwrap_or(0.0);
     let black = median(people().map(|it| it.black)).unwrap_or(0.0);
     let bright = median(people().map(|it| it.brightness)).unwrap_or(0.0);
-    // A frame may show somebody in black from the back; the lightest frames decide.
+    // A frame may show a person in black from the back; the lightest frames decide.
     let mut lights: Vec<f64> = people().map(|it| it.lights).collect();
     lights.sort_by(f64::total_cmp);
     let lights = lights.get(9 * lights.len() / 10).copied().unwrap_or(0.0);

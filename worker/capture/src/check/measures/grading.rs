@@ -40,7 +40,7 @@ pub(super) fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share + 0.0)
 }
 
-/// The measure of a share; `None` if no frame shows anybody.
+/// The measure of a share; `None` if no frame shows a person.
 pub(super) fn share(kind: Kind, value: Option<f64>, bounds: [f64; 2], meaning: &str) -> Measure {
     match value {
         Some(value) => measure(

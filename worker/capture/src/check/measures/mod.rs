@@ -37,7 +37,7 @@ const NAMED: usize = 8;
 
 /// The report on `track` and the observed frames.
 pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> Report {
-    let people: Vec<&Observation> = seen.iter().filter(|it| it.somebody()).collect();
+    let people: Vec<&Observation> = seen.iter().filter(|it| it.shows_person()).collect();
     let agreement = Agreement::of(track, skeleton, seen);
     let motion = Motion::of(track, skeleton);
     let inverted = median(people.iter().map(|it| it.covered)).is_some_and(|it| it > 0.5)
@@ -51,7 +51,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     } else {
         seen
     };
-    let people: Vec<&Observation> = seen_right.iter().filter(|it| it.somebody()).collect();
+    let people: Vec<&Observation> = seen_right.iter().filter(|it| it.shows_person()).collect();
     let mut fitter = Fitter::new(track, spread(&people, SAMPLE));
     let mut found = search(&mut fitter);
     if let Some(search) = &mut found {
