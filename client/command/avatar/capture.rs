@@ -5,11 +5,13 @@ use anyhow::{Context, ensure};
 use image::ImageFormat;
 use std::path::Path;
 use std::time::Instant;
+use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::check::Report;
+use yoto_capture::skeleton::Skeleton;
 use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
 use yoto_import::{TrackForm, to_folder};
-use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::pose_track::{Frame, PoseTrack};
 use yoto_proto::smpl;
 use yoto_terminal::progress::count;
 
@@ -20,6 +22,8 @@ pub(super) struct Captured {
     pub frames: Vec<u32>,
     pub image_size: [u32; 2],
     pub fps: f64,
+    /// Share of a picture's longer side that the person's longer side takes in half of the frames, 0 to 1.
+    pub person: f64,
     /// Whether a motion of SMPL's joints moves the person.
     pub has_smpl_joints: bool,
     pub seconds: f64,
@@ -40,10 +44,44 @@ pub(super) fn import(options: &AvatarOptions, folder: &Path) -> anyhow::Result<C
         frames: track.frames.iter().map(|frame| frame.index).collect(),
         image_size: track.image_size,
         fps: track.fps,
+        person: person(track),
         has_smpl_joints: has_smpl_joints(track),
         notes: imported.notes,
         seconds: started.elapsed().as_secs_f64(),
     })
+}
+
+/// Length of a body beyond its joints, above the head's and below the feet's, as a share of the joints' extent.
+const BEYOND_JOINTS: f64 = 1.15;
+
+/// Share of a picture's longer side that the person's longer side takes in half of the frames, by the joints of the
+/// `track`; 1 if no frame tells.
+fn person(track: &PoseTrack) -> f64 {
+    let Ok(skeleton) = Skeleton::from_track(&track.skeleton) else {
+        return 1.0;
+    };
+    let longer = f64::from(track.image_size[0].max(track.image_size[1]));
+    let extent = |frame: &Frame| -> Option<f64> {
+        let pose = Pose::from_frame(frame).ok()?;
+        let camera = Camera::from_frame(frame, track.image_size).ok()?;
+        let joints = skeleton.posed_joints(&pose);
+        let shown: Vec<[f64; 2]> = joints.iter().filter_map(|it| camera.project(*it)).collect();
+        let along = |axis: usize| {
+            let most = shown.iter().map(|it| it[axis]).fold(f64::MIN, f64::max);
+            let least = shown.iter().map(|it| it[axis]).fold(f64::MAX, f64::min);
+            most - least
+        };
+        Some(along(0).max(along(1)))
+    };
+    let mut extents: Vec<f64> = track.frames.iter().filter_map(extent).collect();
+    extents.sort_unstable_by(f64::total_cmp);
+    let share = extents
+        .get(extents.len() / 2)
+        .map_or(1.0, |extent| BEYOND_JOINTS * extent / longer);
+    match share.is_finite() {
+        true => share.clamp(0.1, 1.0),
+        false => 1.0,
+    }
 }
 
 /// Whether at least half of the joints are SMPL's, by the names that ingest gives them.
@@ -102,4 +140,28 @@ pub(super) fn check(
         report: checked.report,
         seconds: started.elapsed().as_secs_f64(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::person;
+    use yoto_synthetic::SyntheticPerson;
+
+    #[test]
+    fn a_person_far_away_takes_less_of_the_picture() {
+        let (mut track, _) = SyntheticPerson::cast(1, 7)[0].capture(8, 64);
+        let near = person(&track);
+        assert!((0.5..1.0).contains(&near), "{near}");
+        for frame in &mut track.frames {
+            let k = &mut frame.k;
+            for row in k.iter_mut().take(2) {
+                row[0] *= 0.5;
+                row[1] *= 0.5;
+            }
+        }
+        let far = person(&track);
+        assert!((far / near - 0.5).abs() < 0.05, "{far} {near}");
+        track.frames.clear();
+        assert_eq!(person(&track), 1.0);
+    }
 }

@@ -56,7 +56,7 @@ pub(crate) struct Avatar {
     clip: ClipMasks,
     #[command(flatten)]
     import: ImportOptions,
-    /// Longest side of training images and renders, pixels [default: the clip's, at most 512].
+    /// Longest side of training images and renders, pixels [default: as many as make the person 512 long, at most 1024].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=1024))]
     size: Option<u32>,
     /// Seconds of training.

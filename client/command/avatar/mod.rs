@@ -38,8 +38,10 @@ const VARIANT: &str = "yoto";
 const PAGE: &str = "index.html";
 const PLAYER: &str = "play.html";
 const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
-/// Largest side of training images and renders if no size is asked for, pixels.
-const LARGEST: u32 = 512;
+/// Length of the person in training images and renders if no size is asked for, pixels.
+const PERSON: u32 = 512;
+/// Longest side of training images and renders then, pixels.
+const LARGEST: u32 = 1024;
 /// Views of the orbit.
 const ORBIT_VIEWS: u32 = 24;
 /// Frames per second of the orbit's animation: it goes around in two seconds.

@@ -1,7 +1,7 @@
 //! What was made of a clip, in figures.
 
 use super::capture::{Captured, Checked};
-use super::{AvatarOptions, LARGEST};
+use super::{AvatarOptions, LARGEST, PERSON};
 use crate::studio::shots::Finished;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -75,6 +75,13 @@ pub struct Seconds {
     pub total: f64,
 }
 
+/// Longest side of training images and renders for a clip whose `longest` side is that, of which the person takes the
+/// share `person`: the person is [`PERSON`] pixels long where the clip has them.
+fn default_size(longest: u32, person: f64) -> u32 {
+    let wanted = (f64::from(PERSON) / person).round() as u32;
+    longest.min(wanted).min(LARGEST)
+}
+
 impl Report {
     pub(super) fn new(options: &AvatarOptions, captured: Captured, checked: Checked) -> Self {
         let [width, height] = captured.image_size;
@@ -89,7 +96,7 @@ impl Report {
             orbit_frame: captured.frames.get(moment).copied().unwrap_or_default(),
             size: options
                 .size
-                .unwrap_or_else(|| width.max(height).min(LARGEST)),
+                .unwrap_or_else(|| default_size(width.max(height), captured.person)),
             training: None,
             orbit: Vec::new(),
             motion: Vec::new(),
@@ -122,5 +129,18 @@ impl Report {
         let seconds = orbit.seconds_per_frame * orbit.frames.len() as f64
             + motion.seconds_per_frame * motion.frames.len() as f64;
         self.seconds.per_picture = seconds / pictures;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::default_size;
+
+    #[test]
+    fn a_small_person_in_a_large_picture_keeps_their_pixels() {
+        assert_eq!(default_size(1920, 1.0), 512);
+        assert_eq!(default_size(1280, 0.55), 931);
+        assert_eq!(default_size(1920, 0.2), 1024);
+        assert_eq!(default_size(300, 0.5), 300, "no more than the clip has");
     }
 }

@@ -20,7 +20,7 @@ pub(crate) use check::check_precision;
 pub use exposure::{ExposureConfig, LearnExposure};
 pub use field::{CanonicalConfig, DensityActivation, Encoding, FieldConfig, MarchConfig};
 pub(crate) use refinement::RefinementStage;
-pub use refinement::{Refine, RefinementConfig};
+pub use refinement::{Extent, Refine, RefinementConfig};
 pub use resolution::Resolution;
 pub use sampling::{SamplingConfig, Turns};
 pub use schedule::Schedule;

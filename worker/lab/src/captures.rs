@@ -10,7 +10,7 @@ use std::sync::Arc;
 use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::evaluate::protocol::Pictures;
 use yoto_avatar::render::FrameExposure;
-use yoto_avatar::train::Person;
+use yoto_avatar::train::{Person, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::{CaptureError, CaptureFolder, FrameImage, HeldOutView, Shard};
@@ -70,6 +70,9 @@ pub(super) struct Recording {
 pub(super) struct View {
     /// `camera-frame`, unique inside its split.
     pub label: String,
+    /// The pose that the capture gives.
+    pub given: Pose,
+    /// The pose that it is rendered in.
     pub pose: Pose,
     pub camera: Camera,
     pub truth: FrameImage,
@@ -177,6 +180,7 @@ fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording
     let view = |held_out: &HeldOutView| -> anyhow::Result<View> {
         Ok(View {
             label: format!("{}-{:06}", held_out.camera_name, held_out.frame),
+            given: held_out.pose.clone(),
             pose: held_out.pose.clone(),
             camera: held_out.camera.scaled_to(size),
             truth: held_out.read()?.resized(size),
@@ -229,10 +233,14 @@ impl Recording {
         }
     }
 
-    /// Sets the exposures of pictures of the training film to those `near` their frames.
-    pub(super) fn expose(&mut self, near: impl Fn(u32) -> FrameExposure) {
+    /// Sets poses and exposures of pictures of the training film to what the training of the person in `slot` has
+    /// found of the frames beside them, as a service measures held-out frames.
+    pub(super) fn follow(&mut self, trainer: &Trainer, slot: usize) {
         for view in self.novel_view.iter_mut().chain(&mut self.novel_pose) {
-            view.exposure = view.frame.map_or(FrameExposure::NEUTRAL, &near);
+            if let Some(index) = view.frame {
+                view.exposure = trainer.exposure_near(slot, index);
+                view.pose = trainer.pose_near(slot, index, &view.given);
+            }
         }
     }
 

@@ -38,6 +38,7 @@ fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
     let shard = shard.finish().context("packing a synthetic capture")?;
     let view = |camera: &Camera, number: usize, pose: &Pose, frame: usize| View {
         label: format!("cam{number:02}-{frame:06}"),
+        given: pose.clone(),
         pose: pose.clone(),
         camera: camera.clone(),
         truth: person.render(pose, camera),

@@ -81,6 +81,7 @@ pub(super) fn recording(
         };
         pictures.push(View {
             label: format!("frame-{:06}", frame.index),
+            given: Pose::from_frame(frame)?,
             pose: Pose::from_frame(frame)?,
             camera: Camera::from_frame(frame, track.image_size)?.scaled_to(size),
             truth: shard.image(position).resized(size),
@@ -158,12 +159,13 @@ mod tests {
             every: 10,
             blocks: 2,
         };
-        let splits: Vec<_> = (0..100).map(|at| held_out.of(at, at as u32, 100)).collect();
+        let splits: Vec<_> = (0..120).map(|at| held_out.of(at, at as u32, 120)).collect();
         let positions = |wanted: Split| -> Vec<usize> {
-            (0..100).filter(|at| splits[*at] == Some(wanted)).collect()
+            (0..120).filter(|at| splits[*at] == Some(wanted)).collect()
         };
-        let blocks = positions(Split::NovelPose);
-        assert_eq!(blocks, [23, 24, 25, 26, 73, 74, 75, 76]);
-        assert_eq!(positions(Split::NovelView), [5, 15, 35, 45, 55, 65, 85, 95]);
+        let blocks: Vec<usize> = (27..=32).chain(87..=92).collect();
+        assert_eq!(positions(Split::NovelPose), blocks);
+        let every: Vec<usize> = (5..120).step_by(10).collect();
+        assert_eq!(positions(Split::NovelView), every);
     }
 }

@@ -104,7 +104,7 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         options.curve_pictures,
         screen,
     )?;
-    expose(&mut recordings, &trainer);
+    follow(&mut recordings, &trainer);
     finish(
         options,
         &trainer,
@@ -116,10 +116,10 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     )
 }
 
-/// Sets the exposures of held-out frames of training films to those between their neighbours.
-fn expose(recordings: &mut [Recording], trainer: &Trainer) {
+/// Sets poses and exposures of held-out frames of training films to those between their neighbours.
+fn follow(recordings: &mut [Recording], trainer: &Trainer) {
     for (slot, recording) in recordings.iter_mut().enumerate() {
-        recording.expose(|index| trainer.exposure_near(slot, index));
+        recording.follow(trainer, slot);
     }
 }
 
@@ -142,7 +142,7 @@ fn train(
         let is_due = progress.fraction >= next_point || trainer.finished();
         if pictures > 0 && is_due {
             display.progress(&shown(&progress, "evaluating", curve.newest_psnr()));
-            expose(recordings, trainer);
+            follow(recordings, trainer);
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let point = |split| -> anyhow::Result<Option<CurvePoint>> {
                 let score = measure::subset(&examiner, recordings, split, pictures)?;

@@ -12,10 +12,22 @@ pub enum Refine {
     #[default]
     Never,
     /// Those of people whose bodies wander off their masks ([`PRECISE`](yoto_capture::check::PRECISE)),
-    /// or jump as no body can.
+    /// or jump as no body can. With splats, those of all others as well, but finely ([`Extent::Fine`]).
     Auto,
     /// Everybody's.
     Always,
+}
+
+/// How far a training refines the poses of a person.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Extent {
+    /// Errors of degrees and centimetres: pictures are much blurred at first, splats are few, and there is a fit
+    /// before each step.
+    #[default]
+    Wide,
+    /// Errors of about a pixel, which blur a face: little blur, all splats, fits before some of the steps.
+    Fine,
 }
 
 impl Refine {
@@ -49,6 +61,18 @@ pub struct RefinementConfig {
     pub first_blur: f64,
     /// Blur at the end.
     pub last_blur: f64,
+    /// For [`Extent::Fine`]: the start, as a share of the run. A model that is hardly learned would spoil good
+    /// poses.
+    pub fine_start: f64,
+    /// For [`Extent::Fine`]: the share of the steps before which a pose is fitted.
+    pub fine_share: f64,
+    /// For [`Extent::Fine`]: the blur at the start and at the end.
+    pub fine_blur: [f64; 2],
+    /// Error of given rotations about each axis, radians, below which poses stay as given once that is known,
+    /// after [`Self::judged`] of the run: fits would add more than they find.
+    pub exact: f64,
+    /// Share of the run after which that is decided.
+    pub judged: f64,
     /// Frames to both sides that follow a frame's step at the start, by a Gauss curve; none from
     /// two thirds on. Errors of neighbours are alike.
     pub reach: f64,
@@ -74,6 +98,11 @@ impl Default for RefinementConfig {
             share: 1.0,
             first_blur: 0.04,
             last_blur: 0.007,
+            fine_start: 0.2,
+            fine_share: 0.5,
+            fine_blur: [0.02, 0.004],
+            exact: 0.0047,
+            judged: 0.3,
             reach: 2.0,
             turn: 0.05,
             shift: 0.02,
@@ -97,6 +126,13 @@ pub(crate) struct RefinementStage {
     pub passed: f64,
 }
 
+impl RefinementStage {
+    /// The same without any step taken: what fits ask for tells how far given poses are off.
+    pub fn observing(self) -> Self {
+        Self { share: 0.0, ..self }
+    }
+}
+
 impl RefinementConfig {
     /// Whether training learns from refined poses after the completed fraction `progress` of a run:
     /// those that it has found stay when it no longer changes them.
@@ -104,15 +140,19 @@ impl RefinementConfig {
         progress >= self.start
     }
 
-    /// How poses are refined after the completed fraction `progress` of a run; `None` where they
+    /// How poses are refined to an `extent` after the completed fraction `progress` of a run; `None` where they
     /// are not.
-    pub(crate) fn stage(&self, progress: f64) -> Option<RefinementStage> {
-        if !self.takes_part(progress) || progress >= self.end {
+    pub(crate) fn stage(&self, extent: Extent, progress: f64) -> Option<RefinementStage> {
+        let start = match extent {
+            Extent::Wide => self.start,
+            Extent::Fine => self.fine_start,
+        };
+        if progress < start || progress >= self.end {
             return None;
         }
-        let passed = (progress - self.start) / (self.end - self.start);
+        let passed = (progress - start) / (self.end - start);
         Some(RefinementStage {
-            blur: self.blur(passed),
+            blur: self.blur(extent, passed),
             reach: self.reach * (1.0 - 1.5 * passed).max(0.0),
             share: 1.0 - 0.5 * passed,
             passed,
@@ -120,14 +160,22 @@ impl RefinementConfig {
     }
 
     /// Whether a pose is fitted before the step that follows `step` others.
-    pub(crate) fn fits_before(&self, step: u64) -> bool {
-        let fits = |steps: u64| (steps as f64 * self.share).floor();
+    pub(crate) fn fits_before(&self, extent: Extent, step: u64) -> bool {
+        let share = match extent {
+            Extent::Wide => self.share,
+            Extent::Fine => self.fine_share,
+        };
+        let fits = |steps: u64| (steps as f64 * share).floor();
         fits(step + 1) > fits(step)
     }
 
     /// Blur after the share `passed` of a fit.
-    pub(crate) fn blur(&self, passed: f64) -> f64 {
-        self.first_blur * (self.last_blur / self.first_blur).powf(passed)
+    pub(crate) fn blur(&self, extent: Extent, passed: f64) -> f64 {
+        let [first, last] = match extent {
+            Extent::Wide => [self.first_blur, self.last_blur],
+            Extent::Fine => self.fine_blur,
+        };
+        first * (last / first).powf(passed)
     }
 
     /// Checks every field.
@@ -145,17 +193,25 @@ impl RefinementConfig {
             ("refinement.start", self.start),
             ("refinement.end", self.end),
             ("refinement.share", self.share),
+            ("refinement.fine_start", self.fine_start),
+            ("refinement.fine_share", self.fine_share),
+            ("refinement.judged", self.judged),
         ] {
             if !(0.0..=1.0).contains(&share) {
                 return wrong(field, "must be between 0 and 1");
             }
         }
-        if self.start >= self.end {
-            return wrong("refinement.end", "must come after refinement.start");
+        if self.start.max(self.fine_start) >= self.end {
+            return wrong(
+                "refinement.end",
+                "must come after refinement.start and refinement.fine_start",
+            );
         }
         for (field, blur) in [
             ("refinement.first_blur", self.first_blur),
             ("refinement.last_blur", self.last_blur),
+            ("refinement.fine_blur", self.fine_blur[0]),
+            ("refinement.fine_blur", self.fine_blur[1]),
         ] {
             if !(1e-3..=0.5).contains(&blur) {
                 return wrong(field, "must be between 0.001 and 0.5");
@@ -170,6 +226,7 @@ impl RefinementConfig {
             ("refinement.turn_jitter", self.turn_jitter),
             ("refinement.shift_jitter", self.shift_jitter),
             ("refinement.noise", self.noise),
+            ("refinement.exact", self.exact),
         ] {
             if !(1e-6..=1e3).contains(&value) {
                 return wrong(field, "must be between 1e-6 and 1000");

@@ -14,14 +14,14 @@ const MAX_DEGREE: usize = 2;
 pub struct SplatConfig {
     /// Number per person.
     pub count: usize,
-    /// Number at first where poses are refined, at most `count`: few large splats fit inexact
+    /// Number at first where poses are refined widely, at most `count`: few large splats fit inexact
     /// poses better than many small ones.
     pub coarse: usize,
-    /// Where poses are refined: share of the run after which they are split until there are `count`.
+    /// Where poses are refined widely: share of the run after which splats are split until there are as many
+    /// as the geometric mean of `coarse` and `count`.
     pub grow: f64,
-    /// Error of given rotations about each axis, radians, below which poses are refined no longer once splats
-    /// are many: refinement costs time that training has better uses for.
-    pub precise: f64,
+    /// Where poses are refined widely: share of the run after which they are split until there are `count`.
+    pub grow_all: f64,
     /// Learning rate of the means, metres.
     pub mean_rate: f64,
     /// Learning rate of the rotations, which are quaternions.
@@ -49,7 +49,7 @@ impl Default for SplatConfig {
             count: 20_000,
             coarse: 4_000,
             grow: 0.3,
-            precise: 0.02,
+            grow_all: 0.5,
             mean_rate: 1e-3,
             turn_rate: 1e-2,
             scale_rate: 1e-2,
@@ -86,8 +86,16 @@ impl SplatConfig {
         if self.coarse < 64 {
             return fail("splats.coarse", "must be at least 64");
         }
-        if !(0.0..1.0).contains(&self.grow) {
-            return fail("splats.grow", "must be at least 0 and less than 1");
+        for (field, share) in [
+            ("splats.grow", self.grow),
+            ("splats.grow_all", self.grow_all),
+        ] {
+            if !(0.0..1.0).contains(&share) {
+                return fail(field, "must be at least 0 and less than 1");
+            }
+        }
+        if self.grow > self.grow_all {
+            return fail("splats.grow", "must be at most splats.grow_all");
         }
         for (field, rate) in [
             ("splats.mean_rate", self.mean_rate),
@@ -97,7 +105,6 @@ impl SplatConfig {
             ("splats.colour_rate", self.colour_rate),
             ("splats.harmonic_rate", self.harmonic_rate),
             ("splats.light_rate", self.light_rate),
-            ("splats.precise", self.precise),
         ] {
             if !(rate.is_finite() && rate >= 0.0) {
                 return fail(field, "must be at least 0");

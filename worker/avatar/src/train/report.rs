@@ -145,6 +145,26 @@ impl Trainer {
             .collect()
     }
 
+    /// The given `pose` of a frame of the same film with this `index`, which the training does not have, changed as the
+    /// nearest training frames before and after it are; as it is where poses stay as they are given.
+    pub fn pose_near(&self, slot: usize, index: u32, pose: &Pose) -> Pose {
+        let poses = self.model.state.poses.get(slot).and_then(Option::as_ref);
+        let (Some(subject), Some(poses)) = (self.data.in_slot(slot), poses) else {
+            return pose.clone();
+        };
+        let frames = &subject.track.frames;
+        let after = frames.partition_point(|frame| frame.index < index);
+        let last = frames.len() - 1;
+        let positions = [after.saturating_sub(1), after.min(last)];
+        let [from, to] = positions.map(|position| f64::from(frames[position].index));
+        let at = if to > from {
+            ((f64::from(index) - from) / (to - from)).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        poses.near(positions, at, pose)
+    }
+
     /// The exposure of the frame with this `index` of the film of the person in `slot`, whether it is trained
     /// on or not; neutral where exposures are not learned.
     pub fn exposure_near(&self, slot: usize, index: u32) -> FrameExposure {

@@ -203,13 +203,14 @@ fn begin(
     let grid = field.and_then(|it| Occupancy::new(&subject.body.grid, &it.march));
     state.occupancy[slot] = grid.map(|grid| grid.taught_by(known.as_ref()));
     let known = state.poses[slot].take();
-    let decision = decide(wanted.refinement.who, person)?;
-    if decision.refine {
+    let splats = saved.config.appearance.splats().is_some();
+    let decision = decide(wanted.refinement.who, person, splats)?;
+    if let Some(extent) = decision.refine {
         // Another film of the same person starts anew.
         let known = known.filter(|known| known.is_of(track));
         // The schedule of a model that stays as it is stands still.
         let late = alone || saved.progress >= saved.config.refinement.end;
-        let fresh = || PoseRefinement::new(track, late);
+        let fresh = || PoseRefinement::new(track, extent, late);
         state.poses[slot] = Some(known.unwrap_or_else(fresh));
     }
     let known = state.exposures[slot].take();

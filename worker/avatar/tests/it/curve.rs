@@ -12,8 +12,11 @@ use yoto_synthetic::{Estimator, SyntheticPerson};
 const SIZE: u32 = 64;
 /// Validations of a run, as a service makes them.
 const VALIDATIONS: u64 = 8;
-/// Most that a validation may measure below an earlier one, dB: a step moves some frames against others.
-const NOISE: f64 = 0.3;
+/// Most that a validation may measure below an earlier one, dB: a few frames move against others, most when splats
+/// have just been split.
+const NOISE: f64 = 0.6;
+/// Most that the end may measure below the highest, dB.
+const END: f64 = 0.1;
 
 /// A film of a person whose poses an estimator found.
 fn film(frames: usize) -> Person {
@@ -83,6 +86,10 @@ fn no_budget_and_no_film_ends_lower_than_it_was() {
                 );
                 highest = highest.max(*psnr);
             }
+            assert!(
+                curve.last().is_some_and(|end| *end >= highest - END),
+                "{frames}, {steps}, {refine:?}: {curve:.2?}"
+            );
         }
     }
 }

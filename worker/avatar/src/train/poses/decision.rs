@@ -1,6 +1,6 @@
 //! The decision whether a training refines the poses of a person.
 
-use crate::config::Refine;
+use crate::config::{Extent, Refine};
 use crate::train::TrainError;
 use crate::train::people::Person;
 use yoto_capture::check::{PRECISE, jumps, precision};
@@ -11,20 +11,22 @@ const NAMED: usize = 8;
 /// Whether the poses of a person are refined, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Decision {
-    pub refine: bool,
+    /// How far they are refined; `None` where they stay as given.
+    pub refine: Option<Extent>,
     /// For people; `None` where it was not for the training to decide.
     pub why: Option<String>,
 }
 
-/// The decision on `person`.
+/// The decision on `person`, whose model may have `splats`: fits of these are cheap enough for poses that are
+/// hardly off.
 ///
 /// # Errors
 /// Invalid skeleton.
-pub(crate) fn decide(who: Refine, person: &Person) -> Result<Decision, TrainError> {
+pub(crate) fn decide(who: Refine, person: &Person, splats: bool) -> Result<Decision, TrainError> {
     let asked = |refine| Ok(Decision { refine, why: None });
     match who {
-        Refine::Never => return asked(false),
-        Refine::Always => return asked(true),
+        Refine::Never => return asked(None),
+        Refine::Always => return asked(Some(Extent::Wide)),
         Refine::Auto => {}
     }
     let skeleton = |source| TrainError::Skeleton {
@@ -36,7 +38,10 @@ pub(crate) fn decide(who: Refine, person: &Person) -> Result<Decision, TrainErro
     let wanders = wander.is_some_and(|metres| metres > PRECISE);
     // A lost frame jumps there and back; one jump alone is a cut in the film.
     let lost = jumps.len() > 1;
-    let refine = wanders || lost;
+    let refine = match wanders || lost {
+        true => Some(Extent::Wide),
+        false => splats.then_some(Extent::Fine),
+    };
     let found = match wander {
         _ if lost && !wanders => {
             let shown: Vec<String> = jumps.iter().take(NAMED).map(u32::to_string).collect();
@@ -52,8 +57,9 @@ pub(crate) fn decide(who: Refine, person: &Person) -> Result<Decision, TrainErro
         }
     };
     let then = match refine {
-        true => "poses are refined",
-        false => "poses stay as given",
+        Some(Extent::Wide) => "poses are refined",
+        Some(Extent::Fine) => "poses are refined finely",
+        None => "poses stay as given",
     };
     let why = Some(format!("{}: {found}: {then}", person.name));
     Ok(Decision { refine, why })
@@ -67,7 +73,12 @@ mod tests {
     use yoto_proto::pose_track::PoseTrack;
     use yoto_synthetic::{Estimator, SyntheticPerson};
 
-    fn decision(who: Refine, frames: usize, change: impl Fn(&mut PoseTrack)) -> Decision {
+    fn decision(
+        who: Refine,
+        frames: usize,
+        splats: bool,
+        change: impl Fn(&mut PoseTrack),
+    ) -> Decision {
         let (mut track, images) = SyntheticPerson::cast(1, 7)[0].capture(frames, 64);
         change(&mut track);
         let mut shard = ShardBuilder::new(track);
@@ -79,45 +90,51 @@ mod tests {
             name: "ada".into(),
             shard: Arc::new(shard.finish().expect("a shard")),
         };
-        decide(who, &person).expect("a skeleton")
+        decide(who, &person, splats).expect("a skeleton")
     }
 
     #[test]
     fn poses_are_refined_where_they_are_imprecise() {
-        let exact = decision(Refine::Auto, 32, |_| {});
-        assert!(!exact.refine, "{exact:?}");
+        let exact = decision(Refine::Auto, 32, false, |_| {});
+        assert_eq!(exact.refine, None);
         assert!(exact.why.expect("a reason").contains("stay as given"));
-        let estimated = decision(Refine::Auto, 32, |track| {
+        let exact = decision(Refine::Auto, 32, true, |_| {});
+        assert_eq!(exact.refine, Some(Extent::Fine));
+        assert!(exact.why.expect("a reason").contains("finely"));
+        let estimated = decision(Refine::Auto, 32, false, |track| {
             let estimator = Estimator {
                 mistakes: 0.0,
                 ..Estimator::default()
             };
             *track = estimator.estimate(track, 1).expect("an estimate").track;
         });
-        assert!(estimated.refine, "{estimated:?}");
-        let lost = decision(Refine::Auto, 32, |track| {
+        assert_eq!(estimated.refine, Some(Extent::Wide));
+        let lost = decision(Refine::Auto, 32, false, |track| {
             track.frames[9].translation[2] -= 1.5;
         });
-        assert!(lost.refine, "{lost:?}");
+        assert_eq!(lost.refine, Some(Extent::Wide));
         let why = lost.why.expect("a reason");
         assert!(
             why.contains("before frames 9, 10") || why.contains("wander"),
             "{why}"
         );
-        let short = decision(Refine::Auto, 4, |track| {
+        let short = decision(Refine::Auto, 4, false, |track| {
             let still = track.frames[0].clone();
             for frame in &mut track.frames {
                 frame.pose.clone_from(&still.pose);
                 frame.translation = still.translation;
             }
         });
-        assert!(!short.refine && short.why.expect("a reason").contains("too few"));
+        assert!(short.refine.is_none() && short.why.expect("a reason").contains("too few"));
     }
 
     #[test]
     fn what_is_asked_for_needs_no_reason() {
-        for (who, refine) in [(Refine::Always, true), (Refine::Never, false)] {
-            assert_eq!(decision(who, 4, |_| {}), Decision { refine, why: None });
+        for (who, refine) in [(Refine::Always, Some(Extent::Wide)), (Refine::Never, None)] {
+            assert_eq!(
+                decision(who, 4, true, |_| {}),
+                Decision { refine, why: None }
+            );
         }
     }
 }

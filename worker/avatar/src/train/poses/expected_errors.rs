@@ -45,7 +45,6 @@ impl ExpectedErrors {
     }
 
     /// Those with these factors of the configured errors.
-    #[cfg(test)]
     pub fn of(factors: [f64; 2]) -> Self {
         Self(factors.map(|factor| Expected {
             squares: BEFORE * factor.powi(2) as f32,
@@ -67,9 +66,19 @@ impl ExpectedErrors {
     /// Learns from a fit of a frame that counts by `weight`, after the share `passed` of the
     /// refinement.
     pub fn learn(&mut self, evidence: &[Evidence; 2], weight: f64, passed: f64) {
-        if passed < FROM {
-            return;
+        if passed >= FROM {
+            self.average(evidence, weight, RATE);
         }
+    }
+
+    /// Learns from a fit of a frame that counts by `weight`, where poses are only observed and `before` other
+    /// fits were made: all count alike.
+    pub fn observe(&mut self, evidence: &[Evidence; 2], weight: f64, before: u32) {
+        self.average(evidence, weight, RATE.max(1.0 / (before as f32 + 2.0)));
+    }
+
+    /// Moves the sums by the share `rate` towards the `evidence` of a fit that counts by `weight`.
+    fn average(&mut self, evidence: &[Evidence; 2], weight: f64, rate: f32) {
         let factors = self.factors();
         for ((expected, found), factor) in self.0.iter_mut().zip(evidence).zip(factors) {
             // Rounding may leave a little less than nothing.
@@ -80,8 +89,8 @@ impl ExpectedErrors {
                 continue;
             }
             let [squares, determined] = [squares, determined].map(|it| (weight * it) as f32);
-            expected.squares += RATE * (squares - expected.squares);
-            expected.determined += RATE * (determined - expected.determined);
+            expected.squares += rate * (squares - expected.squares);
+            expected.determined += rate * (determined - expected.determined);
         }
     }
 

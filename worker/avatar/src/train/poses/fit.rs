@@ -1,6 +1,7 @@
 //! Fits of poses: of a frame's before the frame is trained on, and of other pictures'.
 
 use crate::avatar::Avatar;
+use crate::config::Extent;
 use crate::fit::{Picture, PoseChange, PoseFitter, Wishes};
 use crate::train::TrainError;
 use crate::train::model::Model;
@@ -31,12 +32,12 @@ pub(crate) fn fit_pose(
     let config = &model.config.refinement;
     let poses = model.state.poses[slot].as_mut();
     let stage = poses.and_then(|poses| poses.stage(config, now.opened, now.fraction));
-    let Some(stage) = stage.filter(|_| config.fits_before(now.step)) else {
+    let Some((poses, stage)) = model.state.poses[slot].as_ref().zip(stage) else {
         return Ok(());
     };
-    let Some(poses) = &model.state.poses[slot] else {
+    if !poses.fits_before(config, now.step) {
         return Ok(());
-    };
+    }
     let _span = trace_span!("refine").entered();
     let avatar = model.state.avatar().clone().no_grad();
     let fitter = fitter(model, subject, &avatar, now.opened);
@@ -102,7 +103,7 @@ pub(crate) fn fitted_pose(
     for step in 0..FIT_STEPS {
         let passed = f64::from(step) / f64::from(FIT_STEPS - 1);
         let given = change.wishes(config, [1.0; 2]);
-        let (all, blur) = (given.clone(), config.blur(passed));
+        let (all, blur) = (given.clone(), config.blur(Extent::Wide, passed));
         let wishes = Wishes { given, all };
         let pose = change.of(pose);
         let step = fitter.step(&pose, &picture, &wishes, blur, config.noise, &mut rng)?;

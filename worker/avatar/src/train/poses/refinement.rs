@@ -3,7 +3,7 @@
 //! The mean of all changes stays zero, since a change that all frames share is a change of the
 //! canonical body as well.
 
-use crate::config::{RefinementConfig, RefinementStage, SplatConfig};
+use crate::config::{Extent, RefinementConfig, RefinementStage, SplatConfig};
 use crate::fit::{Evidence, PoseChange, Wish};
 use crate::train::poses::expected_errors::ExpectedErrors;
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,16 @@ const SUSPECT: f64 = 1.5;
 const SMOOTHING: f32 = 0.03;
 /// Shares of the refinement after which other readings are tried.
 const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
+/// Errors that are expected of poses that are refined finely, as factors of the configured ones: rotations by about
+/// 1 degree, as of BlazePose in films of one person (docs/refinement.md), and positions.
+const FINE: [f64; 2] = [0.4, 0.4];
+/// Fewest fits that tell whether given poses are exact.
+const TELLING: u32 = 10;
+/// Fits per frame of the track before splats become many. With fewer, poses are hardly better than given, and a
+/// held-out frame of a synthetic film lost 1.6 dB (`worker/avatar/tests/it/curve.rs`).
+const FITS: f64 = 2.5;
+/// Share of a run after which splats become no more: they would not learn.
+const LAST_GROWTH: f64 = 0.6;
 /// Farthest frames between which a lost one is placed.
 const FAR: usize = 10;
 
@@ -33,8 +43,16 @@ pub(crate) struct PoseRefinement {
     changes: Vec<PoseChange>,
     /// Whether they are found over one run of a model whose own refinement was over.
     late: bool,
+    #[serde(default)]
+    extent: Extent,
     /// Whether they change no more.
     done: bool,
+    /// Whether it was decided if the given poses are exact.
+    #[serde(default)]
+    judged: bool,
+    /// Number of fits so far.
+    #[serde(default)]
+    fits: u32,
     /// Latest misfit of each frame relative to the typical one then, once it was fitted.
     misfits: Vec<Option<f32>>,
     /// Logarithm of the typical misfit: a moving mean over the frames that were fitted last.
@@ -43,8 +61,8 @@ pub(crate) struct PoseRefinement {
     tried: Vec<u8>,
     #[serde(default = "ExpectedErrors::configured")]
     errors: ExpectedErrors,
-    /// 1 while splats are few, 3 once they are all; 0 if those of an earlier training stay. A training of an
-    /// earlier version that placed few again has 2.
+    /// 1 while splats are few, 2 once they are more, or were placed again by an earlier version, 3 once they are all;
+    /// 0 if those of an earlier training stay.
     #[serde(default)]
     placed: u8,
     /// Where the placement was, as [`Self::stage`] counts progress. In single precision, which a
@@ -57,13 +75,16 @@ pub(crate) struct PoseRefinement {
 
 impl PoseRefinement {
     /// No change yet of the poses of `track`; `late` if the model's own refinement is over.
-    pub fn new(track: &PoseTrack, late: bool) -> Self {
+    pub fn new(track: &PoseTrack, extent: Extent, late: bool) -> Self {
         Self {
             track: fingerprint(track),
             late,
+            extent,
             done: false,
+            judged: false,
+            fits: 0,
             typical: None,
-            errors: ExpectedErrors::configured(),
+            errors: expected(extent),
             changes: vec![PoseChange::none(track.joints()); track.frames.len()],
             misfits: vec![None; track.frames.len()],
             tried: vec![0; track.frames.len()],
@@ -99,10 +120,31 @@ impl PoseRefinement {
     ) -> Option<RefinementStage> {
         let progress = self.progress(opened, fraction);
         self.done |= progress >= config.end;
-        match self.done {
+        self.judge(config, progress);
+        let stage = match self.done {
             true => None,
-            false => config.stage(progress),
+            false => config.stage(self.extent, progress),
+        };
+        match self.extent {
+            Extent::Fine if !self.judged => stage.map(RefinementStage::observing),
+            _ => stage,
         }
+    }
+
+    /// Decides, after the share `progress` of the run, whether the given poses are exact; then they stay, and so
+    /// they do if too few fits tell. Until then, fine fits only observe.
+    fn judge(&mut self, config: &RefinementConfig, progress: f64) {
+        if self.judged || self.extent == Extent::Wide || progress < config.judged {
+            return;
+        }
+        self.judged = true;
+        let errors = self.errors(config).filter(|_| self.fits >= TELLING);
+        self.done |= errors.is_none_or(|[rotation, _]| rotation < config.exact);
+    }
+
+    /// Whether the pose of a frame is fitted before the step that follows `step` others.
+    pub fn fits_before(&self, config: &RefinementConfig, step: u64) -> bool {
+        config.fits_before(self.extent, step)
     }
 
     /// Progress of the run in which the poses are refined, from that of the model's first run and that
@@ -121,29 +163,36 @@ impl PoseRefinement {
     pub fn places_first(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> usize {
         self.placed = 1;
         self.placed_at = self.progress(opened, fraction) as f32;
-        config.first_count()
+        match self.extent {
+            Extent::Wide => config.first_count(),
+            Extent::Fine => config.count,
+        }
     }
 
-    /// Whether the splats are due to become all of theirs. The call counts as their growth. Where given poses
-    /// were found to be right then, they are refined no longer.
-    pub fn grows(
-        &mut self,
-        config: &SplatConfig,
-        refinement: &RefinementConfig,
-        opened: f64,
-        fraction: f64,
-    ) -> bool {
+    /// The number that splats are due to become: when frames were fitted a few times, and enough of the run is left
+    /// for them to learn, first the geometric mean of few and all, and later all. The call counts as their
+    /// growth.
+    pub fn grows(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> Option<usize> {
         let progress = self.progress(opened, fraction);
         // Somebody who came in the middle of a run has what was left of it.
         let from = f64::from(self.placed_at);
         let passed = (progress - from) / (1.0 - from).max(f64::MIN_POSITIVE);
-        let due = matches!(self.placed, 1 | 2) && passed >= config.grow;
-        if due {
-            self.placed = 3;
-            let errors = self.errors(refinement);
-            self.done |= errors.is_some_and(|[rotation, _]| rotation < config.precise);
+        let fitted = f64::from(self.fits) >= FITS * self.changes.len() as f64;
+        if self.extent == Extent::Fine || fraction > LAST_GROWTH || !fitted {
+            return None;
         }
-        due
+        match self.placed {
+            1 if passed >= config.grow => {
+                self.placed = 2;
+                let product = (config.first_count() * config.count) as f64;
+                Some(product.sqrt() as usize)
+            }
+            2 if passed >= config.grow_all => {
+                self.placed = 3;
+                Some(config.count)
+            }
+            _ => None,
+        }
     }
 
     /// The given `pose` of the frame at `position` in the track as it is read, without its change.
@@ -162,6 +211,18 @@ impl PoseRefinement {
         let (from, to) = (&self.changes[from].0, &self.changes[to].0);
         let pairs = from.iter().zip(to);
         PoseChange(pairs.map(|(a, b)| a + at as f32 * (b - a)).collect())
+    }
+
+    /// `pose` of a frame that is not in the track, changed by what lies at the share `at` of the way from the frame at
+    /// one position to that at another.
+    pub fn near(&self, positions: [usize; 2], at: f64, pose: &Pose) -> Pose {
+        let [from, to] = positions;
+        match [from, to].map(|it| self.has_usual_axes(it)) {
+            [true, true] => self.change_between([from, to], at).of(pose),
+            [true, false] => self.changes[from].of(pose),
+            [false, true] => self.changes[to].of(pose),
+            [false, false] => pose.clone(),
+        }
     }
 
     /// Notes how far the frame at `position` was from its picture.
@@ -188,8 +249,11 @@ impl PoseRefinement {
     }
 
     /// Whether other readings of the frame at `position` should be tried now, after the share `passed`
-    /// of the refinement.
+    /// of the refinement. Bodies that hardly wander off their masks are read rightly.
     pub fn suspects(&self, position: usize, passed: f64) -> bool {
+        if self.extent == Extent::Fine {
+            return false;
+        }
         let due = TRIALS.iter().filter(|at| passed >= **at).count();
         usize::from(self.tried[position]) < due && self.misfit(position) > SUSPECT
     }
@@ -280,14 +344,22 @@ impl PoseRefinement {
     /// given poses are off.
     pub fn learn(&mut self, position: usize, evidence: &[Evidence; 2], passed: f64) {
         let weight = self.weight(position);
-        self.errors.learn(evidence, weight, passed);
+        match self.extent {
+            Extent::Wide => self.errors.learn(evidence, weight, passed),
+            // Fine fits start with a model that shows enough.
+            Extent::Fine if self.judged => self.errors.learn(evidence, weight, 1.0),
+            Extent::Fine => {
+                self.errors.observe(evidence, weight, self.fits);
+            }
+        }
+        self.fits = self.fits.saturating_add(1);
     }
 
     /// How far given poses are off: rotations about each axis, radians, and positions along each,
     /// metres; `None` until fits have found it.
     pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
         let [turn, shift] = self.errors.factors();
-        let learned = self.errors != ExpectedErrors::configured();
+        let learned = self.errors != expected(self.extent);
         learned.then_some([turn * config.turn, shift * config.shift])
     }
 
@@ -354,6 +426,15 @@ impl PoseRefinement {
                 self.changes[*position].0[i] -= mean;
             }
         }
+    }
+}
+
+/// What is expected of given poses before fits have found it. Those that are refined finely are within
+/// [`PRECISE`](yoto_capture::check::PRECISE).
+fn expected(extent: Extent) -> ExpectedErrors {
+    match extent {
+        Extent::Wide => ExpectedErrors::configured(),
+        Extent::Fine => ExpectedErrors::of(FINE),
     }
 }
 

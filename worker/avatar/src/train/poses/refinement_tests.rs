@@ -7,7 +7,7 @@ fn track() -> PoseTrack {
 
 #[test]
 fn neighbours_follow_and_the_mean_stays() {
-    let mut poses = PoseRefinement::new(&track(), false);
+    let mut poses = PoseRefinement::new(&track(), Extent::Wide, false);
     let mut step = vec![0.0; 3 * (track().joints() + 1)];
     step[4] = 0.1;
     let stage = RefinementStage {
@@ -34,7 +34,7 @@ fn wishes_lead_to_the_given_pose_and_the_neighbours() {
         turn_jitter: 0.5,
         ..RefinementConfig::default()
     };
-    let mut poses = PoseRefinement::new(&track(), false);
+    let mut poses = PoseRefinement::new(&track(), Extent::Wide, false);
     poses.changes[3].0[0] = 0.4;
     poses.changes[5].0[0] = 0.2;
     poses.changes[4].0[0] = 0.1;
@@ -51,7 +51,7 @@ fn wishes_lead_to_the_given_pose_and_the_neighbours() {
 
 #[test]
 fn files_without_expected_errors_are_read() {
-    let poses = PoseRefinement::new(&track(), false);
+    let poses = PoseRefinement::new(&track(), Extent::Wide, false);
     let mut file = serde_json::to_value(&poses).expect("JSON");
     let removed = file.as_object_mut().and_then(|it| it.remove("errors"));
     assert!(removed.is_some());
@@ -65,13 +65,13 @@ fn another_film_of_the_same_length_starts_anew() {
     let track = track();
     let mut other = track.clone();
     other.frames[3].translation[1] += 1e-9;
-    let poses = PoseRefinement::new(&track, false);
+    let poses = PoseRefinement::new(&track, Extent::Wide, false);
     assert!(poses.is_of(&track) && !poses.is_of(&other));
 }
 
 #[test]
 fn a_frame_that_fits_far_worse_than_others_hardly_counts() {
-    let mut poses = PoseRefinement::new(&track(), false);
+    let mut poses = PoseRefinement::new(&track(), Extent::Wide, false);
     assert_eq!(poses.fitting_around(3), None, "nothing is known");
     // Misfits fall over a run, and are told from those of their time.
     for visit in 0..40 {
@@ -98,7 +98,7 @@ fn a_frame_that_fits_far_worse_than_others_hardly_counts() {
 #[test]
 fn frames_with_exchanged_sides_keep_to_themselves() {
     let track = track();
-    let mut poses = PoseRefinement::new(&track, false);
+    let mut poses = PoseRefinement::new(&track, Extent::Wide, false);
     let (pose, none) = (Pose::rest(track.joints()), PoseChange::none(track.joints()));
     poses.tried(4, 0.5, Some((Reading::Limbs, pose.clone(), none)));
     let mut step = vec![0.0; 3 * (track.joints() + 1)];
@@ -120,11 +120,11 @@ fn frames_with_exchanged_sides_keep_to_themselves() {
 fn a_person_who_comes_late_is_refined_over_that_run() {
     let config = RefinementConfig::default();
     let stage = |late, opened, fraction| {
-        PoseRefinement::new(&track(), late).stage(&config, opened, fraction)
+        PoseRefinement::new(&track(), Extent::Wide, late).stage(&config, opened, fraction)
     };
     assert!(stage(false, 0.5, 0.5).is_some() && stage(false, 1.0, 0.5).is_none());
     assert!(stage(true, 1.0, 0.5).is_some() && stage(true, 1.0, 0.95).is_none());
-    let mut poses = PoseRefinement::new(&track(), true);
+    let mut poses = PoseRefinement::new(&track(), Extent::Wide, true);
     assert!(poses.stage(&config, 1.0, 1.0).is_none());
     assert!(
         poses.stage(&config, 1.0, 0.5).is_none(),
@@ -133,42 +133,68 @@ fn a_person_who_comes_late_is_refined_over_that_run() {
 }
 
 #[test]
-fn splats_grow_once_and_those_of_an_earlier_training_stay() {
+fn splats_grow_twice_and_those_of_an_earlier_training_stay() {
     let config = SplatConfig::default();
-    let settings = RefinementConfig::default();
-    let mut poses = PoseRefinement::new(&track(), false);
-    assert!(!poses.grows(&config, &settings, 1.0, 1.0), "not placed");
+    let mut poses = PoseRefinement::new(&track(), Extent::Wide, false);
+    assert_eq!(poses.grows(&config, 1.0, 0.5), None, "not placed");
     assert!(!poses.has_placed());
     assert_eq!(poses.places_first(&config, 0.0, 0.0), config.coarse);
-    let mut at = |opened| poses.grows(&config, &settings, opened, 0.0);
-    assert!(!at(config.grow - 0.01));
-    assert!(at(config.grow));
-    assert!(!at(1.0), "once");
-    let mut late = PoseRefinement::new(&track(), true);
+    assert_eq!(poses.grows(&config, config.grow, 0.0), None, "as given");
+    poses.fits = 20;
+    assert_eq!(poses.grows(&config, config.grow, 0.61), None, "too late");
+    let mut at = |opened| poses.grows(&config, opened, 0.0);
+    assert_eq!(at(config.grow - 0.01), None);
+    assert_eq!(at(config.grow), Some(8944));
+    assert_eq!(at(config.grow), None, "once");
+    assert_eq!(at(config.grow_all), Some(config.count));
+    assert_eq!(at(1.0), None, "once");
+    let mut late = PoseRefinement::new(&track(), Extent::Wide, true);
     late.places_first(&config, 1.0, 0.0);
-    assert!(!late.grows(&config, &settings, 1.0, 0.1));
-    assert!(late.grows(&config, &settings, 1.0, 0.7));
+    late.fits = 20;
+    assert_eq!(late.grows(&config, 1.0, 0.1), None);
+    assert!(late.grows(&config, 1.0, 0.4).is_some());
     // In the middle of a run, by what is left of it.
-    let mut joined = PoseRefinement::new(&track(), false);
+    let mut joined = PoseRefinement::new(&track(), Extent::Wide, false);
     joined.places_first(&config, 0.5, 0.0);
-    assert!(!joined.grows(&config, &settings, 0.6, 0.2));
-    assert!(joined.grows(&config, &settings, 0.66, 0.32));
+    joined.fits = 20;
+    assert_eq!(joined.grows(&config, 0.6, 0.2), None);
+    assert!(joined.grows(&config, 0.66, 0.32).is_some());
     assert!(joined.has_placed());
 }
 
 #[test]
-fn poses_that_are_right_are_refined_no_longer_once_splats_are_many() {
-    let config = SplatConfig::default();
+fn fine_fits_observe_until_poses_are_judged_and_exact_ones_stay_as_given() {
     let settings = RefinementConfig::default();
-    let over = |factor: f64| {
-        let mut poses = PoseRefinement::new(&track(), false);
-        poses.places_first(&config, 0.0, 0.0);
+    let judged = |factor: f64, fits: u32| {
+        let mut poses = PoseRefinement::new(&track(), Extent::Fine, false);
+        poses.fits = fits;
         poses.errors = ExpectedErrors::of([factor, 1.0]);
-        assert!(poses.stage(&settings, 0.2, 0.2).is_some());
-        assert!(poses.grows(&config, &settings, 0.3, 0.3));
-        poses.stage(&settings, 0.35, 0.35).is_none()
+        let before = settings.judged - 0.01;
+        let observing = poses.stage(&settings, before, before).expect("fits");
+        assert_eq!(observing.share, 0.0, "no step is taken");
+        poses.stage(&settings, settings.judged, settings.judged)
     };
-    let limit = config.precise / settings.turn;
-    assert!(over(0.9 * limit));
-    assert!(!over(1.1 * limit));
+    let limit = settings.exact / settings.turn;
+    assert_eq!(judged(0.9 * limit, 30), None);
+    assert!(judged(1.1 * limit, 30).is_some_and(|stage| stage.share > 0.0));
+    assert_eq!(judged(1.1 * limit, 3), None, "too few fits tell");
+}
+
+#[test]
+fn a_fine_refinement_has_all_splats_fewer_fits_and_less_blur() {
+    let (config, settings) = (SplatConfig::default(), RefinementConfig::default());
+    let mut fine = PoseRefinement::new(&track(), Extent::Fine, false);
+    let mut wide = PoseRefinement::new(&track(), Extent::Wide, false);
+    assert_eq!(fine.places_first(&config, 0.0, 0.0), config.count);
+    assert_eq!(wide.places_first(&config, 0.0, 0.0), config.coarse);
+    fine.fits = 20;
+    assert_eq!(fine.grows(&config, 0.5, 0.5), None, "there are all of them");
+    let fits = |poses: &PoseRefinement| {
+        (0..100)
+            .filter(|step| poses.fits_before(&settings, *step))
+            .count()
+    };
+    assert_eq!((fits(&fine), fits(&wide)), (50, 100));
+    let blur = |poses: &mut PoseRefinement| poses.stage(&settings, 0.3, 0.3).map(|it| it.blur);
+    assert!(blur(&mut fine) < blur(&mut wide));
 }

@@ -1,4 +1,4 @@
-//! Where splats are placed, and when they become more. A training that refines poses starts with few, since many small
+//! Where splats are placed, and when they become more. A training that refines poses widely starts with few, since many small
 //! ones learn the mean of wrong poses by heart; once poses are better, they are split until there are all
 //! (docs/splats.md).
 
@@ -49,7 +49,7 @@ pub(crate) fn place_first(
     Ok(())
 }
 
-/// Splits the splats of the `subject` where the error is until there are all of them, if that is due. They know
+/// Splits the splats of the `subject` where the error is until there are as many as are due. They know
 /// what they have learned, so that a picture hardly changes.
 pub(crate) fn grow(
     model: &mut Model,
@@ -59,13 +59,12 @@ pub(crate) fn grow(
     let Some(config) = model.config.appearance.splats() else {
         return Ok(());
     };
-    let count = config.count;
     let Some(poses) = &mut model.state.poses[subject.slot] else {
         return Ok(());
     };
-    if !poses.grows(config, &model.config.refinement, now.opened, now.fraction) {
+    let Some(count) = poses.grows(config, now.opened, now.fraction) else {
         return Ok(());
-    }
+    };
     let _span = trace_span!("grow").entered();
     let worth = errors(model, subject, now)?;
     let own = Avatar::own_slot(&model.config, subject.slot);
