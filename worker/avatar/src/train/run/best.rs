@@ -42,3 +42,39 @@ impl Best {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::avatar::Avatar;
+    use crate::config::ModelConfig;
+    use crate::train::run::optimiser::optimiser;
+    use burn::tensor::Device;
+
+    fn colours(state: &TrainState) -> Vec<f32> {
+        let splats = state.avatar().splat_values(0).expect("reads");
+        splats.colours
+    }
+
+    #[test]
+    fn a_state_that_is_clearly_worse_is_given_up_for_the_best() {
+        let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+        config.appearance.splats_mut().expect("splats").count = 64;
+        let avatar = Avatar::new(&config, 1, 24, 3, &Device::flex().autodiff());
+        let mut state = TrainState::new(avatar, optimiser(&config));
+        let good = colours(&state);
+        let best = Best::of(None, &state, 30.0, 100);
+        let worse = vec![0.25; good.len()];
+        let anew = vec![false; good.len() / 3];
+        let avatar = state.avatar_mut();
+        avatar.paint_splats(0, &worse, &anew).expect("paints");
+        let best = Best::of(best, &state, 29.0, 200).expect("the first");
+        assert_eq!(best.return_to(&mut state, 29.95), None, "within the noise");
+        assert_eq!(colours(&state), worse);
+        let note = best.return_to(&mut state, 29.0).expect("a note");
+        assert!(note.contains("30.00 dB after step 100"), "{note}");
+        assert_eq!(colours(&state), good);
+        let unmeasured = Best::of(None, &state, f64::NAN, 1);
+        assert!(unmeasured.is_none());
+    }
+}
