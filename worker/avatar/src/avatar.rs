@@ -273,6 +273,21 @@ impl Avatar {
         }
     }
 
+    /// Changes the splats of the identity in `slot`, if the model has splats.
+    fn change_splats(
+        &mut self,
+        slot: usize,
+        change: impl FnOnce(&Initial<'_>, &mut Splats) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        match self.splats.get_mut(slot) {
+            Some(splats) => change(&init, splats),
+            None => Ok(()),
+        }
+    }
+
     /// Replaces the splats and the light of the identity in `slot` by those at the start of a
     /// training.
     pub(crate) fn place_splats(&mut self, slot: usize, first: &FirstSplats) {
@@ -300,13 +315,9 @@ impl Avatar {
         values: &FirstSplats,
         from: &[usize],
     ) -> Result<(), ReadError> {
-        let device = self.device();
-        // Nothing is drawn, so any seed will do.
-        let init = Initial::new(&device, 0);
-        if let Some(splats) = self.splats.get_mut(slot) {
-            splats.replace(&init, slot, values, from)?;
-        }
-        Ok(())
+        self.change_splats(slot, |init, splats| {
+            splats.replace(init, slot, values, from)
+        })
     }
 
     /// Replaces the `colours` `[N, 3]` of the splats of the identity in `slot`. Those that are `anew` `[N]` no longer
@@ -317,13 +328,7 @@ impl Avatar {
         colours: &[f32],
         anew: &[bool],
     ) -> Result<(), ReadError> {
-        let device = self.device();
-        // Nothing is drawn, so any seed will do.
-        let init = Initial::new(&device, 0);
-        if let Some(splats) = self.splats.get_mut(slot) {
-            splats.paint(&init, slot, colours, anew)?;
-        }
-        Ok(())
+        self.change_splats(slot, |init, splats| splats.paint(init, slot, colours, anew))
     }
 
     /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.

@@ -2,11 +2,13 @@
 
 use crate::captures::{Recording, Split, View};
 use anyhow::{Context, ensure};
+use std::path::Path;
 use std::sync::Arc;
 use yoto_avatar::render::FrameExposure;
 use yoto_avatar::train::Validation;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::{Shard, ShardBuilder};
+use yoto_import::capture_dir::{CaptureOptions, DecodedCapture};
 
 /// A capture that was read as an ingest job reads an upload.
 #[derive(Debug, Clone)]
@@ -15,6 +17,25 @@ pub struct OneCamera {
     pub name: String,
     /// All of its frames.
     pub shard: Arc<Shard>,
+}
+
+impl OneCamera {
+    /// The capture at `path`, read whole; `on_frame` is told the number of frames so far and of all. Videos that are
+    /// not decoded in this process need the program `ffmpeg`, which is searched for when it has no name.
+    ///
+    /// # Errors
+    /// A capture that can't be read.
+    pub fn read(
+        path: &Path,
+        ffmpeg: Option<&Path>,
+        mut on_frame: impl FnMut(usize, usize),
+    ) -> anyhow::Result<Self> {
+        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg)?;
+        let frames = decoded.capture.track().frames.len();
+        let shard = Arc::new(decoded.shard(|done| on_frame(done, frames))?);
+        let name = decoded.name;
+        Ok(Self { name, shard })
+    }
 }
 
 /// Which frames of a film are held out.

@@ -8,14 +8,10 @@ use crate::one_camera::{HeldOut, OneCamera};
 use crate::quality::{QualityOptions, run};
 use anyhow::Context;
 use clap::Args;
-use clap::builder::OsStringValueParser;
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
-use yoto_import::capture_dir::{CaptureOptions, DecodedCapture};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -79,7 +75,8 @@ pub(super) struct Quality {
     #[arg(long, value_name = "FILE")]
     train_poses: Option<String>,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
-    /// wander off their masks or jump [default: by the tier: auto, or never for the tiers of the paper].
+    /// wander off their masks or jump, and finely for all others with splats [default: by the tier: auto, or never for
+    /// the tiers of the paper].
     #[arg(long, value_parser = args::refine_poses, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<Refine>,
     /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
@@ -99,15 +96,8 @@ pub(super) struct Quality {
     /// difference, white from a quarter of the data range.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
-    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
-    #[arg(
-        long,
-        env = "YOTO_FFMPEG",
-        value_name = "FILE",
-        value_parser = OsStringValueParser::new(),
-        hide_short_help = true
-    )]
-    ffmpeg: Option<OsString>,
+    #[command(flatten)]
+    ffmpeg: args::FfmpegArg,
     #[command(flatten)]
     lpips: LpipsArgs,
 }
@@ -117,7 +107,7 @@ impl Quality {
         let films = self
             .captures
             .iter()
-            .map(|path| film(path, self.ffmpeg.as_deref().map(Path::new)));
+            .map(|path| film(path, self.ffmpeg.program()));
         let options = QualityOptions {
             captures: films.collect::<anyhow::Result<_>>()?,
             held_out: HeldOut::Every(self.hold_out as usize),
@@ -156,13 +146,13 @@ fn film(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<Film> {
         if CaptureFolder::has_held_out(path)? {
             return Ok(Film::Studio(path.to_owned()));
         }
-        let decoded = DecodedCapture::open(path, &CaptureOptions::default(), ffmpeg)?;
-        let mut display = ProgressDisplay::new(&*decoded.name);
-        let frames = decoded.capture.track().frames.len();
-        let shard = Arc::new(decoded.shard(|done| display.count("frame", done, frames))?);
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let mut display = ProgressDisplay::new(&*name);
+        let film = OneCamera::read(path, ffmpeg, |done, frames| {
+            display.count("frame", done, frames);
+        })?;
         display.clear();
-        let name = decoded.name;
-        Ok(Film::OneCamera(path.to_owned(), OneCamera { name, shard }))
+        Ok(Film::OneCamera(path.to_owned(), film))
     };
     read().with_context(|| format!("the capture {}", path.display()))
 }

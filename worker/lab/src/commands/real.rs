@@ -7,9 +7,7 @@ use crate::one_camera::HeldOut;
 use crate::quality::QualityOptions;
 use crate::real::{RealOptions, run, table};
 use clap::Args;
-use clap::builder::OsStringValueParser;
-use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::train::Budget;
 use yoto_import::Options;
@@ -71,15 +69,8 @@ pub(super) struct Real {
     /// Random seed.
     #[arg(long, value_name = "N", default_value_t = 7)]
     seed: u64,
-    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
-    #[arg(
-        long,
-        env = "YOTO_FFMPEG",
-        value_name = "FILE",
-        value_parser = OsStringValueParser::new(),
-        hide_short_help = true
-    )]
-    ffmpeg: Option<OsString>,
+    #[command(flatten)]
+    ffmpeg: args::FfmpegArg,
     #[command(flatten)]
     lpips: LpipsArgs,
 }
@@ -90,7 +81,7 @@ impl Real {
             source: self.source,
             import: Options {
                 pose_model: self.pose_model,
-                ffmpeg: self.ffmpeg.map(PathBuf::from),
+                ffmpeg: self.ffmpeg.program().map(Path::to_owned),
                 ..Options::default()
             },
             quality: QualityOptions {

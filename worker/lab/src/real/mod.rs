@@ -14,12 +14,12 @@ use crate::report::Report;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 use yoto_capture::check::Grade;
 use yoto_import::capture_check;
-use yoto_import::capture_dir::{CaptureOptions, DecodedCapture};
+use yoto_import::capture_dir::CaptureOptions;
 use yoto_import::{Format, Options, TrackForm, to_folder};
+use yoto_proto::media_plan::VIDEO_ENDINGS;
 use yoto_proto::pose_track::FILES;
 
 pub use table::table;
@@ -29,8 +29,6 @@ const HELD_OUT: HeldOut = HeldOut::EveryAndBlocks {
     every: 10,
     blocks: 3,
 };
-/// Kinds of files that are taken for clips.
-const CLIPS: [&str; 6] = ["mp4", "mov", "m4v", "webm", "mkv", "avi"];
 
 /// How to measure clips.
 #[derive(Debug, Clone)]
@@ -129,14 +127,15 @@ fn sources(source: &Path) -> anyhow::Result<Vec<PathBuf>> {
         !found.is_empty(),
         "{} has no clips ({}) and no captures",
         source.display(),
-        CLIPS.join(", ")
+        VIDEO_ENDINGS.join(", ")
     );
     Ok(found)
 }
 
 fn is_source(path: &Path) -> bool {
     let extension = path.extension().and_then(|it| it.to_str());
-    let is_clip = extension.is_some_and(|it| CLIPS.contains(&it.to_ascii_lowercase().as_str()));
+    let is_clip =
+        extension.is_some_and(|it| VIDEO_ENDINGS.contains(&it.to_ascii_lowercase().as_str()));
     (is_clip && path.is_file()) || is_capture(path)
 }
 
@@ -191,13 +190,11 @@ fn measured(
     let failed = named(Grade::Fail);
     ensure!(failed.is_empty(), "the check fails: {}", failed.join("; "));
     let began = Instant::now();
-    let decoded = DecodedCapture::open(&capture, &CaptureOptions::default(), ffmpeg)?;
-    let shard = Arc::new(decoded.shard(|_| {})?);
-    clip.frames = shard.frames();
     let film = OneCamera {
         name: clip.name.clone(),
-        shard,
+        ..OneCamera::read(&capture, ffmpeg, |_, _| {})?
     };
+    clip.frames = film.shard.frames();
     let quality = QualityOptions {
         captures: vec![Film::OneCamera(capture, film)],
         held_out: HELD_OUT,

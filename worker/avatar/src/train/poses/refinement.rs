@@ -3,7 +3,9 @@
 //! The mean of all changes stays zero, since a change that all frames share is a change of the
 //! canonical body as well.
 
-use crate::config::{Extent, RefinementConfig, RefinementStage, SplatConfig};
+mod growth;
+
+use crate::config::{Extent, RefinementConfig, RefinementStage};
 use crate::fit::{Evidence, PoseChange, Wish};
 use crate::train::poses::expected_errors::ExpectedErrors;
 use serde::{Deserialize, Serialize};
@@ -26,11 +28,6 @@ const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
 const FINE: [f64; 2] = [0.4, 0.4];
 /// Fewest fits that tell whether given poses are exact.
 const TELLING: u32 = 10;
-/// Fits per frame of the track before splats become many. With fewer, poses are hardly better than given, and a
-/// held-out frame of a synthetic film lost 1.6 dB (`worker/avatar/tests/it/curve.rs`).
-const FITS: f64 = 2.5;
-/// Share of a run after which splats become no more: they would not learn.
-const LAST_GROWTH: f64 = 0.6;
 /// Farthest frames between which a lost one is placed.
 const FAR: usize = 10;
 
@@ -151,48 +148,6 @@ impl PoseRefinement {
     /// of this one.
     fn progress(&self, opened: f64, fraction: f64) -> f64 {
         if self.late { fraction } else { opened }
-    }
-
-    /// Whether splats were placed while these poses were refined.
-    pub fn has_placed(&self) -> bool {
-        self.placed > 0
-    }
-
-    /// Number of the splats that a training starts with that refines these poses. The call counts as
-    /// their placement.
-    pub fn places_first(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> usize {
-        self.placed = 1;
-        self.placed_at = self.progress(opened, fraction) as f32;
-        match self.extent {
-            Extent::Wide => config.first_count(),
-            Extent::Fine => config.count,
-        }
-    }
-
-    /// The number that splats are due to become: when frames were fitted a few times, and enough of the run is left
-    /// for them to learn, first the geometric mean of few and all, and later all. The call counts as their
-    /// growth.
-    pub fn grows(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> Option<usize> {
-        let progress = self.progress(opened, fraction);
-        // Somebody who came in the middle of a run has what was left of it.
-        let from = f64::from(self.placed_at);
-        let passed = (progress - from) / (1.0 - from).max(f64::MIN_POSITIVE);
-        let fitted = f64::from(self.fits) >= FITS * self.changes.len() as f64;
-        if self.extent == Extent::Fine || fraction > LAST_GROWTH || !fitted {
-            return None;
-        }
-        match self.placed {
-            1 if passed >= config.grow => {
-                self.placed = 2;
-                let product = (config.first_count() * config.count) as f64;
-                Some(product.sqrt() as usize)
-            }
-            2 if passed >= config.grow_all => {
-                self.placed = 3;
-                Some(config.count)
-            }
-            _ => None,
-        }
     }
 
     /// The given `pose` of the frame at `position` in the track as it is read, without its change.
@@ -348,9 +303,7 @@ impl PoseRefinement {
             Extent::Wide => self.errors.learn(evidence, weight, passed),
             // Fine fits start with a model that shows enough.
             Extent::Fine if self.judged => self.errors.learn(evidence, weight, 1.0),
-            Extent::Fine => {
-                self.errors.observe(evidence, weight, self.fits);
-            }
+            Extent::Fine => self.errors.observe(evidence, weight, self.fits),
         }
         self.fits = self.fits.saturating_add(1);
     }

@@ -1,4 +1,5 @@
 use super::*;
+use crate::config::SplatConfig;
 use yoto_synthetic::SyntheticPerson;
 
 fn track() -> PoseTrack {

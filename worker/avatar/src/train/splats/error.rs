@@ -16,18 +16,18 @@ const FRAMES: usize = 24;
 
 /// Σ over pixels of w |e| `[N]`, of a splat's weight w in a pixel and the pixel's mean absolute error e, over
 /// frames that are spread over the film of the `subject`. A weight is the gradient of the pixel's colour to
-/// the splat's, so that one backward pass per frame gives all sums. Zeros for a model without splats.
+/// the splat's, so that one backward pass per frame gives all sums. Empty for a model without splats.
 pub(super) fn errors(
     model: &Model,
     subject: &TrainSubject,
     now: Moment,
 ) -> Result<Vec<f64>, TrainError> {
-    let mut sums = Vec::new();
     let AvatarAppearance::Splats(splats) = model.appearance() else {
-        return Ok(sums);
+        return Ok(Vec::new());
     };
     let own = Avatar::own_slot(&model.config, subject.slot);
     let colours = splats.splats[own].colours.val();
+    let mut sums = vec![0.0; colours.dims()[0]];
     let stride = subject.frames.len().div_ceil(FRAMES).max(1);
     for frame in subject.frames.iter().step_by(stride) {
         let pose = pose(&model.state, subject, frame);
@@ -51,9 +51,7 @@ pub(super) fn errors(
         let Some(found) = colours.grad(&gradients) else {
             continue;
         };
-        let found = read(found)?;
-        sums.resize(found.len() / 3, 0.0);
-        for (sum, row) in sums.iter_mut().zip(found.chunks_exact(3)) {
+        for (sum, row) in sums.iter_mut().zip(read(found)?.chunks_exact(3)) {
             *sum += row.iter().map(|value| f64::from(value.abs())).sum::<f64>() / 3.0;
         }
     }
