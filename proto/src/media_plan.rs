@@ -48,6 +48,8 @@ pub struct MediaPlan {
     pub mask_kind: MaskKind,
     /// Background of the pictures.
     pub background: BackgroundSetting,
+    /// Treatment of the masks' edges.
+    pub edges: EdgeSetting,
     /// Match of pose frames to frames of a video.
     pub timing: Timing,
     /// Selected pose frames.
@@ -68,6 +70,7 @@ impl MediaPlan {
             masks: self.masks.or(own.masks),
             mask_kind: or(self.mask_kind, own.mask_kind),
             background: or(self.background, own.background),
+            edges: or(self.edges, own.edges),
             timing: or(self.timing, own.timing),
             selection: or(self.selection, own.selection),
             correction: or(self.correction, own.correction),
@@ -111,6 +114,17 @@ pub enum BackgroundSetting {
     Black,
     /// The pictures show the scene.
     Scene,
+}
+
+/// Treatment of the masks' edges.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EdgeSetting {
+    /// Before a scene, coverage near the edges and the person's colours there are solved from the pictures.
+    #[default]
+    Auto,
+    /// As the masks have them.
+    Given,
 }
 
 /// Background of the person.

@@ -6,7 +6,8 @@ use std::path::Path;
 use yoto_import::capture_dir::{CaptureOptions, Prefer};
 use yoto_proto::correction::Correction;
 use yoto_proto::media_plan::{
-    BackgroundSetting, MaskKind, MaskSource, PICTURE_ENDINGS, Selection, Timing, has_ending,
+    BackgroundSetting, EdgeSetting, MaskKind, MaskSource, PICTURE_ENDINGS, Selection, Timing,
+    has_ending,
 };
 
 /// Options for reading a capture where file names are not enough.
@@ -25,6 +26,9 @@ pub(crate) struct MediaArgs {
     /// Background of the images; detected by default.
     #[arg(long, value_enum, value_name = "WHAT", default_value = "auto")]
     background: Around,
+    /// Edges of the masks: solved from the pictures' colours before a scene, or as given.
+    #[arg(long, value_enum, value_name = "HOW", default_value = "auto")]
+    edges: Edges,
     /// Match of poses to frames of a video: by number, or by time (for variable frame rates).
     #[arg(long, value_enum, value_name = "HOW", default_value = "index")]
     timing: By,
@@ -54,6 +58,12 @@ enum Around {
     Auto,
     Black,
     Scene,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Edges {
+    Auto,
+    Given,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -91,6 +101,10 @@ impl MediaArgs {
                 Around::Auto => BackgroundSetting::Auto,
                 Around::Black => BackgroundSetting::Black,
                 Around::Scene => BackgroundSetting::Scene,
+            },
+            edges: match self.edges {
+                Edges::Auto => EdgeSetting::Auto,
+                Edges::Given => EdgeSetting::Given,
             },
             timing: match self.timing {
                 By::Index => Timing::Index,

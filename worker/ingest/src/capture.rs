@@ -1,5 +1,6 @@
 //! Opens a capture's files: its plan, its pose track, and the sources of its pictures.
 
+use super::edges;
 use super::failure::ReadFailure;
 use super::order::Progress;
 use super::reader::Reader;
@@ -85,7 +86,10 @@ impl Capture {
         ffmpeg: &Ffmpeg,
         tell: &mut dyn FnMut(Progress),
     ) -> Result<Reader, ReadFailure> {
-        Reader::open(self, positions, ffmpeg, tell)
+        let edges = edges::learned(self, positions, ffmpeg, tell);
+        let mut reader = Reader::open(self, positions, ffmpeg, tell)?;
+        reader.solve(edges);
+        Ok(reader)
     }
 }
 

@@ -10,6 +10,7 @@
 
 mod capture;
 mod child;
+mod edges;
 mod failure;
 mod local;
 mod order;

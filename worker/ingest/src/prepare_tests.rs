@@ -300,3 +300,58 @@ fn a_capture_of_nobody_is_refused() {
 
 #[path = "footage_tests.rs"]
 mod footage;
+
+/// The capture before a wall, and masks that take some of it in.
+fn before_a_wall() -> Vec<(String, Vec<u8>)> {
+    let side = 64;
+    let mut files = capture();
+    for (path, bytes) in &mut files {
+        let within = |i: u32, low: u32| (low..side - low).contains(&i);
+        if path.starts_with("frames/") {
+            let pixel = |x, y| match within(x, 16) && within(y, 16) {
+                true => image::Rgb([30u8, 60, 90]),
+                false => image::Rgb([200, 190, 180]),
+            };
+            *bytes = png(&image::RgbImage::from_fn(side, side, pixel));
+        } else if path.starts_with("masks/") {
+            let covered = |x, y| u8::from(within(x, 15) && within(y, 15));
+            let pixel = |x, y| image::Luma([255 * covered(x, y)]);
+            *bytes = png(&image::GrayImage::from_fn(side, side, pixel));
+        }
+    }
+    let mut track: PoseTrack = serde_json::from_slice(&files[0].1).expect("is one");
+    track.image_size = [side, side];
+    for frame in &mut track.frames {
+        frame.k = [[80.0, 0.0, 32.0], [0.0, 80.0, 32.0], [0.0, 0.0, 1.0]];
+    }
+    files[0].1 = serde_json::to_vec(&track).expect("serialises");
+    files
+}
+
+fn png<P: image::PixelWithColorType<Subpixel = u8>>(
+    picture: &image::ImageBuffer<P, Vec<u8>>,
+) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .expect("encodes");
+    bytes.into_inner()
+}
+
+/// The brightest colour of the first frame, and whether the notes speak of edges.
+fn brightest(files: &[(String, Vec<u8>)]) -> (u8, bool) {
+    let (shard, done, ..) = prepared(files).expect("a valid capture");
+    let image = shard.image(0);
+    let notes = done.notes.iter().any(|it| it.starts_with("edges: solved"));
+    (image.rgb.iter().copied().max().unwrap_or_default(), notes)
+}
+
+#[test]
+fn a_wall_in_the_mask_is_solved_away_unless_edges_are_given() {
+    let mut files = before_a_wall();
+    let (bright, said) = brightest(&files);
+    assert!(bright < 110 && said, "{bright}");
+    files.push(("media.json".into(), br#"{"edges": "given"}"#.to_vec()));
+    assert_eq!(brightest(&files), (200, false));
+    assert!(!brightest(&capture()).1, "a person over black has no wall");
+}

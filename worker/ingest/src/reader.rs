@@ -2,9 +2,11 @@
 
 use super::MAX_VIOLATIONS;
 use super::capture::Capture;
+use super::edges::Edges;
 use super::failure::ReadFailure;
 use super::order::Progress;
 use yoto_capture::FrameImage;
+use yoto_media::edge;
 use yoto_media::lens::Undistortion;
 use yoto_media::source::{Source, Wanted, read_still};
 use yoto_media::video::Ffmpeg;
@@ -23,6 +25,7 @@ pub(super) struct Reader {
     background: Option<Background>,
     distortion: [f64; 5],
     undistortion: Option<Undistortion>,
+    edges: Edges,
     /// Whether frames depend on earlier ones. If so, nothing can be read after a fault.
     pub(super) is_video: bool,
     /// A summary of what is read, for people.
@@ -126,9 +129,16 @@ impl Reader {
             },
             distortion: *distortion,
             undistortion: None,
+            edges: Edges::Given,
             is_video: matches!(sources.images, Pictures::Video(_)),
             notes,
         })
+    }
+
+    /// Treats the masks' edges as `edges` says.
+    pub(super) fn solve(&mut self, edges: Edges) {
+        self.notes.extend(edges.note());
+        self.edges = edges;
     }
 
     /// The file with the picture of frame `index`.
@@ -146,6 +156,28 @@ impl Reader {
         mask: u32,
         size: [u32; 2],
     ) -> Result<FrameImage, ReadFailure> {
+        let (picture, mut mask) = self.filmed(frame, mask, size)?;
+        let background = self.background(&picture, &mask);
+        let (width, height) = (picture.width, picture.height);
+        let rgb = match (&self.edges, background) {
+            (Edges::Solved(known), Background::Scene) => edge::refine(&picture, &mut mask, known),
+            _ => compose::over_black(picture, &mask, background),
+        };
+        Ok(FrameImage {
+            width,
+            height,
+            rgb,
+            mask,
+        })
+    }
+
+    /// One frame as it was filmed, undistorted, with its mask.
+    pub(super) fn filmed(
+        &mut self,
+        frame: &Frame,
+        mask: u32,
+        size: [u32; 2],
+    ) -> Result<(Picture, Vec<u8>), ReadFailure> {
         let index = frame.index;
         let name = self.images.name(index).to_owned();
         // Both are read, so that faults of both are reported.
@@ -180,13 +212,7 @@ impl Reader {
                 mask = undistortion.apply_mask(&mask);
             }
         }
-        let background = self.background(&picture, &mask);
-        Ok(FrameImage {
-            width: picture.width,
-            height: picture.height,
-            rgb: compose::over_black(picture, &mask, background),
-            mask,
-        })
+        Ok((picture, mask))
     }
 
     /// The mask from the picture itself.
@@ -203,7 +229,7 @@ impl Reader {
     }
 
     /// The background, from the plan or else from the first frame.
-    fn background(&mut self, picture: &Picture, mask: &[u8]) -> Background {
+    pub(super) fn background(&mut self, picture: &Picture, mask: &[u8]) -> Background {
         if let Some(known) = self.background {
             return known;
         }

@@ -14,6 +14,7 @@
 
 pub mod archive;
 pub mod compose;
+pub mod edge;
 mod fault;
 pub mod film;
 pub mod lens;

@@ -2,7 +2,7 @@
 
 use yoto_proto::correction::Correction;
 use yoto_proto::media_plan::{
-    BackgroundSetting, MaskKind, MaskSource, MediaPlan, Selection, Timing,
+    BackgroundSetting, EdgeSetting, MaskKind, MaskSource, MediaPlan, Selection, Timing,
 };
 
 /// Images to use if a capture has both.
@@ -26,6 +26,8 @@ pub struct CaptureOptions {
     pub mask_kind: MaskKind,
     /// Background of the person.
     pub background: BackgroundSetting,
+    /// Treatment of the masks' edges.
+    pub edges: EdgeSetting,
     /// Match of pose frames to frames of a video.
     pub timing: Timing,
     /// Selected frames.
@@ -42,6 +44,7 @@ impl CaptureOptions {
             masks: self.masks.clone(),
             mask_kind: self.mask_kind,
             background: self.background,
+            edges: self.edges,
             timing: self.timing,
             selection: self.selection,
             correction: self.correction,

@@ -6,6 +6,7 @@ mod field;
 mod grid;
 mod jacobian;
 mod normal;
+mod parts;
 mod splats;
 #[cfg(test)]
 mod test_scene;
@@ -31,7 +32,9 @@ use yoto_capture::camera::{Camera, Pose};
 const COLOUR: f32 = 0.577;
 /// What a fit compares, as weights of red, green, blue and opacity: the opacity, and the
 /// brightness over black.
-const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], [COLOUR, COLOUR, COLOUR, 0.0]];
+const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], BRIGHTNESS];
+/// Weights of the brightness.
+const BRIGHTNESS: [f32; 4] = [COLOUR, COLOUR, COLOUR, 0.0];
 /// A difference that counts half, of values up to 1: what neither pose nor model explain, such as
 /// another object, should not pull.
 const ROBUST: f64 = 0.3;
@@ -125,6 +128,15 @@ impl PoseFitter<'_> {
                 return Ok(None);
             };
             grids.push((grid, weights));
+        }
+        if self.config.appearance.splats().is_some() {
+            let longer = grids[0].0.longer;
+            for part in parts::boxes(&self.body.skeleton, pose, picture.camera) {
+                let offset = std::array::from_fn(|_| rng.random());
+                let width = picture.image.width;
+                let grid = PixelGrid::over(width, part, parts::PIXELS, blur * longer, offset);
+                grids.push((grid, BRIGHTNESS));
+            }
         }
         let pixels: Vec<usize> = (grids.iter())
             .flat_map(|(grid, _)| grid.pixels.iter().copied())

@@ -1,0 +1,70 @@
+//! Treatment of the masks' edges: what is behind a person is learned from some frames before all are read.
+
+use super::capture::Capture;
+use super::order::Progress;
+use super::reader::Reader;
+use yoto_media::edge::{BackgroundBuilder, KnownBackground};
+use yoto_media::video::Ffmpeg;
+use yoto_proto::media_plan::{Background, EdgeSetting, MaskSource};
+
+/// Frames that a background is learned from, at most.
+const FRAMES: usize = 24;
+
+/// Treatment of the masks' edges.
+#[derive(Debug)]
+pub(super) enum Edges {
+    /// As the masks have them.
+    Given,
+    /// Solved from colours, before this background.
+    Solved(KnownBackground),
+}
+
+impl Edges {
+    /// What was done, for people.
+    pub fn note(&self) -> Option<String> {
+        let Self::Solved(known) = self else {
+            return None;
+        };
+        let share = 100.0 * known.share();
+        Some(format!(
+            "edges: solved from colours; the background is known in {share:.0} % of the picture, elsewhere \
+             continued from around the person"
+        ))
+    }
+}
+
+/// How to treat the edges of `capture`'s masks, from some of the frames at `positions`. Faults are left to the pass that reads
+/// all frames.
+pub(super) fn learned(
+    capture: &Capture,
+    positions: &[usize],
+    ffmpeg: &Ffmpeg,
+    tell: &mut dyn FnMut(Progress),
+) -> Edges {
+    let from_pictures = matches!(capture.sources.masks, MaskSource::Pictures(_));
+    if capture.plan.edges == EdgeSetting::Given || !from_pictures {
+        return Edges::Given;
+    }
+    let step = positions.len().div_ceil(FRAMES).max(1);
+    let some: Vec<usize> = positions.iter().copied().step_by(step).collect();
+    let track = &capture.track;
+    let Ok(mut reader) = Reader::open(capture, &some, ffmpeg, tell) else {
+        return Edges::Given;
+    };
+    let mut builder: Option<BackgroundBuilder> = None;
+    for &at in &some {
+        let (Some(frame), Some(&mask)) = (track.frames.get(at), capture.masks.get(at)) else {
+            continue;
+        };
+        let Ok((picture, mask)) = reader.filmed(frame, mask, track.image_size) else {
+            return Edges::Given;
+        };
+        if reader.background(&picture, &mask) == Background::Black {
+            return Edges::Given;
+        }
+        builder
+            .get_or_insert_with(|| BackgroundBuilder::new(picture.width, picture.height))
+            .add(&picture, &mask);
+    }
+    builder.map_or(Edges::Given, |it| Edges::Solved(it.finish()))
+}

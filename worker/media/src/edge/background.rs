@@ -1,0 +1,97 @@
+//! The background behind a person, where a camera stands still.
+
+use super::{Rgb, band};
+use crate::Picture;
+
+/// Colours this far apart in a channel are of different things, levels. Noise and compression are below it.
+const SAME: f32 = 14.0;
+/// Fewest frames in which a pixel was seen.
+const FEWEST: u8 = 3;
+/// Smallest share of the frames that agree on a colour.
+const AGREE: f32 = 0.6;
+/// Reach of a mask's errors, as a share of the picture's longer side.
+const REACH: f32 = 0.02;
+
+/// Learns a background from frames, one at a time. Holds one picture: each pixel's majority colour (Boyer and Moore's
+/// vote, in which close colours agree and are averaged).
+#[derive(Debug)]
+pub struct BackgroundBuilder {
+    size: [usize; 2],
+    colours: Vec<Rgb>,
+    votes: Vec<u8>,
+    seen: Vec<u8>,
+}
+
+/// Colours of a background, where they are known.
+#[derive(Debug)]
+pub struct KnownBackground {
+    colours: Vec<Rgb>,
+    known: Vec<bool>,
+}
+
+impl BackgroundBuilder {
+    /// Nothing is known of a background of `width` by `height` pixels.
+    pub fn new(width: usize, height: usize) -> Self {
+        let area = width * height;
+        Self {
+            size: [width, height],
+            colours: vec![[0.0; 3]; area],
+            votes: vec![0; area],
+            seen: vec![0; area],
+        }
+    }
+
+    /// Adds the pixels of a frame that are not near its `mask`.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    pub fn add(&mut self, picture: &Picture, mask: &[u8]) {
+        let [width, height] = self.size;
+        assert_eq!([picture.width, picture.height], self.size);
+        let reach = (width.max(height) as f32 * REACH).ceil() as usize;
+        let near = band::near(mask, [width, height], reach);
+        let pixels = picture.rgb.as_chunks::<3>().0;
+        for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| !near[*at]) {
+            let colour = pixel.map(f32::from);
+            let mean = &mut self.colours[at];
+            let votes = &mut self.votes[at];
+            self.seen[at] = self.seen[at].saturating_add(1);
+            let same = (0..3).all(|c| (colour[c] - mean[c]).abs() < SAME);
+            if *votes == 0 {
+                (*mean, *votes) = (colour, 1);
+            } else if same {
+                *votes = votes.saturating_add(1);
+                for channel in 0..3 {
+                    mean[channel] += (colour[channel] - mean[channel]) / f32::from(*votes);
+                }
+            } else {
+                *votes -= 1;
+            }
+        }
+    }
+
+    /// What the frames agree on.
+    pub fn finish(self) -> KnownBackground {
+        let agreed = |(&votes, &seen): (&u8, &u8)| {
+            seen >= FEWEST && f32::from(votes) >= AGREE * f32::from(seen)
+        };
+        KnownBackground {
+            known: self.votes.iter().zip(&self.seen).map(agreed).collect(),
+            colours: self.colours,
+        }
+    }
+}
+
+impl KnownBackground {
+    /// The colour at a pixel of the picture, if it is known.
+    pub(super) fn at(&self, pixel: usize) -> Option<Rgb> {
+        let known = *self.known.get(pixel)?;
+        known.then(|| self.colours.get(pixel).copied())?
+    }
+
+    /// Share of the pixels that are known.
+    pub fn share(&self) -> f64 {
+        let known = self.known.iter().filter(|it| **it).count();
+        known as f64 / self.known.len().max(1) as f64
+    }
+}
