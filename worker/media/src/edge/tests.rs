@@ -36,9 +36,9 @@ fn filmed(coverage: &[f32]) -> Picture {
         lossy: true,
     };
     for (i, m) in coverage.iter().enumerate() {
-        for c in 0..3 {
+        for (c, (own, wall)) in OWN.iter().zip(wall(i)).enumerate() {
             let noise = ((i * 7 + c * 3) % 5) as f32 - 2.0;
-            let value = m * OWN[c] + (1.0 - m) * wall(i)[c] + noise;
+            let value = m * own + (1.0 - m) * wall + noise;
             picture.rgb.push(value.clamp(0.0, 255.0) as u8);
         }
     }
@@ -69,8 +69,8 @@ fn errors(rgb: &[u8], mask: &[u8], truth: &[f32]) -> [f32; 2] {
     let (mut sums, mut count) = ([0.0f32; 2], 0.0);
     for i in (0..truth.len()).filter(|i| near[*i] > 0.5 && far[*i] < 0.5) {
         sums[0] += (f32::from(mask[i]) / 255.0 - truth[i]).powi(2);
-        for c in 0..3 {
-            let off = f32::from(rgb[3 * i + c]) - truth[i] * OWN[c];
+        for (seen, own) in rgb[3 * i..].iter().zip(OWN) {
+            let off = f32::from(*seen) - truth[i] * own;
             sums[1] += (off / 255.0).powi(2) / 3.0;
         }
         count += 1.0;
