@@ -34,16 +34,22 @@ fn example(folder: &Path) -> anyhow::Result<PathBuf> {
     Ok(PathBuf::from(name))
 }
 
+/// Most lines that a run says by default.
+const MOST_LINES: usize = 12;
+
 #[test]
 fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let capture = example(dir.path())?;
     let line = format!(
-        "avatar {} --name ada --size 48 --seconds 3 --out out/ada",
+        "avatar {} --name ada --size 48 --seconds 3 --no-progress --out out/ada",
         capture.display()
     );
     let made = yoto(dir.path(), &line)?;
     ensure!(made.status.success(), "{}", said(&made));
+    let all = said(&made) + &String::from_utf8_lossy(&made.stdout);
+    ensure!(all.lines().count() <= MOST_LINES, "{all}");
+    ensure!(all.contains("quality (PSNR"), "{all}");
     let out = dir.path().join("out/ada");
     let report: Value = serde_json::from_slice(&std::fs::read(out.join("report.json"))?)?;
     ensure!(report["frames"] == 24, "{report:#}");
@@ -84,6 +90,46 @@ fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
 }
 
 #[test]
+fn a_doubtful_capture_says_little_and_the_log_says_all() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = example(dir.path())?;
+    let line = format!(
+        "avatar {} --range ..6 --size 32 --seconds 2 --no-progress --out o",
+        capture.display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    let said = said(&made);
+    ensure!(made.status.success(), "{said}");
+    let results = String::from_utf8_lossy(&made.stdout).into_owned();
+    let lines: Vec<&str> = said.lines().chain(results.lines()).collect();
+    ensure!(lines.len() <= MOST_LINES, "{lines:#?}");
+    for start in [
+        "found: the person in 6 frames (the clip has 24)",
+        "doubtful: view coverage, ",
+        "missing: the ",
+        "next time: turn once, slowly",
+        "training of ",
+        "o/index.html",
+        "o/play.html",
+    ] {
+        let is_said = lines.iter().any(|line| line.starts_with(start));
+        ensure!(is_said, "{start}: {lines:#?}");
+    }
+    let log = std::fs::read_to_string(dir.path().join("o/log.txt"))?;
+    for detail in ["  pass  joints in the mask", "computing on", "note: "] {
+        ensure!(log.contains(detail), "{detail}: {log}");
+        ensure!(!said.contains(detail), "{detail}: {said}");
+    }
+    for line in lines {
+        ensure!(log.contains(line), "{line}: {log}");
+    }
+    let report: Value = serde_json::from_slice(&std::fs::read(dir.path().join("o/report.json"))?)?;
+    let lacks = report["lacks"].as_array().context("lacks")?;
+    ensure!(!lacks.is_empty(), "{report:#}");
+    Ok(())
+}
+
+#[test]
 fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let capture = dir.path().join(example(dir.path())?);
@@ -99,7 +145,15 @@ fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     let said = said(&made);
     ensure!(!made.status.success(), "{said}");
     ensure!(said.contains("--despite-check"), "{said}");
-    ensure!(!said.contains("training"), "{said}");
+    ensure!(!said.contains("training of"), "{said}");
+    // The failed measures with their frames, and no others.
+    ensure!(
+        said.contains("  fail  ") && said.contains("see frames"),
+        "{said}"
+    );
+    ensure!(!said.contains("  pass  "), "{said}");
+    let log = std::fs::read_to_string(dir.path().join("o/attempt/log.txt"))?;
+    ensure!(log.contains("  pass  ") && log.contains("error: "), "{log}");
     ensure!(dir.path().join("o/attempt/check/sheet.png").is_file());
     Ok(())
 }
@@ -110,12 +164,17 @@ fn a_tool_s_own_skeleton_becomes_a_page() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/pose_tools/captures");
     let line = format!(
-        "avatar {} --poses {} --keep-skeleton --fps 25 --size 32 --seconds 2 --despite-check --out o",
+        "avatar {} --poses {} --keep-skeleton --fps 25 --size 32 --seconds 2 --despite-check --verbose --out o",
         files.join("clip/frames").display(),
         files.join("sam_3d_body").display()
     );
     let made = yoto(dir.path(), &line)?;
-    ensure!(made.status.success(), "{}", said(&made));
+    let said = said(&made);
+    ensure!(made.status.success(), "{said}");
+    ensure!(
+        said.contains("note: ") && said.contains("  pass  "),
+        "{said}"
+    );
     let page = std::fs::read_to_string(dir.path().join("o/index.html"))?;
     ensure!(page.contains("In the clip's own motion."), "{page}");
     ensure!(

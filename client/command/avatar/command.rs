@@ -21,7 +21,7 @@ Steps, with a service of its own:
      the reading is proven by projecting the body onto the masks;
   2. checks the capture (check/sheet.png shows it) and stops if a measure fails;
   3. uploads it, trains, renders the person from all around and in a motion;
-  4. writes index.html and play.html, for browsers, and report.json.
+  4. writes index.html and play.html, for browsers, report.json, and log.txt with all notes.
 
 One person in the picture, whole, from head to feet; best is one slow turn with the arms out, then
 down. Pose tools and their files: docs/pose-tools.md. The pose model: deploy/models/README.md.
@@ -76,6 +76,9 @@ pub(crate) struct Avatar {
     /// Open the page in a browser at the end.
     #[arg(long)]
     open: bool,
+    /// Print all notes, which log.txt has in any case.
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
 }
 
 impl Avatar {

@@ -11,6 +11,7 @@ pub(crate) mod command;
 mod motion;
 mod page;
 mod report;
+mod summary;
 
 pub use report::Report;
 
@@ -27,6 +28,7 @@ use yoto_import::{Format, Options, motion::Motion};
 use yoto_ingest::IngestSettings;
 use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{Orbit, TrainSpec, render_spec};
+use yoto_terminal::output;
 use yoto_terminal::progress::duration;
 
 /// Name of this command, on the folders that it may replace.
@@ -37,6 +39,8 @@ const VARIANT: &str = "yoto";
 /// The page, the one that plays the person, and the folders beside them.
 const PAGE: &str = "index.html";
 const PLAYER: &str = "play.html";
+/// What was said, in full.
+const LOG: &str = "log.txt";
 const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
 /// Length of the person in training images and renders if no size is asked for, pixels.
 const PERSON: u32 = 512;
@@ -83,11 +87,14 @@ fn ensure_replaceable(options: &AvatarOptions) -> anyhow::Result<()> {
         );
     }
     let page = out.join(PAGE);
-    ensure!(
-        !page.exists() || own.into_iter().any(|folder| folder::is_of(&folder, MAKER)),
-        "{} is there already and was not made by an earlier `yoto {MAKER}`: choose another --out",
-        page.display()
-    );
+    let is_own = own.into_iter().any(|folder| folder::is_of(&folder, MAKER));
+    for file in [page, out.join(LOG)] {
+        ensure!(
+            is_own || !file.exists(),
+            "{} is there already and was not made by an earlier `yoto {MAKER}`: choose another --out",
+            file.display()
+        );
+    }
     Ok(())
 }
 
@@ -107,6 +114,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     ensure_replaceable(options)?;
     // The files of an earlier run stay until this one has a capture that can be trained.
     let attempt = folder::fresh(out, "attempt", MAKER)?;
+    let log = attempt.join(LOG);
+    output::log::start(&log).with_context(|| format!("writing {}", log.display()))?;
     let (captured, checked) = tokio::task::block_in_place(|| {
         let captured = capture::import(options, &attempt.join("capture"))?;
         let checks = attempt.join("check");
@@ -119,11 +128,16 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     for (made, target) in [("capture", &folder), ("check", &checks)] {
         folder::move_into(&attempt.join(made), target)?;
     }
-    tell!(
+    let moved = out.join(LOG);
+    std::fs::rename(&log, &moved).with_context(|| format!("writing {}", moved.display()))?;
+    detail!(
         "the body over the frames: {}",
         checks.join("sheet.png").display()
     );
     std::fs::remove_dir_all(&attempt).with_context(|| format!("removing {}", attempt.display()))?;
+    summary::lines(&captured, &checked)
+        .iter()
+        .for_each(|line| tell!("{line}"));
     // This program's own motion moves SMPL's joints.
     let shown = match &options.motion {
         Some(motion) => Shown::Given(motion),
@@ -153,7 +167,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         )
         .await?;
         for note in &trained.notes {
-            tell!("note: {note}");
+            detail!("note: {note}");
         }
         let shots = Shots {
             client,
@@ -197,6 +211,10 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let json = serde_json::to_vec_pretty(&report).context("writing the report")?;
     std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
     page::write(&out.join(PAGE), &report, shown.caption())?;
-    tell!("done in {}", duration(report.seconds.total));
+    tell!(
+        "done in {}; all notes are in {}",
+        duration(report.seconds.total),
+        out.join(LOG).display()
+    );
     Ok(report)
 }

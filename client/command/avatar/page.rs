@@ -127,6 +127,8 @@ mod tests {
             fps: 30.0,
             notes: vec!["focal < 5 & \"wide\"".into()],
             check: Vec::new(),
+            causes: Vec::new(),
+            lacks: Vec::new(),
             orbit_frame: 1,
             size: 64,
             training: None,
