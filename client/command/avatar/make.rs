@@ -74,13 +74,8 @@ pub(super) async fn make(
             checkpoint_seconds: checkpoint_seconds(options.train.seconds),
             ..options.train.clone()
         };
-        let mut add = live.pictures();
-        let previews = Previews::start(
-            client,
-            &model.name,
-            pictures.join("progress"),
-            move |picture| add(picture.step, picture.path),
-        );
+        let folder = pictures.join("progress");
+        let previews = Previews::start(client, &model.name, folder, live.pictures());
         let trained = train(client, &label, spec, |job| {
             live.job(job);
             previews.look(job);

@@ -9,13 +9,6 @@ use yoto_proto::manifest::files::PREVIEW;
 use yoto_proto::names;
 use yoto_proto::v1::{Job, job_result};
 
-/// The picture of a checkpoint.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Picture<'a> {
-    pub step: u64,
-    pub path: &'a Path,
-}
-
 /// Fetches the picture of each checkpoint during the training.
 pub(crate) struct Previews {
     newest: watch::Sender<u64>,
@@ -23,12 +16,12 @@ pub(crate) struct Previews {
 }
 
 impl Previews {
-    /// Writes the pictures of `model` to `dir`, as `STEP.png`; `on_picture` receives each one.
+    /// Writes the pictures of `model` to `dir`, as `STEP.png`; `on_picture` receives step and path of each one.
     pub(crate) fn start(
         client: &YotoClient,
         model: &str,
         dir: PathBuf,
-        on_picture: impl FnMut(Picture<'_>) + Send + 'static,
+        on_picture: impl FnMut(u64, &Path) + Send + 'static,
     ) -> Self {
         let (newest, steps) = watch::channel(0);
         let (client, model) = (client.clone(), model.to_owned());
@@ -71,7 +64,7 @@ async fn fetch(
     model: &str,
     dir: &Path,
     mut steps: watch::Receiver<u64>,
-    mut on_picture: impl FnMut(Picture<'_>),
+    mut on_picture: impl FnMut(u64, &Path),
 ) -> Result<Vec<PathBuf>, ClientError> {
     let mut paths: Vec<PathBuf> = Vec::new();
     // A resumed training begins at a checkpoint of an earlier one.
@@ -84,7 +77,7 @@ async fn fetch(
             fetched => fetched?,
         };
         for path in &fetched {
-            on_picture(Picture { step, path });
+            on_picture(step, path);
         }
         paths.extend(fetched);
     }

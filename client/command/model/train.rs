@@ -136,7 +136,7 @@ pub(crate) async fn trained(
     let previews = preview.map(|dir| {
         let shown = dir.join("STEP.png");
         let mut told = false;
-        Previews::start(client, &model.name, dir, move |_| {
+        Previews::start(client, &model.name, dir, move |_, _| {
             if !told {
                 tell!(
                     "previews: {}: held-out frames left, renders right",
