@@ -9,6 +9,7 @@
 //! With the feature `embedded` (on by default) a process can also contain the service
 //! (`embedded`, `studio`), run the demo (`demo`), and make one person's avatar (`avatar`).
 
+#[cfg_attr(feature = "embedded", macro_use(detail))]
 #[macro_use(say, tell)]
 extern crate yoto_terminal;
 

@@ -34,16 +34,32 @@ fn example(folder: &Path) -> anyhow::Result<PathBuf> {
     Ok(PathBuf::from(name))
 }
 
+/// Most lines that a run says by default.
+const MOST_LINES: usize = 12;
+
+/// Moves all poses of a capture to this place along x, metres, where no mask is.
+fn moved(capture: &Path, x: f64) -> anyhow::Result<()> {
+    let path = capture.join("poses.json");
+    let mut poses: Value = serde_json::from_slice(&std::fs::read(&path)?)?;
+    for frame in poses["frames"].as_array_mut().context("frames")? {
+        frame["translation"][0] = x.into();
+    }
+    Ok(std::fs::write(&path, serde_json::to_vec(&poses)?)?)
+}
+
 #[test]
 fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let capture = example(dir.path())?;
     let line = format!(
-        "avatar {} --name ada --size 48 --seconds 3 --out out/ada",
+        "avatar {} --name ada --size 48 --seconds 3 --no-progress --out out/ada",
         capture.display()
     );
     let made = yoto(dir.path(), &line)?;
     ensure!(made.status.success(), "{}", said(&made));
+    let all = said(&made) + &String::from_utf8_lossy(&made.stdout);
+    ensure!(all.lines().count() <= MOST_LINES, "{all}");
+    ensure!(all.contains("quality (PSNR"), "{all}");
     let out = dir.path().join("out/ada");
     let report: Value = serde_json::from_slice(&std::fs::read(out.join("report.json"))?)?;
     ensure!(report["frames"] == 24, "{report:#}");
@@ -62,6 +78,7 @@ fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
         }
         ensure!(page.contains("motion.png") && out.join(format!("{kind}.png")).is_file());
     }
+    ensure!(!page.contains(REFRESH), "the final page stays as it is");
     ensure!(page.contains("check/sheet.png") && out.join("check/sheet.png").is_file());
 
     // A run that fails keeps the files of an earlier one.
@@ -84,23 +101,158 @@ fn a_capture_becomes_a_page_with_pictures_and_figures() -> anyhow::Result<()> {
 }
 
 #[test]
+fn a_doubtful_capture_says_little_and_the_log_says_all() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = example(dir.path())?;
+    let line = format!(
+        "avatar {} --range ..6 --size 32 --seconds 2 --no-progress --out o",
+        capture.display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    let said = said(&made);
+    ensure!(made.status.success(), "{said}");
+    let results = String::from_utf8_lossy(&made.stdout).into_owned();
+    let lines: Vec<&str> = said.lines().chain(results.lines()).collect();
+    ensure!(lines.len() <= MOST_LINES, "{lines:#?}");
+    for start in [
+        "found: the person in 6 frames (the clip has 24)",
+        "doubtful: view coverage, ",
+        "missing: the ",
+        "next time: turn once, slowly",
+        "training of ",
+        "o/index.html",
+        "o/play.html",
+    ] {
+        let is_said = lines.iter().any(|line| line.starts_with(start));
+        ensure!(is_said, "{start}: {lines:#?}");
+    }
+    let log = std::fs::read_to_string(dir.path().join("o/log.txt"))?;
+    for detail in ["  pass  joints in the mask", "computing on", "note: "] {
+        ensure!(log.contains(detail), "{detail}: {log}");
+        ensure!(!said.contains(detail), "{detail}: {said}");
+    }
+    for line in lines {
+        ensure!(log.contains(line), "{line}: {log}");
+    }
+    let report: Value = serde_json::from_slice(&std::fs::read(dir.path().join("o/report.json"))?)?;
+    let lacks = report["lacks"].as_array().context("lacks")?;
+    ensure!(!lacks.is_empty(), "{report:#}");
+    Ok(())
+}
+
+#[test]
 fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let capture = dir.path().join(example(dir.path())?);
-    let path = capture.join("poses.json");
-    let mut poses: Value = serde_json::from_slice(&std::fs::read(&path)?)?;
-    // People at three times their true distance.
-    for frame in poses["frames"].as_array_mut().context("frames")? {
-        frame["translation"][0] = 0.9.into();
-    }
-    std::fs::write(&path, serde_json::to_vec(&poses)?)?;
+    moved(&capture, 0.9)?;
     let line = format!("avatar {} --size 48 --seconds 3 --out o", capture.display());
     let made = yoto(dir.path(), &line)?;
     let said = said(&made);
     ensure!(!made.status.success(), "{said}");
     ensure!(said.contains("--despite-check"), "{said}");
-    ensure!(!said.contains("training"), "{said}");
+    ensure!(!said.contains("training of"), "{said}");
+    // The failed measures with their frames, and no others.
+    ensure!(
+        said.contains("  fail  ") && said.contains("see frames"),
+        "{said}"
+    );
+    ensure!(!said.contains("  pass  "), "{said}");
+    let log = std::fs::read_to_string(dir.path().join("o/attempt/log.txt"))?;
+    ensure!(log.contains("  pass  ") && log.contains("error: "), "{log}");
     ensure!(dir.path().join("o/attempt/check/sheet.png").is_file());
+    Ok(())
+}
+
+/// What makes a browser load the page again.
+const REFRESH: &str = "location.reload()";
+
+/// Waits until the page at `path` has all the `words`.
+#[cfg(target_os = "linux")]
+fn page_with(path: &Path, words: &[&str]) -> anyhow::Result<String> {
+    let began = std::time::Instant::now();
+    let mut page = String::new();
+    while began.elapsed() < yoto_tests::process::PATIENCE {
+        page = std::fs::read_to_string(path).unwrap_or_default();
+        if words.iter().all(|word| page.contains(word)) {
+            return Ok(page);
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    anyhow::bail!("{words:?} are not in {page}")
+}
+
+/// A browser that copies what it is to open.
+#[cfg(target_os = "linux")]
+fn browser(folder: &Path) -> anyhow::Result<PathBuf> {
+    use std::os::unix::fs::PermissionsExt;
+    let programs = folder.join("programs");
+    std::fs::create_dir(&programs)?;
+    let program = programs.join("xdg-open");
+    let opened = folder.join("opened.html");
+    std::fs::write(
+        &program,
+        format!("#!/bin/sh\n/bin/cp \"$1\" {}\n", opened.display()),
+    )?;
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755))?;
+    Ok(programs)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn the_page_shows_the_training_and_an_interruption_ends_its_refresh() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = example(dir.path())?;
+    let line = format!(
+        "avatar {} --size 32 --seconds 600 --open --out o",
+        capture.display()
+    );
+    let mut training = Command::new(YOTO)
+        .args(line.split_whitespace())
+        .current_dir(dir.path())
+        .env("PATH", browser(dir.path())?)
+        .stderr(std::process::Stdio::null())
+        .spawn()?;
+    let page = dir.path().join("o/index.html");
+    let shown = page_with(
+        &page,
+        &[REFRESH, "<progress", "held-out", "pictures/progress/"],
+    );
+    // The process must not outlive a failed test.
+    let interrupted = Command::new("kill")
+        .args(["-INT", &training.id().to_string()])
+        .status();
+    let ended = training.wait()?;
+    let shown = shown?;
+    ensure!(interrupted?.success() && !ended.success());
+    let picture = shown.split('"').find(|it| it.starts_with("pictures/"));
+    let picture = picture.context("a picture")?;
+    let picture = image::open(dir.path().join("o").join(picture))?;
+    ensure!(picture.width() > 32, "a frame beside its render");
+    let last = std::fs::read_to_string(&page)?;
+    ensure!(
+        !last.contains(REFRESH) && last.contains("interrupted"),
+        "{last}"
+    );
+    let opened = std::fs::read_to_string(dir.path().join("opened.html"))?;
+    ensure!(opened.contains(REFRESH), "opened at once: {opened}");
+    Ok(())
+}
+
+#[test]
+fn the_page_of_a_capture_that_is_refused_says_so() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = dir.path().join(example(dir.path())?);
+    moved(&capture, 3.0)?;
+    let line = format!(
+        "avatar {} --size 32 --seconds 3 --despite-check --out o",
+        capture.display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    ensure!(!made.status.success(), "{}", said(&made));
+    let page = std::fs::read_to_string(dir.path().join("o/index.html"))?;
+    ensure!(!page.contains(REFRESH), "{page}");
+    ensure!(page.contains("There is no avatar: "), "{page}");
+    ensure!(page.contains("joints in the mask"), "{page}");
     Ok(())
 }
 
@@ -110,12 +262,17 @@ fn a_tool_s_own_skeleton_becomes_a_page() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/pose_tools/captures");
     let line = format!(
-        "avatar {} --poses {} --keep-skeleton --fps 25 --size 32 --seconds 2 --despite-check --out o",
+        "avatar {} --poses {} --keep-skeleton --fps 25 --size 32 --seconds 2 --despite-check --verbose --out o",
         files.join("clip/frames").display(),
         files.join("sam_3d_body").display()
     );
     let made = yoto(dir.path(), &line)?;
-    ensure!(made.status.success(), "{}", said(&made));
+    let said = said(&made);
+    ensure!(made.status.success(), "{said}");
+    ensure!(
+        said.contains("note: ") && said.contains("  pass  "),
+        "{said}"
+    );
     let page = std::fs::read_to_string(dir.path().join("o/index.html"))?;
     ensure!(page.contains("In the clip's own motion."), "{page}");
     ensure!(

@@ -10,14 +10,18 @@ use yoto_capture::check::Report;
 use yoto_capture::skeleton::Skeleton;
 use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
-use yoto_import::{TrackForm, to_folder};
+use yoto_import::{Found, TrackForm, to_folder};
 use yoto_proto::pose_track::{Frame, PoseTrack};
 use yoto_proto::smpl;
+use yoto_terminal::output;
 use yoto_terminal::progress::count;
 
 /// An imported clip.
 pub(super) struct Captured {
     pub notes: Vec<String>,
+    pub found: Found,
+    /// Frames of the source, of which a part is taken.
+    pub available: usize,
     /// Numbers of the frames with the person.
     pub frames: Vec<u32>,
     pub image_size: [u32; 2],
@@ -46,6 +50,8 @@ pub(super) fn import(options: &AvatarOptions, folder: &Path) -> anyhow::Result<C
         fps: track.fps,
         person: person(track),
         has_smpl_joints: has_smpl_joints(track),
+        available: imported.available,
+        found: imported.found,
         notes: imported.notes,
         seconds: started.elapsed().as_secs_f64(),
     })
@@ -127,8 +133,11 @@ pub(super) fn check(
         .sheet()?
         .save_with_format(&sheet, ImageFormat::Png)
         .with_context(|| format!("writing {}", sheet.display()))?;
-    tell!("{}", checked.text().trim_end());
+    detail!("{}", checked.text().trim_end());
     let failed = checked.failed();
+    if failed > 0 && output::style().brief {
+        tell!("{}", checked.faults().trim_end());
+    }
     ensure!(
         failed == 0 || despite,
         "{} of the capture failed (see {}): mend what is named above, or train anyway \

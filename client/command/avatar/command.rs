@@ -6,7 +6,6 @@ use crate::args::frame_range::FrameRange;
 use crate::args::motion::MotionArgs;
 use crate::args::train::TrainArgs;
 use crate::avatar::{AvatarOptions, run};
-use crate::show;
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -20,8 +19,9 @@ Steps, with a service of its own:
   1. reads the clip, and poses and masks: of a pose tool (--poses), or found by the pose model;
      the reading is proven by projecting the body onto the masks;
   2. checks the capture (check/sheet.png shows it) and stops if a measure fails;
-  3. uploads it, trains, renders the person from all around and in a motion;
-  4. writes index.html and play.html, for browsers, and report.json.
+  3. uploads it, trains, renders the person from all around and in a motion; index.html shows the
+     training while it goes on;
+  4. writes index.html and play.html, for browsers, report.json, and log.txt with all notes.
 
 One person in the picture, whole, from head to feet; best is one slow turn with the arms out, then
 down. Pose tools and their files: docs/pose-tools.md. The pose model: deploy/models/README.md.
@@ -73,9 +73,12 @@ pub(crate) struct Avatar {
     /// Train even if the check of the capture fails.
     #[arg(long)]
     despite_check: bool,
-    /// Open the page in a browser at the end.
+    /// Open the page in a browser as soon as the training begins.
     #[arg(long)]
     open: bool,
+    /// Print all notes, which log.txt has in any case.
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
 }
 
 impl Avatar {
@@ -113,6 +116,7 @@ impl Avatar {
             },
             motion,
             despite_check: self.despite_check,
+            open: self.open,
         };
         let report = run(&options).await?;
         output::put("report", serde_json::to_value(&report)?);
@@ -126,9 +130,6 @@ impl Avatar {
         let pages = ["index.html", "play.html"].map(|name| options.out.join(name));
         output::put("files", output::paths(&pages));
         pages.iter().for_each(|page| say!("{}", page.display()));
-        if self.open {
-            show::in_browser(&pages[0]);
-        }
         Ok(())
     }
 }

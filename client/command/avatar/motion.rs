@@ -75,7 +75,7 @@ fn clip(chosen: Option<&Motion>, size: u32) -> anyhow::Result<(MotionClip, f32)>
     let step = ((motion.fps / 15.0).floor() as usize).max(1);
     let end = MOST_FRAMES * step;
     if motion.frames.len() > end {
-        tell!(
+        detail!(
             "note: the motion has {} frames: the first {end} are rendered",
             motion.frames.len()
         );

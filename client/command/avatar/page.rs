@@ -14,7 +14,14 @@ const PAGE: &str = include_str!("page.html");
 /// Writes the page about `report` to `path`, beside which the report's pictures are; `caption` says
 /// which motion they show.
 pub(super) fn write(path: &Path, report: &Report, caption: &str) -> anyhow::Result<()> {
-    std::fs::write(path, page(report, caption))
+    put(path, &page(report, caption))
+}
+
+/// Replaces the page at `path` at once: a browser that reads it meanwhile gets the old or the new one.
+pub(super) fn put(path: &Path, page: &str) -> anyhow::Result<()> {
+    let part = path.with_extension("html.part");
+    std::fs::write(&part, page)
+        .and_then(|()| std::fs::rename(&part, path))
         .with_context(|| format!("writing {}", path.display()))
 }
 
@@ -86,7 +93,7 @@ fn figures(report: &Report) -> String {
 }
 
 /// Rows of the check's table.
-fn check(report: &Report) -> String {
+pub(super) fn check(report: &Report) -> String {
     report.check.iter().fold(String::new(), |mut text, it| {
         let cause = it.cause.as_deref().filter(|_| it.grade != Grade::Pass);
         let _ = writeln!(
@@ -127,6 +134,8 @@ mod tests {
             fps: 30.0,
             notes: vec!["focal < 5 & \"wide\"".into()],
             check: Vec::new(),
+            causes: Vec::new(),
+            lacks: Vec::new(),
             orbit_frame: 1,
             size: 64,
             training: None,

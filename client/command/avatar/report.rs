@@ -1,11 +1,11 @@
 //! What was made of a clip, in figures.
 
 use super::capture::{Captured, Checked};
-use super::{AvatarOptions, LARGEST, PERSON};
+use super::{AvatarOptions, LARGEST, PERSON, summary};
 use crate::studio::shots::Finished;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use yoto_capture::check::Measure;
+use yoto_capture::check::{Cause, Lack, Measure};
 use yoto_proto::v1::TrainResult;
 
 /// Where in the clip the pose of the orbit is, as a share of its frames: people stand at ease in
@@ -27,6 +27,10 @@ pub struct Report {
     pub notes: Vec<String>,
     /// The check's measures.
     pub check: Vec<Measure>,
+    /// Mistakes that would explain what is wrong.
+    pub causes: Vec<Cause>,
+    /// What the clip lacks, and what the next one should do instead.
+    pub lacks: Vec<Lack>,
     /// The frame whose pose the orbit shows.
     pub orbit_frame: u32,
     /// Longest side of training images and renders, pixels.
@@ -91,8 +95,10 @@ impl Report {
             frames: captured.frames.len(),
             image_size: captured.image_size,
             fps: captured.fps,
+            lacks: summary::lacks(&captured, &checked),
             notes: captured.notes,
             check: checked.report.measures,
+            causes: checked.report.causes,
             orbit_frame: captured.frames.get(moment).copied().unwrap_or_default(),
             size: options
                 .size

@@ -95,6 +95,7 @@ pub fn main() -> ExitCode {
         json: cli.output == Format::Json,
         quiet: cli.quiet,
         no_progress: cli.no_progress || cli.quiet,
+        brief: is_brief(&cli.command),
     });
     let outcome = run(cli);
     if let Err(error) = &outcome {
@@ -143,6 +144,15 @@ fn run(cli: Cli) -> anyhow::Result<()> {
     // A computation that outlives its job must not prevent the process from ending.
     runtime.shutdown_background();
     outcome
+}
+
+/// Whether the command keeps details to its log.
+fn is_brief(command: &Command) -> bool {
+    match command {
+        #[cfg(feature = "embedded")]
+        Command::Avatar(avatar) => !avatar.verbose,
+        _ => false,
+    }
 }
 
 fn logs_are_json(command: &Command) -> bool {

@@ -41,6 +41,7 @@ fn what_a_newcomer_types_parses() {
         "yoto avatar walk.mp4 --poses wham_output.pkl --masks m --person 1 --out o --range 0..9",
         "yoto avatar walk.mp4 --pose-model models --height 1.7 --focal 1500 --refine-poses",
         "yoto avatar captures/ada --motion-file m.bvh --joint-map j.json --despite-check",
+        "yoto avatar walk.mp4 --pose-model models --verbose --open",
         "yoto model erase-person checkpoints/5 --slot 2 --out checkpoints/6",
         "yoto export checkpoints/5 --slot 1 --capture a --frame 3 --out ada.ply --force",
         "yoto evaluate duo --table",

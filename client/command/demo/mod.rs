@@ -158,6 +158,7 @@ async fn drive(
             image_size: options.size,
             ..TrainSpec::default()
         },
+        |_| (),
     )
     .await?;
 

@@ -7,7 +7,7 @@ pub(crate) mod evaluate;
 mod export;
 mod keep;
 mod person;
-mod preview;
+pub(crate) mod preview;
 #[cfg(feature = "embedded")]
 pub(crate) mod tradeoff;
 pub(crate) mod train;

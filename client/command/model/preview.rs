@@ -16,13 +16,20 @@ pub(crate) struct Previews {
 }
 
 impl Previews {
-    /// Writes the pictures of `model` to `dir`, as `STEP.png`.
-    pub(crate) fn start(client: &YotoClient, model: &str, dir: PathBuf) -> Self {
+    /// Writes the pictures of `model` to `dir`, as `STEP.png`; `on_picture` receives step and path of each one.
+    pub(crate) fn start(
+        client: &YotoClient,
+        model: &str,
+        dir: PathBuf,
+        on_picture: impl FnMut(u64, &Path) + Send + 'static,
+    ) -> Self {
         let (newest, steps) = watch::channel(0);
         let (client, model) = (client.clone(), model.to_owned());
         Self {
             newest,
-            fetching: tokio::spawn(async move { fetch(&client, &model, &dir, steps).await }),
+            fetching: tokio::spawn(
+                async move { fetch(&client, &model, &dir, steps, on_picture).await },
+            ),
         }
     }
 
@@ -57,6 +64,7 @@ async fn fetch(
     model: &str,
     dir: &Path,
     mut steps: watch::Receiver<u64>,
+    mut on_picture: impl FnMut(u64, &Path),
 ) -> Result<Vec<PathBuf>, ClientError> {
     let mut paths: Vec<PathBuf> = Vec::new();
     // A resumed training begins at a checkpoint of an earlier one.
@@ -68,15 +76,8 @@ async fn fetch(
             Err(ClientError::Refused(refusal)) if refusal.code() == Code::NotFound => continue,
             fetched => fetched?,
         };
-        if fetched.is_empty() {
-            continue;
-        }
-        if paths.is_empty() {
-            let shown = dir.join("STEP.png");
-            tell!(
-                "previews: {}: held-out frames left, renders right",
-                shown.display()
-            );
+        for path in &fetched {
+            on_picture(step, path);
         }
         paths.extend(fetched);
     }

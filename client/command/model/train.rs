@@ -63,8 +63,8 @@ pub(crate) struct Train {
         value_name = "PX"
     )]
     size: u32,
-    /// Seconds between checkpoints [default: chosen so that checkpoints take below 3 % of the time, at least
-    /// 30].
+    /// Most seconds between checkpoints: a step that was just measured may be saved when half of them are over [default:
+    /// chosen so that checkpoints take below 3 % of the time, at least 30].
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     checkpoint_seconds: Option<f64>,
     #[command(flatten)]
@@ -133,7 +133,19 @@ pub(crate) async fn trained(
         return Ok(());
     }
     let mut display = ProgressDisplay::new(model.display_name.clone());
-    let previews = preview.map(|dir| Previews::start(client, &model.name, dir));
+    let previews = preview.map(|dir| {
+        let shown = dir.join("STEP.png");
+        let mut told = false;
+        Previews::start(client, &model.name, dir, move |_, _| {
+            if !told {
+                tell!(
+                    "previews: {}: held-out frames left, renders right",
+                    shown.display()
+                );
+            }
+            told = true;
+        })
+    });
     let job = follow_new(client, &job.name, &mut display, |job| {
         if let Some(previews) = &previews {
             previews.look(job);

@@ -31,10 +31,10 @@ pub async fn upload(
         .wait_for_job(&uploaded.ingest_job, |job| display.job(job))
         .await;
     let job = job.with_context(|| format!("ingesting the capture of {name}"))?;
-    display.finish(&format!("{} uploaded and ingested", count(frames, "frame")));
+    display.finish_in_detail(&format!("{} uploaded and ingested", count(frames, "frame")));
     if let Some(job_result::Kind::Ingest(ingest)) = job.result.and_then(|result| result.kind) {
         for note in ingest.notes.iter().chain(&ingest.warnings) {
-            tell!("note: {note}");
+            detail!("note: {note}");
         }
     }
     Ok(subject)

@@ -29,7 +29,7 @@ pub async fn with_service<T>(
     })
     .await
     .context("starting the embedded service")?;
-    tell!("computing on {}", service.device());
+    detail!("computing on {}", service.device());
     if let Some(hint) = yoto_device::hint_on_cpu() {
         tell!("{hint}");
     }

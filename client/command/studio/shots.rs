@@ -83,7 +83,7 @@ impl Shots<'_> {
             let made = made.with_context(|| format!("{} made no {ANIMATION}", job.name))?;
             move_file(&frames.remove(made), &target)?;
         }
-        display.finish(&format!(
+        display.finish_in_detail(&format!(
             "{} pictures, {seconds_per_frame:.2} s each",
             frames.len()
         ));

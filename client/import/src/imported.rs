@@ -1,7 +1,42 @@
 //! A capture between reading and writing.
 
 use crate::Pictures;
+use yoto_capture::check::Lack;
+use yoto_pose::Fitted;
 use yoto_proto::pose_track::PoseTrack;
+
+/// What a reader found beside the capture itself, for a short report.
+#[derive(Clone, Debug, Default)]
+pub struct Found {
+    /// The fit of poses, if this program made it.
+    pub fit: Option<PoseFit>,
+    /// What calls for a look or a decision of the user.
+    pub doubts: Vec<String>,
+    /// What the clip lacks, as far as the reader can tell.
+    pub lacks: Vec<Lack>,
+}
+
+/// A fit of poses in figures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseFit {
+    /// Frames in which the person was searched for.
+    pub searched: usize,
+    /// Median reprojection error, pixels.
+    pub error_px: f64,
+    /// Focal length, pixels.
+    pub focal_px: f64,
+}
+
+impl PoseFit {
+    /// That of `fitted`, after a search in as many frames as `searched` says.
+    pub(crate) fn of(fitted: &Fitted, searched: usize) -> Self {
+        Self {
+            searched,
+            error_px: fitted.reprojection_px,
+            focal_px: fitted.focal,
+        }
+    }
+}
 
 /// A capture after reading, before writing.
 #[derive(Clone, Debug)]
@@ -14,4 +49,6 @@ pub struct Imported {
     pub available: usize,
     /// Assumptions, for people to read.
     pub notes: Vec<String>,
+    /// What was found beside.
+    pub found: Found,
 }

@@ -47,7 +47,7 @@ mod write;
 pub use adapters::{Format, options_by_format, read};
 pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
-pub use imported::Imported;
+pub use imported::{Found, Imported, PoseFit};
 pub use matting_model::{Levels, MattingModel};
 pub use options::Options;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};

@@ -26,14 +26,14 @@ pub fn to_folder(
         display.clear();
     }
     for note in &imported.notes {
-        yoto_terminal::tell!("note: {note}");
+        yoto_terminal::detail!("note: {note}");
     }
     let mut display = ProgressDisplay::new("import");
     let bytes = write(&imported, out, form, |done, of, bytes| {
         display.frames(done, of, bytes);
     })?;
     let [width, height] = imported.track.image_size;
-    display.finish(&format!(
+    display.finish_in_detail(&format!(
         "{} of {width}x{height}, {:.1} MB in {}",
         count(imported.track.frames.len(), "frame"),
         bytes as f64 / 1e6,

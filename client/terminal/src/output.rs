@@ -2,6 +2,10 @@
 //! and everything else on stderr.
 //!
 //! A reader that goes away, such as `head`, ends the program quietly; `println!` would panic.
+//!
+//! A command that says little keeps the rest in a log: see [`log`].
+
+pub mod log;
 
 use prost::{Message, Name};
 use prost_reflect::{DescriptorPool, DynamicMessage, SerializeOptions};
@@ -20,6 +24,8 @@ pub struct Style {
     pub quiet: bool,
     /// No progress.
     pub no_progress: bool,
+    /// No details: notes that only some people need.
+    pub brief: bool,
 }
 
 static STYLE: OnceLock<Style> = OnceLock::new();
@@ -38,6 +44,7 @@ pub fn style() -> Style {
 
 /// Prints a line of a result for people. [`crate::say`] formats it.
 pub fn line(text: Arguments<'_>) {
+    log::keep(text);
     if !style().json {
         write_out(text);
     }
@@ -45,6 +52,20 @@ pub fn line(text: Arguments<'_>) {
 
 /// Prints a note for people on stderr. [`crate::tell`] formats it.
 pub fn note(text: Arguments<'_>) {
+    log::keep(text);
+    passing(text);
+}
+
+/// As [`note`], but a brief style keeps it off the terminal. [`crate::detail`] formats it.
+pub fn detail(text: Arguments<'_>) {
+    log::keep(text);
+    if !style().brief {
+        passing(text);
+    }
+}
+
+/// Prints a line on stderr that is soon out of date, such as progress; no log keeps it.
+pub fn passing(text: Arguments<'_>) {
     if !style().quiet {
         // A failed write to stderr can't be reported.
         let _ = writeln!(std::io::stderr().lock(), "{text}");
@@ -54,6 +75,7 @@ pub fn note(text: Arguments<'_>) {
 /// Prints an error on stderr, and adds it to the result for programs.
 pub fn error(text: Arguments<'_>) {
     put("error", text.to_string());
+    log::keep(format_args!("error: {text}"));
     let _ = writeln!(std::io::stderr().lock(), "error: {text}");
 }
 
@@ -125,6 +147,12 @@ macro_rules! say {
 #[macro_export]
 macro_rules! tell {
     ($($text:tt)*) => { $crate::output::note(format_args!($($text)*)) };
+}
+
+/// Prints a note that only some people need, unless the style is brief.
+#[macro_export]
+macro_rules! detail {
+    ($($text:tt)*) => { $crate::output::detail(format_args!($($text)*)) };
 }
 
 #[cfg(test)]

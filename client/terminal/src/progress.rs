@@ -148,6 +148,14 @@ impl ProgressDisplay {
         tell!("{}: {outcome}", self.label);
     }
 
+    /// As [`finish`](Self::finish), with an outcome that is a detail.
+    pub fn finish_in_detail(self, outcome: &str) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        detail!("{}: {outcome}", self.label);
+    }
+
     fn show(&mut self, fraction: f64, text: &str) {
         if let Some(bar) = &self.bar {
             bar.set_position((fraction.clamp(0.0, 1.0) * BAR as f64) as u64);
@@ -156,7 +164,7 @@ impl ProgressDisplay {
         }
         if self.shown && self.last_line.elapsed() >= LINE_EVERY {
             let percent = 100.0 * fraction.clamp(0.0, 1.0);
-            tell!("{}: {percent:3.0}% {text}", self.label);
+            output::passing(format_args!("{}: {percent:3.0}% {text}", self.label));
             self.last_line = Instant::now();
         }
     }

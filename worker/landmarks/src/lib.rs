@@ -22,6 +22,6 @@ mod tflite;
 mod watcher;
 
 pub use error::LandmarkError;
-pub use mask::{PERSON, clean, parts};
+pub use mask::{Outline, PERSON, clean, parts};
 pub use model::PoseModel;
 pub use watcher::{Seen, Watcher};

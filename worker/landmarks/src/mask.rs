@@ -2,7 +2,7 @@
 
 use crate::landmarks::{SIDE, logistic};
 use crate::region::Region;
-use rayon::prelude::*;
+use std::ops::Range;
 
 /// Least level of a pixel of the person.
 pub const PERSON: f32 = 0.5;
@@ -11,23 +11,79 @@ const SMALL_HOLE: usize = 40;
 /// Levels between which coverage rises from 0 to 1: the model's edges are wider than a lens's.
 const EDGE: [f32; 2] = [0.25, 0.75];
 
+/// Where a person is in a picture, as the model says it.
+#[derive(Clone, Debug)]
+pub struct Outline {
+    /// `[256, 256]`, of the region; empty for nobody.
+    logits: Vec<f32>,
+    region: Region,
+    /// Width and height of the picture, pixels.
+    size: [usize; 2],
+}
+
+impl Outline {
+    pub(crate) fn new(logits: &[f32], region: Region, size: [usize; 2]) -> Self {
+        Self {
+            logits: logits.to_owned(),
+            region,
+            size,
+        }
+    }
+
+    /// That of a picture of `size` (width, height) without anybody.
+    pub fn nobody(size: [usize; 2]) -> Self {
+        let [width, height] = size;
+        Self::new(&[], Region::whole(width, height), size)
+    }
+
+    /// The person's coverage of each pixel of the picture, `[height, width]`, from 0 to 255. It takes a good part of the
+    /// time that the search takes, and nothing else of the search waits for it.
+    pub fn coverage(&self) -> Vec<u8> {
+        let [width, height] = self.size;
+        if self.logits.is_empty() {
+            return vec![0; width * height];
+        }
+        mask(&self.logits, self.region, width, height)
+    }
+}
+
 /// The person's coverage of each pixel of a picture, `[height, width]`, from the logits of the model's mask `[256, 256]`
 /// of `region`.
-pub(crate) fn mask(logits: &[f32], region: Region, width: usize, height: usize) -> Vec<u8> {
+fn mask(logits: &[f32], region: Region, width: usize, height: usize) -> Vec<u8> {
     let levels = soften(&largest(logits.iter().copied().map(logistic).collect()));
+    let near = near(&levels);
+    let to_square = region.squares();
     let mut mask = vec![0; width * height];
-    let lines = mask.par_chunks_exact_mut(width.max(1)).enumerate();
-    lines.for_each(|(y, line)| {
+    for (y, line) in mask.chunks_exact_mut(width.max(1)).enumerate() {
         for (x, coverage) in line.iter_mut().enumerate() {
-            let uv = region.to_square([x as f32 + 0.5, y as f32 + 0.5]);
-            if uv.iter().all(|at| (0.0..1.0).contains(at)) {
+            let uv = to_square([x as f32 + 0.5, y as f32 + 0.5]);
+            let is_near = uv.iter().zip(&near).all(|(at, near)| near.contains(at));
+            if is_near && uv.iter().all(|at| (0.0..1.0).contains(at)) {
                 let level = bilinear(&levels, uv);
                 let share = (level - EDGE[0]) / (EDGE[1] - EDGE[0]);
                 *coverage = (share.clamp(0.0, 1.0) * 255.0).round() as u8;
             }
         }
-    });
+    }
     mask
+}
+
+/// The positions, from 0 to 1 along each side, around which a level is above 0.
+fn near(levels: &[f32]) -> [Range<f32>; 2] {
+    let (mut least, mut most) = ([SIDE; 2], [0; 2]);
+    let above = levels.iter().enumerate().filter(|(_, level)| **level > 0.0);
+    for (at, _) in above {
+        for (axis, cell) in [at % SIDE, at / SIDE].into_iter().enumerate() {
+            least[axis] = least[axis].min(cell);
+            most[axis] = most[axis].max(cell);
+        }
+    }
+    // A position takes part of the two cells whose middles are nearest; another cell is for rounding.
+    [0, 1].map(|axis| {
+        let from = least[axis] as f32 - 2.0;
+        let to = most[axis] as f32 + 3.0;
+        from / SIDE as f32..to / SIDE as f32
+    })
 }
 
 /// Only the largest connected part, with its small holes closed.
@@ -213,6 +269,28 @@ mod tests {
         assert_eq!(at(250, 150), 255);
         assert_eq!(at(335, 235), 255);
         assert_eq!([at(238, 150), at(250, 138), at(350, 150)], [0, 0, 0]);
+    }
+
+    #[test]
+    fn pixels_far_from_the_person_are_left_out_without_a_difference() {
+        let region = Region {
+            centre: [90.0, 70.0],
+            side: 150.0,
+            angle: 0.4,
+        };
+        let logits = drawn(&[([0, 90, 30, 70], 20.0), ([90, 256, 40, 60], 0.3)]);
+        let levels = soften(&largest(logits.iter().copied().map(logistic).collect()));
+        let whole = (0..140 * 180).map(|at| {
+            let uv = region.to_square([(at % 180) as f32 + 0.5, (at / 180) as f32 + 0.5]);
+            if !uv.iter().all(|at| (0.0..1.0).contains(at)) {
+                return 0;
+            }
+            let share = (bilinear(&levels, uv) - EDGE[0]) / (EDGE[1] - EDGE[0]);
+            (share.clamp(0.0, 1.0) * 255.0).round() as u8
+        });
+        let whole: Vec<u8> = whole.collect();
+        assert!(whole.contains(&255) && whole.contains(&0));
+        assert!(mask(&logits, region, 180, 140) == whole);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::detector;
 use crate::landmarks;
 use crate::network::Network;
 use crate::region::{Beyond, Region, View};
-use crate::{LandmarkError, mask::mask};
+use crate::{LandmarkError, Outline};
 use std::path::{Path, PathBuf};
 
 /// Name of the detector's file.
@@ -117,15 +117,11 @@ impl PoseModel {
         }
     }
 
-    /// The mask of the person in `region`, which must be the last one of [`look`](Self::look).
-    pub(crate) fn mask(&self, view: View, region: Region) -> Vec<u8> {
+    /// The outline of the person in `region`, which must be the last one of [`look`](Self::look).
+    pub(crate) fn outline(&self, view: View, region: Region) -> Outline {
         let [.., logits] = self.outputs;
-        mask(
-            self.landmarks.result(logits),
-            region,
-            view.width,
-            view.height,
-        )
+        let logits = self.landmarks.result(logits);
+        Outline::new(logits, region, [view.width, view.height])
     }
 }
 

@@ -66,13 +66,21 @@ impl Region {
     }
 
     /// The position in the square, from 0 to 1, of a position in the picture, pixels.
-    pub(crate) fn to_square(self, [x, y]: [f32; 2]) -> [f32; 2] {
+    #[cfg(test)]
+    pub(crate) fn to_square(self, position: [f32; 2]) -> [f32; 2] {
+        self.squares()(position)
+    }
+
+    /// What gives the position in the square, from 0 to 1, of a position in the picture, pixels.
+    pub(crate) fn squares(self) -> impl Fn([f32; 2]) -> [f32; 2] {
         let (sin, cos) = self.angle.sin_cos();
-        let [x, y] = [x - self.centre[0], y - self.centre[1]];
-        [
-            (cos * x + sin * y) / self.side + 0.5,
-            (cos * y - sin * x) / self.side + 0.5,
-        ]
+        move |[x, y]| {
+            let [x, y] = [x - self.centre[0], y - self.centre[1]];
+            [
+                (cos * x + sin * y) / self.side + 0.5,
+                (cos * y - sin * x) / self.side + 0.5,
+            ]
+        }
     }
 
     /// A direction in the picture's axes, from the square's.

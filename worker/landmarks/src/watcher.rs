@@ -1,7 +1,7 @@
 //! Follows one person from picture to picture.
 
 use crate::region::{Region, View};
-use crate::{LandmarkError, PoseModel};
+use crate::{LandmarkError, Outline, PoseModel};
 
 /// Least likelihood of a person by the landmark model.
 const LOWEST_SCORE: f32 = 0.5;
@@ -25,8 +25,8 @@ pub struct Seen {
     /// Metres from the middle of the hips, in the camera's axes (x right, y down, z forward);
     /// visibility from 0 to 1.
     pub space: [[f32; 4]; 33],
-    /// The person's coverage of each pixel, `[height, width]`, from 0 to 255.
-    pub mask: Vec<u8>,
+    /// Where the person is.
+    pub outline: Outline,
     /// Likelihood of a person, from 0 to 1.
     pub score: f32,
 }
@@ -82,7 +82,7 @@ impl Watcher {
         Some(Seen {
             picture: landmarks.picture,
             space: landmarks.space,
-            mask: self.model.mask(view, region),
+            outline: self.model.outline(view, region),
             score: looked.score,
         })
     }

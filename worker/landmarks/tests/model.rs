@@ -55,7 +55,7 @@ fn a_person_is_found_with_landmarks_and_mask() {
         assert!((0.1..0.4).contains(&hips), "{hips}");
         let (pixels, _) = picture.rgb.as_chunks::<3>();
         let (mut both, mut either) = (0, 0);
-        for (pixel, coverage) in pixels.iter().zip(&seen.mask) {
+        for (pixel, coverage) in pixels.iter().zip(&seen.outline.coverage()) {
             let (drawn, found) = (pixel.iter().any(|level| *level > 40), *coverage > 127);
             both += usize::from(drawn && found);
             either += usize::from(drawn || found);

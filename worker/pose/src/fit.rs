@@ -53,6 +53,8 @@ pub struct Fitted {
     pub height: f64,
     /// Assumptions and findings, for people.
     pub notes: Vec<String>,
+    /// Why the fit should not be trusted, if it is poor; one of the notes.
+    pub doubt: Option<String>,
 }
 
 /// Fits a moving body to key points, all frames together.

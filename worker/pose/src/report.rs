@@ -50,6 +50,7 @@ pub(crate) fn fitted(
     });
     let reprojection_px = reprojection(problem, &found.stances, &found.shared);
     let down = down.to_degrees();
+    let doubt = doubt(problem, reprojection_px);
     Fitted {
         track: PoseTrack {
             skeleton,
@@ -62,27 +63,43 @@ pub(crate) fn fitted(
         focal,
         camera_down_degrees: down,
         height: wanted,
-        notes: notes(options, problem, reprojection_px, focal, down),
+        notes: notes(
+            options,
+            problem,
+            reprojection_px,
+            doubt.as_ref(),
+            focal,
+            down,
+        ),
+        doubt,
     }
+}
+
+/// Typical length of the body in pictures, pixels.
+fn extent(problem: &Problem) -> f64 {
+    let mut extents: Vec<f64> = problem.frames.iter().map(|frame| frame.extent).collect();
+    quantile(&mut extents, 0.5)
+}
+
+fn doubt(problem: &Problem, reprojection: f64) -> Option<String> {
+    (reprojection > POOR * extent(problem)).then(|| {
+        "the fitted body is far from the key points: are they of one person throughout?".to_owned()
+    })
 }
 
 fn notes(
     options: &FitOptions,
     problem: &Problem,
     reprojection: f64,
+    doubt: Option<&String>,
     focal: f64,
     down: f64,
 ) -> Vec<String> {
-    let mut extents: Vec<f64> = problem.frames.iter().map(|frame| frame.extent).collect();
-    let extent = quantile(&mut extents, 0.5);
+    let extent = extent(problem);
     let mut notes = vec![format!(
         "poses fitted to key points: {reprojection:.1} px median error on a body of {extent:.0} px"
     )];
-    if reprojection > POOR * extent {
-        notes.push(
-            "the fitted body is far from the key points: are they of one person throughout?".into(),
-        );
-    }
+    notes.extend(doubt.cloned());
     if options.focal.is_none() {
         notes.push(format!(
             "focal length: {focal:.0} px, found by the fit; the camera's own is better, if it is known (--focal)"

@@ -15,7 +15,7 @@ use crate::capture_dir::{CaptureOptions, DecodedCapture};
 use std::collections::HashMap;
 use std::path::Path;
 use yoto_capture::FrameImage;
-use yoto_capture::check::{Checker, Grade, Report};
+use yoto_capture::check::{Checker, Grade, Measure, Report};
 use yoto_ingest::LocalCapture;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
@@ -99,31 +99,59 @@ impl Checked {
             report.frames
         );
         for it in &report.measures {
-            let (grade, title) = (it.grade.name(), it.kind.title());
-            text += &format!(
-                "  {grade:<4}  {title:<22}  {:<16}  {}\n",
-                it.shown, it.meaning
-            );
-            if let Some(cause) = &it.cause {
-                text += &format!("        {cause}\n");
-            }
-            if !it.frames.is_empty() && it.grade != Grade::Pass {
-                let frames: Vec<String> = it.frames.iter().map(u32::to_string).collect();
-                text += &format!("        see frames {}\n", frames.join(", "));
-            }
+            text += &lines(it);
         }
         for note in self.capture.notes() {
             text += &format!("note: {note}\n");
         }
-        if !report.causes.is_empty() && !self.asked.is_identity() {
-            text += &format!("the following is in addition to `{}`\n", self.asked);
-        }
-        for cause in &report.causes {
-            text += &format!("most likely cause: {}\n", cause.sentence());
-        }
+        text += &self.causes();
         for advice in &report.advice {
             text += &format!("advice: {advice}\n");
         }
         text
     }
+
+    /// The measures that failed and the likeliest causes, as text for a terminal; empty if none failed.
+    pub fn faults(&self) -> String {
+        let failed = |it: &&Measure| it.grade == Grade::Fail;
+        let text: String = self
+            .report
+            .measures
+            .iter()
+            .filter(failed)
+            .map(lines)
+            .collect();
+        match text.is_empty() {
+            true => text,
+            false => text + &self.causes(),
+        }
+    }
+
+    fn causes(&self) -> String {
+        let mut text = String::new();
+        if !self.report.causes.is_empty() && !self.asked.is_identity() {
+            text += &format!("the following is in addition to `{}`\n", self.asked);
+        }
+        for cause in &self.report.causes {
+            text += &format!("most likely cause: {}\n", cause.sentence());
+        }
+        text
+    }
+}
+
+/// A measure with its cause and frames, on lines of their own.
+fn lines(it: &Measure) -> String {
+    let (grade, title) = (it.grade.name(), it.kind.title());
+    let mut text = format!(
+        "  {grade:<4}  {title:<22}  {:<16}  {}\n",
+        it.shown, it.meaning
+    );
+    if let Some(cause) = &it.cause {
+        text += &format!("        {cause}\n");
+    }
+    if !it.frames.is_empty() && it.grade != Grade::Pass {
+        let frames: Vec<String> = it.frames.iter().map(u32::to_string).collect();
+        text += &format!("        see frames {}\n", frames.join(", "));
+    }
+    text
 }

@@ -4,7 +4,7 @@ use crate::capture_dir::CaptureDir;
 use crate::capture_frames::CaptureFrames;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::source::Source;
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options};
 use std::collections::HashMap;
 use yoto_client::{ClientError, FileSource};
 use yoto_proto::media_plan::{self, BackgroundSetting, Planned};
@@ -71,5 +71,6 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures,
         available,
         notes,
+        found: Found::default(),
     })
 }

@@ -13,7 +13,7 @@ use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::rest_joints::RestJoints;
 use crate::source::{Data, Source};
 use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
 
 const CAMERAS: &str = "cameras.npz";
@@ -82,6 +82,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: images.len(),
         notes,
+        found: Found::default(),
     })
 }
 

@@ -14,7 +14,7 @@ use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::{Data, Part, Source};
 use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options};
 use std::path::{Component, Path};
 use yoto_client::ClientError;
 
@@ -74,6 +74,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: ims.len()?,
         notes,
+        found: Found::default(),
     })
 }
 

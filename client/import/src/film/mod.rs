@@ -10,11 +10,12 @@
 //!                                    → masks (or those given, or a matting model's)
 //! ```
 
+mod hands;
 mod masks;
 mod watch;
 
 use crate::clip::{Clip, fault};
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options, PoseFit};
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
@@ -40,7 +41,8 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         "the person was searched for in {} by {name}, {seconds:.2} s each",
         count(wanted.len(), "frame")
     ));
-    notes.extend(left_out(&wanted, &watched));
+    let absent = left_out(&wanted, &watched);
+    notes.extend(absent.clone());
     if watched.is_empty() {
         let message = format!("nobody was found in {}", count(wanted.len(), "frame"));
         return Err(fault(source, "EMPTY", message));
@@ -48,6 +50,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let (watched, masks) = masks::of(options, &clip, watched, &mut notes)?;
     let fps = options.fps_or(clip.fps, &mut notes);
     let indices: Vec<usize> = watched.iter().map(|it| it.index).collect();
+    let lacks = hands::lacks(watched.iter().map(|it| &it.points));
     let points = KeyPoints {
         set: KeyPointSet::BlazePose33,
         image_size: clip.size,
@@ -65,12 +68,18 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     });
     display.clear();
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
+    let found = Found {
+        fit: Some(PoseFit::of(&fitted, wanted.len())),
+        doubts: absent.into_iter().chain(fitted.doubt).collect(),
+        lacks,
+    };
     notes.extend(fitted.notes);
     Ok(Imported {
         track: fitted.track,
         pictures: clip.pictures(&indices, masks),
         available: clip.frames,
         notes,
+        found,
     })
 }
 

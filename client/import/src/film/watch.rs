@@ -2,7 +2,10 @@
 
 use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
+use std::panic::resume_unwind;
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
 use yoto_client::ClientError;
 use yoto_landmarks::{PoseModel, Seen, Watcher};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
@@ -22,6 +25,22 @@ pub(super) struct Watched {
     pub mask: Arc<[u8]>,
 }
 
+/// Frames that wait between two stages, at most: enough that none waits for the other, and little memory.
+const AHEAD: usize = 2;
+
+/// A decoded frame, `[height, width, 3]`.
+struct Decoded {
+    index: usize,
+    rgb: Arc<Vec<u8>>,
+}
+
+/// A frame in which the person was found.
+enum Found {
+    New(Decoded, Box<Seen>),
+    /// It repeats the one before, in which the person was found.
+    Again(usize),
+}
+
 /// Looks for the person in the frames `wanted`.
 pub(super) fn watch(
     model: PoseModel,
@@ -29,28 +48,125 @@ pub(super) fn watch(
     wanted: &[usize],
 ) -> Result<Vec<Watched>, ClientError> {
     let mut watcher = Watcher::new(model);
-    let mut display = ProgressDisplay::new("people");
-    let mut watched = Vec::new();
-    let mut done = 0;
     let size = clip.size.map(|side| side as usize);
-    for_each(clip, wanted, |index, rgb| {
-        display.count("frame", done, wanted.len());
-        done += 1;
+    watch_with(clip, wanted, |rgb| {
         let seen = watcher.look(rgb, size);
-        let seen = seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))?;
-        if let Some(seen) = seen.filter(is_seen) {
-            let mut points = key_points(index as u32, &seen);
-            points.colours = patches(KeyPointSet::BlazePose33, &points, rgb, size);
-            watched.push(Watched {
-                index,
-                points,
-                mask: png(&seen.mask, clip)?,
-            });
-        }
-        Ok(())
-    })?;
+        seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
+    })
+}
+
+/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and what
+/// nothing waits for. Only `look` needs the frame before: the person is expected where they were.
+fn watch_with(
+    clip: &Clip,
+    wanted: &[usize],
+    look: impl FnMut(&[u8]) -> Result<Option<Seen>, ClientError>,
+) -> Result<Vec<Watched>, ClientError> {
+    let mut display = ProgressDisplay::new("people");
+    let (decoded, frames) = sync_channel(AHEAD);
+    let (found, unfinished) = sync_channel(AHEAD);
+    let watched = thread::scope(|scope| {
+        let decoding = scope.spawn(move || decode(clip, wanted, &decoded));
+        let finishing = scope.spawn(move || finish(clip, &unfinished));
+        let done = |done| display.count("frame", done, wanted.len());
+        let looked = look_at(frames, &found, look, done);
+        drop(found);
+        let decoded = decoding.join().unwrap_or_else(|panic| resume_unwind(panic));
+        let finished = finishing
+            .join()
+            .unwrap_or_else(|panic| resume_unwind(panic));
+        // A stage that fails ends those before it, so the fault of the last one is the cause.
+        let watched = finished?;
+        looked?;
+        decoded?;
+        Ok(watched)
+    });
     display.clear();
+    watched
+}
+
+fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Result<(), ClientError> {
+    for_each(clip, wanted, |index, rgb| {
+        let rgb = Arc::new(rgb.to_vec());
+        pass_on(clip, decoded, Decoded { index, rgb })
+    })
+}
+
+/// Gives `it` to the next stage.
+fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError> {
+    let ended = |_| {
+        fault(
+            clip.path(),
+            "INTERNAL",
+            "the search for the person has ended",
+        )
+    };
+    to.send(it).map_err(ended)
+}
+
+/// Looks at each frame that differs from the one before. `done` receives the number of frames so far.
+fn look_at(
+    frames: Receiver<Decoded>,
+    found: &SyncSender<Found>,
+    mut look: impl FnMut(&[u8]) -> Result<Option<Seen>, ClientError>,
+    mut done: impl FnMut(usize),
+) -> Result<(), ClientError> {
+    let mut last: Option<(Arc<Vec<u8>>, bool)> = None;
+    for (number, frame) in frames.into_iter().enumerate() {
+        done(number);
+        let before = last.as_ref().filter(|(rgb, _)| *rgb == frame.rgb);
+        let passed = if let Some((_, is_found)) = before {
+            is_found.then(|| Found::Again(frame.index))
+        } else {
+            let seen = look(&frame.rgb)?.filter(is_seen);
+            last = Some((frame.rgb.clone(), seen.is_some()));
+            seen.map(|seen| Found::New(frame, Box::new(seen)))
+        };
+        // The next stage ends early only by a fault of its own.
+        if let Some(passed) = passed
+            && found.send(passed).is_err()
+        {
+            return Ok(());
+        }
+    }
+    Ok(())
+}
+
+/// Masks and colours of the frames with the person.
+fn finish(clip: &Clip, found: &Receiver<Found>) -> Result<Vec<Watched>, ClientError> {
+    let size = clip.size.map(|side| side as usize);
+    let mut watched: Vec<Watched> = Vec::new();
+    for found in found {
+        let next = match found {
+            Found::New(Decoded { index, rgb }, seen) => {
+                let mut points = key_points(index as u32, &seen);
+                points.colours = patches(KeyPointSet::BlazePose33, &points, &rgb, size);
+                let mask = png(&seen.outline.coverage(), clip)?;
+                Some(Watched {
+                    index,
+                    points,
+                    mask,
+                })
+            }
+            Found::Again(index) => watched.last().map(|last| last.again(index)),
+        };
+        watched.extend(next);
+    }
     Ok(watched)
+}
+
+impl Watched {
+    /// The same in the frame `index`.
+    fn again(&self, index: usize) -> Self {
+        Self {
+            index,
+            points: FrameKeyPoints {
+                index: index as u32,
+                ..self.points.clone()
+            },
+            mask: self.mask.clone(),
+        }
+    }
 }
 
 fn is_seen(seen: &Seen) -> bool {
@@ -76,6 +192,8 @@ fn key_points(index: u32, seen: &Seen) -> FrameKeyPoints {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
+    use yoto_landmarks::Outline;
 
     fn seen(visible: usize) -> Seen {
         let mut picture = [[1.0, 2.0, 3.0, 0.1]; 33];
@@ -85,7 +203,7 @@ mod tests {
         Seen {
             picture,
             space: [[0.1, 0.2, 0.3, 0.9]; 33],
-            mask: Vec::new(),
+            outline: Outline::nobody([2, 1]),
             score: 1.0,
         }
     }
@@ -103,5 +221,73 @@ mod tests {
         assert_eq!(points.picture.len(), 33);
         assert_eq!(points.picture[0], [1.0, 2.0, f64::from(0.9f32)]);
         assert_eq!(points.space[5], [0.1f32, 0.2, 0.3].map(f64::from));
+    }
+
+    /// A clip of pictures of one colour each, 2 x 1 pixels.
+    fn clip(folder: &Path, levels: &[u8]) -> Clip {
+        for (frame, level) in levels.iter().enumerate() {
+            let picture = image::RgbImage::from_pixel(2, 1, image::Rgb([*level; 3]));
+            let path = folder.join(format!("{frame}.png"));
+            picture.save(path).expect("a picture");
+        }
+        Clip::open(folder, None).expect("a clip")
+    }
+
+    #[test]
+    fn frames_keep_their_order_and_repeats_are_not_looked_at() {
+        let folder = tempfile::tempdir().expect("a folder");
+        // Nobody is in the frames of level 0.
+        let levels = [10, 10, 20, 0, 0, 10, 30, 40, 40, 50];
+        let clip = clip(folder.path(), &levels);
+        let wanted: Vec<usize> = (0..levels.len()).collect();
+        let mut looked = Vec::new();
+        let watched = watch_with(&clip, &wanted, |rgb| {
+            looked.push(rgb[0]);
+            let mut seen = seen(33);
+            seen.picture[0][0] = f32::from(rgb[0]);
+            Ok((rgb[0] > 0).then_some(seen))
+        });
+        let watched = watched.expect("frames");
+        assert_eq!(looked, [10, 20, 0, 10, 30, 40, 50]);
+        let frames = watched
+            .iter()
+            .map(|it| (it.index, it.points.picture[0][0] as u8));
+        let expected = [
+            (0, 10),
+            (1, 10),
+            (2, 20),
+            (5, 10),
+            (6, 30),
+            (7, 40),
+            (8, 40),
+            (9, 50),
+        ];
+        assert_eq!(frames.collect::<Vec<_>>(), expected);
+        assert!(
+            watched
+                .iter()
+                .all(|it| it.points.index as usize == it.index)
+        );
+    }
+
+    #[test]
+    fn a_fault_of_any_stage_ends_the_others() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let levels: Vec<u8> = (1..40).collect();
+        let clip = clip(folder.path(), &levels);
+        let wanted: Vec<usize> = (0..levels.len()).collect();
+        let mut looked = 0;
+        let failed = watch_with(&clip, &wanted, |_| {
+            looked += 1;
+            Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
+        });
+        let error = failed.err().expect("a fault").to_string();
+        assert!(
+            error.contains("a strange picture") && looked == 1,
+            "{error}"
+        );
+        let absent = watch_with(&clip, &[3, 99], |_| Ok(Some(seen(33))));
+        let error = absent.err().expect("a fault").to_string();
+        assert!(error.contains("a picture was taken away"), "{error}");
     }
 }

@@ -4,7 +4,7 @@ use super::detections::{Detection, Detections};
 use super::{mask, own_skeleton, people};
 use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options, PoseFit};
 use std::path::Path;
 use yoto_client::ClientError;
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
@@ -24,7 +24,12 @@ pub(super) fn read(
         found.name,
         found.frames.len()
     )];
+    let mut about = Found::default();
+    let others = notes.len();
     let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
+    if options.person.is_none() {
+        about.doubts.extend(notes.iter().skip(others).cloned());
+    }
     let numbers = found.numbers(clip, at)?;
     let wanted = clip.selected(options)?;
     let mut seen: Vec<(usize, &Detection)> = Vec::new();
@@ -59,6 +64,8 @@ pub(super) fn read(
             };
             let fitted = fit(&points, &options, &mut |_, _| ());
             let fitted = fitted.map_err(|error| fault(at, "UNSUITABLE", error.to_string()))?;
+            about.fit = Some(PoseFit::of(&fitted, wanted.len()));
+            about.doubts.extend(fitted.doubt);
             notes.extend(fitted.notes);
             fitted.track
         }
@@ -88,6 +95,7 @@ pub(super) fn read(
         pictures: clip.pictures(&indices, of_frames.collect()),
         available: clip.frames,
         notes,
+        found: about,
     })
 }
 

@@ -64,6 +64,17 @@ pub(crate) fn capture(
     )?;
     let mut capture = imported(&choice, numbers, &clip, at, options, notes)?;
     capture.track.distortion = found.distortion;
+    if found.people.len() > 1 && options.person.is_none() {
+        let taken = &choice.person.name;
+        capture.found.doubts.push(format!(
+            "person {taken} of {} is taken: --person names another",
+            found.people.len()
+        ));
+    }
+    if masks.is_empty() {
+        let unproven = "there are no masks, so nothing proves the poses (--masks)";
+        capture.found.doubts.push(unproven.to_owned());
+    }
     Ok(capture)
 }
 
@@ -188,6 +199,7 @@ fn imported(
         pictures: clip.pictures(&indices, masks),
         available: clip.frames,
         notes,
+        found: crate::Found::default(),
     })
 }
 

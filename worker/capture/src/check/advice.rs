@@ -1,6 +1,8 @@
 //! Advice for the next film.
 
+use super::framing::Framing;
 use super::motion::Motion;
+use super::report::{Grade, Lack, Measure};
 
 /// Sides of a body as the directions around it from which they are seen, of 12 from its front towards
 /// its left.
@@ -18,47 +20,124 @@ const SLOW: f64 = 90.0;
 /// out, at `DOWN` and below they are down.
 const OUT: f64 = 0.75;
 const DOWN: f64 = 0.55;
+/// Share of frames without a part of the body that is too small to matter: the bound of masks that are cut off.
+const CUT: f64 = 0.02;
 
-/// Advice on a film with this motion; empty if nothing is missing.
-pub(super) fn advice(motion: &Motion) -> Vec<String> {
-    let mut advice = Vec::new();
+/// What to do about sides, arms and speed.
+const TURN: &str = "turn once, slowly, arms out, then down";
+/// What to do about parts outside of the picture.
+const STEP_BACK: &str = "keep head, hands and feet in the picture";
+/// What to do about blur.
+const SHARPER: &str = "more light and a fixed focus, so that nothing is blurred";
+/// What to do about colours that are lost.
+const LIGHT: &str = "even light, neither glaring nor dim";
+
+/// What is known of a film.
+pub(super) struct Film<'a> {
+    pub motion: &'a Motion,
+    pub framing: &'a Framing,
+    pub blur: &'a Measure,
+    pub exposure: &'a Measure,
+}
+
+/// What the film lacks; empty if nothing is missing.
+pub(super) fn lacks(film: &Film<'_>) -> Vec<Lack> {
+    let lack = |what: String, effect: &str, instead: &str| Lack {
+        what,
+        effect: effect.to_owned(),
+        instead: instead.to_owned(),
+    };
+    let mut lacks = Vec::new();
+    let seen = |directions: [usize; 3]| -> usize {
+        let frames = directions.iter().map(|at| film.motion.headings[*at]);
+        frames.sum()
+    };
+    let unseen = SIDES
+        .iter()
+        .filter(|(_, directions)| seen(*directions) == 0);
+    let unseen: Vec<&str> = unseen.map(|(side, _)| *side).collect();
+    match unseen.len() {
+        0 => {}
+        1 => lacks.push(lack(
+            format!("the {} was never seen", unseen[0]),
+            "it will be guessed",
+            TURN,
+        )),
+        _ => lacks.push(lack(
+            format!("the {} were never seen", listed(&unseen)),
+            "they will be guessed",
+            TURN,
+        )),
+    }
     for (side, directions) in SIDES {
-        let frames: usize = directions.iter().map(|at| motion.headings[*at]).sum();
-        match frames {
-            0 => advice.push(format!("the {side} was never seen: it will be guessed")),
-            1..WELL => advice.push(format!(
-                "the {side} was seen in {frames} frames only: it will be rough"
-            )),
-            _ => {}
+        let frames = seen(directions);
+        if (1..WELL).contains(&frames) {
+            let plural = if frames == 1 { "" } else { "s" };
+            let what = format!("the {side} was seen in {frames} frame{plural} only");
+            lacks.push(lack(what, "it will be rough", TURN));
         }
     }
-    if let Some([least, most]) = motion.reach {
+    if let Some([least, most]) = film.motion.reach {
         if most < OUT {
             let hidden = "the insides of the arms and the sides of the trunk will be guessed";
-            advice.push(format!("the arms were never held out: {hidden}"));
+            lacks.push(lack("the arms were never held out".into(), hidden, TURN));
         }
         if least > DOWN {
             let hidden = "how clothes fall there will be guessed";
-            advice.push(format!("the arms were never down: {hidden}"));
+            lacks.push(lack("the arms were never down".into(), hidden, TURN));
         }
     }
-    if motion.rotation_speed > SLOW {
-        let degrees = motion.rotation_speed;
-        advice.push(format!(
-            "the body turns by {degrees:.0}° per second: slower turns are sharper, and seen in more frames"
+    if film.motion.rotation_speed > SLOW {
+        let degrees = film.motion.rotation_speed;
+        lacks.push(lack(
+            format!("the body turns by {degrees:.0}° per second"),
+            "slower turns are sharper, and seen in more frames",
+            TURN,
         ));
     }
-    if !advice.is_empty() {
-        advice.push("better: turn once, slowly, arms out, then down".to_owned());
+    let frames = film.framing.frames;
+    for (part, outside) in film.framing.outside() {
+        if outside as f64 > CUT * frames as f64 {
+            let what = format!("{part} outside of the picture in {outside} of {frames} frames");
+            lacks.push(lack(what, "what is outside is not learnt", STEP_BACK));
+        }
+    }
+    for (measure, effect, instead) in [
+        (film.blur, "finer detail can't be learnt", SHARPER),
+        (film.exposure, "colours at either end are lost", LIGHT),
+    ] {
+        if measure.grade != Grade::Pass {
+            let what = format!("{}: {}", measure.kind.title(), measure.shown);
+            lacks.push(lack(what, effect, instead));
+        }
+    }
+    lacks
+}
+
+/// All lacks in words, and how to film instead.
+pub(super) fn advice(lacks: &[Lack]) -> Vec<String> {
+    let mut advice: Vec<String> = lacks.iter().map(Lack::sentence).collect();
+    if let Some(instead) = Lack::instead(lacks) {
+        advice.push(format!("better: {instead}"));
     }
     advice
 }
 
+/// `front, the back and the left side`.
+fn listed(names: &[&str]) -> String {
+    match names {
+        [] => String::new(),
+        [name] => (*name).to_owned(),
+        [first @ .., last] => format!("{} and the {last}", first.join(", the ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::report::Kind;
     use super::*;
 
-    fn complete() -> Motion {
+    fn motion() -> Motion {
         Motion {
             jumps: Vec::new(),
             seconds: 8.0,
@@ -69,19 +148,47 @@ mod tests {
         }
     }
 
+    fn measure(kind: Kind, grade: Grade, shown: &str) -> Measure {
+        Measure {
+            kind,
+            grade,
+            value: None,
+            shown: shown.to_owned(),
+            meaning: String::new(),
+            cause: None,
+            frames: Vec::new(),
+        }
+    }
+
+    fn found(motion: &Motion, framing: &Framing, blur: Grade) -> Vec<String> {
+        advice(&lacks(&Film {
+            motion,
+            framing,
+            blur: &measure(Kind::Blur, blur, "2.40 px"),
+            exposure: &measure(Kind::Exposure, Grade::Pass, "fine"),
+        }))
+    }
+
+    fn whole() -> Framing {
+        Framing {
+            frames: 100,
+            feet: 2,
+            ..Framing::default()
+        }
+    }
+
     #[test]
     fn what_was_not_seen_is_asked_for() {
-        assert!(advice(&complete()).is_empty());
-        let mut frontal = complete();
+        assert!(found(&motion(), &whole(), Grade::Pass).is_empty());
+        let mut frontal = motion();
         frontal.headings = [0; 12];
         frontal.headings[0] = 40;
         frontal.headings[3] = 2;
         frontal.reach = Some([0.3, 0.5]);
-        let found = advice(&frontal);
+        let found = found(&frontal, &whole(), Grade::Pass);
         let starts = [
+            "the back and the right side were never seen: they will be guessed",
             "the left side was seen in 2 frames only",
-            "the back was never seen: it will be guessed",
-            "the right side was never seen",
             "the arms were never held out",
             "better: turn once, slowly, arms out, then down",
         ];
@@ -89,17 +196,37 @@ mod tests {
         for (found, start) in found.iter().zip(starts) {
             assert!(found.starts_with(start), "{found}");
         }
-        let mut hasty = complete();
+    }
+
+    #[test]
+    fn hasty_turns_are_told_and_a_body_without_arms_gets_no_advice_about_them() {
+        let mut hasty = motion();
         hasty.rotation_speed = 200.0;
         hasty.reach = Some([0.9, 1.0]);
-        let found = advice(&hasty);
-        assert!(
-            found[0].starts_with("the arms were never down"),
-            "{found:?}"
-        );
-        assert!(found[1].contains("200° per second"), "{found:?}");
-        // Without arms there is no advice about them.
+        let all = found(&hasty, &whole(), Grade::Pass);
+        assert!(all[0].starts_with("the arms were never down"), "{all:?}");
+        assert!(all[1].contains("200° per second"), "{all:?}");
         hasty.reach = None;
-        assert_eq!(advice(&hasty).len(), 2);
+        assert_eq!(found(&hasty, &whole(), Grade::Pass).len(), 2);
+    }
+
+    #[test]
+    fn parts_outside_and_blur_are_told_with_what_to_do() {
+        let cut = Framing {
+            feet: 30,
+            hands: 3,
+            ..whole()
+        };
+        let all = found(&motion(), &cut, Grade::Warn);
+        let starts = [
+            "hands outside of the picture in 3 of 100 frames",
+            "feet outside of the picture in 30 of 100 frames",
+            "blur: 2.40 px: finer detail",
+            "better: keep head, hands and feet in the picture; more light",
+        ];
+        assert_eq!(all.len(), starts.len(), "{all:?}");
+        for (found, start) in all.iter().zip(starts) {
+            assert!(found.starts_with(start), "{found}");
+        }
     }
 }

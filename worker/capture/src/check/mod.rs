@@ -13,6 +13,7 @@ mod causes;
 mod drawing;
 mod figure;
 mod fit;
+mod framing;
 mod gait;
 mod least_squares;
 mod measures;
@@ -27,7 +28,7 @@ mod timing;
 
 pub use drawing::Drawing;
 pub use precision::{PRECISE, precision};
-pub use report::{Cause, Grade, Kind, Measure, Report, Tried};
+pub use report::{Cause, Grade, Kind, Lack, Measure, Report, Tried};
 
 use crate::FrameImage;
 use crate::skeleton::{Skeleton, SkeletonError};

@@ -141,6 +141,35 @@ impl Cause {
     }
 }
 
+/// Something that a film lacks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Lack {
+    /// What is missing, e.g. "the back was never seen".
+    pub what: String,
+    /// What it does to the avatar.
+    pub effect: String,
+    /// What the next film should do instead.
+    pub instead: String,
+}
+
+impl Lack {
+    /// What is missing, and its effect.
+    pub fn sentence(&self) -> String {
+        format!("{}: {}", self.what, self.effect)
+    }
+
+    /// How to film instead, each piece of advice once; `None` if nothing is missing.
+    pub fn instead(lacks: &[Self]) -> Option<String> {
+        let mut all: Vec<&str> = Vec::new();
+        for lack in lacks {
+            if !all.contains(&lack.instead.as_str()) {
+                all.push(&lack.instead);
+            }
+        }
+        (!all.is_empty()).then(|| all.join("; "))
+    }
+}
+
 /// Another reading of the numbers, and how well it fits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tried {
@@ -166,7 +195,10 @@ pub struct Report {
     /// Frames seen from each of 12 directions of 30 degrees around the body, from its front
     /// towards its left.
     pub headings: [usize; 12],
-    /// Advice for the next film; empty if nothing is missing.
+    /// What the film lacks.
+    #[serde(default)]
+    pub lacks: Vec<Lack>,
+    /// The same as advice for the next film; empty if nothing is missing.
     #[serde(default)]
     pub advice: Vec<String>,
     /// The readings that were tried, the best first.

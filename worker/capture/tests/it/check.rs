@@ -399,7 +399,7 @@ fn what_was_not_filmed_is_told_in_words() {
         images.truncate(5);
     });
     assert!(
-        said(&front, "never seen: it will be guessed"),
+        said(&front, "never seen: they will be guessed"),
         "{:?}",
         front.advice
     );

@@ -76,6 +76,7 @@ pub fn main() -> ExitCode {
         json: cli.output == Format::Json,
         quiet: cli.quiet,
         no_progress: cli.no_progress || cli.quiet,
+        brief: false,
     });
     log_to_stderr();
     let outcome = cli.command.run();

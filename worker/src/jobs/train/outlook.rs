@@ -22,6 +22,11 @@ impl Outlook {
         self.validation = took.as_secs_f64();
     }
 
+    /// How long the latest validation took.
+    pub(super) fn validation(&self) -> Duration {
+        Duration::from_secs_f64(self.validation)
+    }
+
     /// A checkpoint took this long.
     pub(super) fn saved(&mut self, took: Duration) {
         self.checkpoint = took.as_secs_f64();

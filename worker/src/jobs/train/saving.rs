@@ -19,6 +19,9 @@ const SHORTEST: Duration = Duration::from_secs(30);
 /// Share of a training's time that its checkpoints, and the validations that come with them, may take.
 const SHARE: f64 = 0.03;
 
+/// Share of the time between two checkpoints after which one may come early.
+const NEAR: f64 = 0.5;
+
 /// When the next checkpoint is due.
 #[derive(Debug)]
 pub(super) struct Rhythm {
@@ -55,6 +58,11 @@ impl Rhythm {
             false => self.every(),
         };
         now.saturating_duration_since(self.since) >= wait
+    }
+
+    /// Whether a checkpoint at `now` would be early, but not by much.
+    pub(super) fn is_near(&self, now: Instant) -> bool {
+        !self.first && now.saturating_duration_since(self.since) >= self.every().mul_f64(NEAR)
     }
 
     /// Whether the first checkpoint of the lease is still to come, for which nothing is measured.
@@ -136,6 +144,16 @@ mod tests {
         // A checkpoint of nearly a gigabyte, with validation: three in a hundred.
         rhythm.saved(first, seconds(12));
         assert!(!rhythm.is_due(first + seconds(399)) && rhythm.is_due(first + seconds(401)));
+    }
+
+    #[test]
+    fn a_measured_step_may_be_saved_early_but_not_as_the_first() {
+        let start = Instant::now();
+        let mut rhythm = Rhythm::new(Some(seconds(15)), start);
+        assert!(!rhythm.is_near(start + seconds(14)));
+        rhythm.saved(start, Duration::ZERO);
+        assert!(!rhythm.is_near(start + seconds(7)) && rhythm.is_near(start + seconds(8)));
+        assert!(!rhythm.is_due(start + seconds(8)));
     }
 
     #[test]

@@ -92,19 +92,27 @@ impl<'a> Session<'a> {
                 self.validate()?;
             }
             self.land(Upload::has_ended)?;
-            if self.upload.is_none() && self.rhythm.is_due(Instant::now()) {
+            if self.upload.is_none() && self.is_time_to_save() {
                 self.save_beside()?;
             }
         }
         Ok(())
     }
 
+    /// Whether a checkpoint is due, or will be soon and this step was just measured, which is most of its cost.
+    fn is_time_to_save(&self) -> bool {
+        let now = Instant::now();
+        let is_measured = self.validated == Some(self.trainer.progress().step);
+        self.rhythm.is_due(now) || is_measured && self.rhythm.is_near(now)
+    }
+
     /// Saves, and continues while the files are copied. A fault is logged: the next checkpoint may reach
     /// the store.
     fn save_beside(&mut self) -> Result<(), JobFailure> {
         let began = Instant::now();
+        let is_measured = self.validated == Some(self.trainer.progress().step);
         // The best checkpoint is chosen by its own PSNR.
-        if !self.rhythm.is_first() && self.validated != Some(self.trainer.progress().step) {
+        if !self.rhythm.is_first() && !is_measured {
             self.validate()?;
         }
         self.report("saving");
@@ -116,7 +124,14 @@ impl<'a> Session<'a> {
             Err(failure) => self.not_written(&failure),
         }
         self.outlook.saved(began.elapsed());
-        self.rhythm.saved(Instant::now(), began.elapsed());
+        // The next checkpoint may need a measurement of its own.
+        let measuring = if is_measured {
+            self.outlook.validation()
+        } else {
+            Duration::ZERO
+        };
+        self.rhythm
+            .saved(Instant::now(), began.elapsed() + measuring);
         self.report("training");
         Ok(())
     }

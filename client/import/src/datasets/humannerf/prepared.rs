@@ -14,7 +14,7 @@ use super::frame_files::files;
 use crate::pictures::{Pictures, image_size};
 use crate::source::Source;
 use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
 use yoto_proto::pose_track::NO_DISTORTION;
 use yoto_proto::smpl::JOINTS;
@@ -83,5 +83,6 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: entries.len(),
         notes,
+        found: Found::default(),
     })
 }

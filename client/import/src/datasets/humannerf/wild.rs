@@ -10,7 +10,7 @@ use crate::pictures::image_size;
 use crate::rest_joints::RestJoints;
 use crate::source::Source;
 use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use crate::{Imported, Options, Pictures};
+use crate::{Found, Imported, Options, Pictures};
 use yoto_client::ClientError;
 
 pub(super) const METADATA: &str = "metadata.json";
@@ -59,5 +59,6 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: entries.len(),
         notes,
+        found: Found::default(),
     })
 }

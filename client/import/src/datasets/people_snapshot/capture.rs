@@ -7,7 +7,7 @@ use crate::rest_joints::RestJoints;
 use crate::source::Source;
 use crate::source::hdf5::Hdf5;
 use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
@@ -63,6 +63,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures,
         available: pose.len(),
         notes,
+        found: Found::default(),
     })
 }
 

@@ -13,7 +13,7 @@ use crate::clip::{Clip, fault, left_out};
 use crate::motion::{Motion, MotionOptions, read_bvh};
 use crate::proof::Masks;
 use crate::source::Source;
-use crate::{Imported, Options};
+use crate::{Found, Imported, Options};
 use reading::{Body, choose};
 use std::path::Path;
 use yoto_client::ClientError;
@@ -104,6 +104,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         available: clip.frames,
         track,
         notes,
+        found: Found::default(),
     })
 }
 

@@ -7,11 +7,12 @@ mod frames;
 mod geometry;
 mod grading;
 
-use super::advice::advice;
+use super::advice::{Film, advice, lacks};
 use super::agreement::Agreement;
 use super::causes::{Search, search, what};
 use super::figure::size;
 use super::fit::Fitter;
+use super::framing::Framing;
 use super::gait;
 use super::motion::Motion;
 use super::observe::Observation;
@@ -94,6 +95,18 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
 
     let explained = causes.first().map(Cause::sentence);
     let fit = found.as_ref().map(|it| it.given.mean);
+    let (blur, exposure) = (blur(track, seen), exposure(seen));
+    // Where the numbers mean something else, nothing is known about what is in the picture.
+    let framing = match causes.is_empty() {
+        true => Framing::of(track, skeleton),
+        false => Framing::default(),
+    };
+    let lacks = lacks(&Film {
+        motion: &motion,
+        framing: &framing,
+        blur: &blur,
+        exposure: &exposure,
+    });
     let mut measures = vec![
         reading_of(geometry.as_ref()),
         timing_of(late.as_ref(), &bodies, &images),
@@ -108,8 +121,8 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         jitter(&motion),
         wander(precision::wander(track, &reading, fatness, seen_right)),
         repeats(track, skeleton, seen),
-        blur(track, seen),
-        exposure(seen),
+        blur,
+        exposure,
     ];
     for measure in &mut measures {
         let geometric = matches!(
@@ -131,7 +144,8 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
         measures,
         causes,
         headings: motion.headings,
-        advice: advice(&motion),
+        advice: advice(&lacks),
+        lacks,
         tried: found.map(|it| it.tried).unwrap_or_default(),
         mask_shifts: bodies.gains,
     }

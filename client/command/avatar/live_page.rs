@@ -1,0 +1,82 @@
+//! The page of a training under way, as HTML.
+
+use super::live::{OFTEN, Shown, State};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use yoto_export::page::escaped;
+
+/// Template of the page, with fields in braces.
+const PAGE: &str = include_str!("live_page.html");
+/// Age from which on a page has lost its writer, which was killed.
+const STALE: Duration = Duration::from_secs(90);
+
+/// The page about the person called `name`, with the rows of the check of their capture.
+pub(super) fn html(name: &str, check: &str, state: &State) -> String {
+    let title = match &state.stopped {
+        Some(_) => "stopped",
+        None => "training",
+    };
+    PAGE.replace("{name}", &escaped(name))
+        .replace("{title}", title)
+        .replace("{state}", &words(state))
+        .replace("{pictures}", &pictures(&state.pictures))
+        .replace("{check}", check)
+        .replace("{refresh}", &refresh(state))
+}
+
+fn words(state: &State) -> String {
+    if let Some(why) = &state.stopped {
+        return format!(
+            "<p class=\"stopped\">There is no avatar: {}.</p>\n<p>It was at: {}</p>",
+            escaped(why),
+            escaped(&state.doing)
+        );
+    }
+    let bar = state.fraction.map_or_else(String::new, |fraction| {
+        format!("\n<progress value=\"{fraction:.3}\"></progress>")
+    });
+    format!("<p id=\"state\">{}</p>{bar}", escaped(&state.doing))
+}
+
+/// The newest picture, and the earlier ones below.
+fn pictures(all: &[Shown]) -> String {
+    let figure = |it: &Shown| {
+        let quality = it
+            .psnr
+            .map_or_else(String::new, |psnr| format!(", {psnr:.2} dB"));
+        let path = escaped(&it.path);
+        format!(
+            "<figure><img src=\"{path}\" alt=\"Step {0}\"><figcaption>Step {0}{quality}</figcaption></figure>\n",
+            it.step
+        )
+    };
+    let Some((newest, earlier)) = all.split_last() else {
+        return "<p>The first picture comes with the first measured checkpoint.</p>".to_owned();
+    };
+    let mut text = format!(
+        "<p>A frame that the training does not see left, its render right.</p>\n{}",
+        figure(newest)
+    );
+    if !earlier.is_empty() {
+        text += "<div class=\"strip\">\n";
+        for it in earlier.iter().rev() {
+            text += &figure(it);
+        }
+        text += "</div>";
+    }
+    text
+}
+
+/// What makes a browser load the page again. A page whose writer was killed stays as it is, and says so.
+fn refresh(state: &State) -> String {
+    if state.stopped.is_some() {
+        return String::new();
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    let (often, stale) = (OFTEN.as_millis(), STALE.as_millis());
+    format!(
+        "<script>\n  if (Date.now() - {} < {stale}) setTimeout(() => location.reload(), {often});\n  \
+         else document.getElementById(\"state\").textContent = \"The training has ended without a word: its \
+         program was killed.\";\n</script>\n",
+        now.unwrap_or_default().as_millis()
+    )
+}
