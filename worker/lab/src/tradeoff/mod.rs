@@ -129,7 +129,8 @@ fn views(recordings: &[Recording], wanted: usize) -> Vec<SweepView> {
                 camera: view.camera.clone(),
                 background: [0.0; 3],
             },
-            truth: Some(view.truth.rgb.clone()),
+            truth: Some(view.truth.clone()),
+            exposure: view.exposure,
         });
         views.collect::<Vec<_>>()
     };
