@@ -132,11 +132,19 @@ fn measure<E: From<SweepError>>(
         });
         tick(views.len())?;
     }
+    let smaller = match renderer.config().appearance.splats() {
+        Some(_) => resized(&plain, SECOND_SIZE),
+        None => Vec::new(),
+    };
     let mut times = vec![vec![Vec::new(); views.len()]; points.len()];
+    let mut times_smaller = vec![vec![Vec::new(); smaller.len()]; points.len()];
     for _ in 0..repeats {
-        for (point, times) in points.iter().zip(&mut times) {
+        for (i, point) in points.iter().enumerate() {
             renderer.set(&point.settings).map_err(SweepError::from)?;
-            for (view, times) in plain.iter().zip(times) {
+            for (view, times) in plain.iter().zip(&mut times[i]) {
+                times.push(timed(renderer, view)?);
+            }
+            for (view, times) in smaller.iter().zip(&mut times_smaller[i]) {
                 times.push(timed(renderer, view)?);
             }
             tick(views.len())?;
@@ -145,10 +153,11 @@ fn measure<E: From<SweepError>>(
     for (point, times) in points.iter_mut().zip(times) {
         point.seconds = mean(times.into_iter().map(median));
     }
-    if renderer.config().appearance.splats().is_some() {
-        for point in &mut points {
-            renderer.set(&point.settings).map_err(SweepError::from)?;
-            point.fixed_seconds = Some(fixed_part(renderer, point.seconds, rays, &plain, repeats)?);
+    if !smaller.is_empty() {
+        let fewer = mean_rays(renderer, &smaller.iter().collect::<Vec<_>>())?;
+        for (point, times) in points.iter_mut().zip(times_smaller) {
+            let less = mean(times.into_iter().map(median));
+            point.fixed_seconds = Some(fixed_part([fewer, less], [rays, point.seconds]));
         }
     }
     renderer.set(own).map_err(SweepError::from)?;
@@ -262,23 +271,14 @@ fn mean_seconds(
     Ok(mean(seconds.into_iter()))
 }
 
-/// The part of `seconds` at `rays` that does not depend on the rays: where the line through them and a measurement at
-/// [`SECOND_SIZE`] meets 0 rays.
-fn fixed_part(
-    renderer: &Renderer,
-    seconds: f64,
-    rays: f64,
-    views: &[&RenderView],
-    repeats: usize,
-) -> Result<f64, SweepError> {
-    let views = resized(views, SECOND_SIZE);
-    let fewer = mean_rays(renderer, &views.iter().collect::<Vec<_>>())?;
+/// The part of a time that does not depend on the rays, from the rays and seconds of smaller and of larger views: where
+/// the line through them meets 0 rays.
+fn fixed_part([fewer, less]: [f64; 2], [rays, seconds]: [f64; 2]) -> f64 {
     if fewer >= rays {
-        return Ok(0.0);
+        return 0.0;
     }
-    let less = mean_seconds(renderer, &views, repeats)?;
     let slope = (seconds - less) / (rays - fewer);
-    Ok((seconds - slope * rays).clamp(0.0, seconds))
+    (seconds - slope * rays).clamp(0.0, seconds)
 }
 
 /// Predictions for views of other sizes, with the measured times.
@@ -366,6 +366,15 @@ mod tests {
     fn a_median_is_not_moved_by_one_slow_frame() {
         assert_eq!(median(vec![1.0, 99.0, 2.0]), 2.0);
         assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), 2.5);
+    }
+
+    #[test]
+    fn the_fixed_part_is_what_is_left_without_rays() {
+        assert_eq!(fixed_part([100.0, 3.0], [400.0, 6.0]), 2.0);
+        // Noise: neither below nothing nor above the whole.
+        assert_eq!(fixed_part([100.0, 1.0], [400.0, 6.0]), 0.0);
+        assert_eq!(fixed_part([100.0, 7.0], [400.0, 6.0]), 6.0);
+        assert_eq!(fixed_part([400.0, 6.0], [400.0, 6.0]), 0.0);
     }
 
     #[test]

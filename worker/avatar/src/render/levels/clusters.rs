@@ -5,10 +5,11 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use yoto_capture::skeleton::transform::from_quaternion;
 
-/// Distance that counts as much as a difference of 1 in colour, metres: a group of that size loses outlines and folds.
-const NEAR: f64 = 0.05;
+/// Distance that counts as much as a difference of 1 in colour, metres; chosen by experiment, as the next
+/// (docs/splats.md).
+const NEAR: f64 = 0.2;
 /// Weight of the difference of unit normals: light and outlines depend on them.
-const NORMALS: f64 = 0.1;
+const NORMALS: f64 = 0.3;
 /// Numbers that are compared: position, normal and colour.
 const FEATURES: usize = 9;
 /// Share of the possible pairs that are united in a round, those that cost least: their unions then compete again.

@@ -6,6 +6,9 @@ use yoto_capture::skeleton::transform::{Mat3, from_quaternion, to_quaternion};
 
 /// Largest opacity: of 1 there is no logit.
 const OPAQUE: f64 = 0.999;
+/// Exponent by which the two largest deviations grow where a group covers more than an opaque splat of its size does; 1/2
+/// would keep the coverage, and blur outlines (docs/splats.md).
+const GROWTH: f64 = 0.25;
 /// Smallest standard deviation, metres.
 const THINNEST: f64 = 1e-6;
 
@@ -55,8 +58,17 @@ pub(in crate::render) fn merged(splats: &[LevelSplat], group: &[usize]) -> (Leve
         colour: colour.map(|v| v as f32),
         bone: largest.map_or(0, |(splat, _)| splat.bone),
     };
-    // The same coverage on a larger area, as far as there is one.
-    splat.opacity = (sum / splat.weight()).min(OPAQUE) as f32;
+    let coverage = sum / splat.weight();
+    if coverage > OPAQUE {
+        let thinnest = (0..3).fold(0, |best, k| match deviations[k] < deviations[best] {
+            true => k,
+            false => best,
+        });
+        let wider = (coverage / OPAQUE).powf(GROWTH) as f32;
+        let others = (0..3).filter(|k| *k != thinnest);
+        others.for_each(|k| splat.deviations[k] *= wider);
+    }
+    splat.opacity = coverage.min(OPAQUE) as f32;
     (splat, weights.into_iter().map(|v| v as f32).collect())
 }
 
@@ -137,5 +149,13 @@ mod tests {
         let (found, _) = merged(&some, &[0, 1, 2, 3, 4]);
         assert!((found.opacity - 0.999).abs() < 1e-6, "{}", found.opacity);
         assert_eq!(found.mean, [0.0; 3]);
+        // Five of 0.99 cover 4.95 times what one can.
+        let wider = (4.95f32 / 0.999).powf(0.25);
+        let mut wanted = [0.01 * wider, 0.02 * wider, 0.001];
+        let mut deviations = found.deviations;
+        wanted.sort_by(f32::total_cmp);
+        deviations.sort_by(f32::total_cmp);
+        let pairs = deviations.iter().zip(wanted);
+        pairs.for_each(|(a, b)| assert!((a / b - 1.0).abs() < 1e-3, "{deviations:?}"));
     }
 }
