@@ -45,6 +45,7 @@ Examples:
   yoto export duo --subject ada --motion-file walk.bvh --motion-file jump.npz --out ada.glb
   yoto export duo --subject ada --no-motion --out ada.glb
   yoto export duo --subject ada --out ada.ply
+  yoto export duo --subject ada --max-bytes 200000 --out ada.html
   yoto export duo --subject ada --frame 30 --out ada.obj
   yoto export duo --subject ada --format ply-mesh --out ada.ply
   yoto export fog --subject ada --seconds 120 --out ada.spz
@@ -92,6 +93,9 @@ pub(crate) struct Export {
     /// Pixels along a side of a mesh's texture [default: 1024].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=8192))]
     texture: Option<u32>,
+    /// Most bytes of a page or a file of splats: fewer splats stand for near ones until it fits [default: no limit].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..))]
+    max_bytes: Option<u64>,
     /// Seconds in which splats are made of a field [default: 60].
     #[arg(long, value_name = "S", value_parser = distillation_seconds)]
     seconds: Option<f64>,
@@ -181,6 +185,10 @@ impl Export {
         ensure!(
             form.is_mesh() || (self.triangles.is_none() && self.texture.is_none()),
             "--triangles and --texture belong to a mesh"
+        );
+        ensure!(
+            !form.is_mesh() || self.max_bytes.is_none(),
+            "--max-bytes belongs to pages and files of splats"
         );
         ensure!(
             !self.motion_files.is_empty() || !self.reading.any(),

@@ -45,6 +45,7 @@ impl Export {
                 .map(|step| names::checkpoint(&found.name, step))
                 .unwrap_or_default(),
             file: written.stem()?.to_owned(),
+            max_bytes: self.max_bytes.unwrap_or_default(),
             model: found.name,
         };
         let job = client.export(spec).await?;

@@ -14,8 +14,8 @@ use yoto_terminal::progress::ProgressDisplay;
 
 const AFTER_HELP: &str = "\
 The service renders held-out frames of a trained model with many settings (samples per ray,
-resolution, likelihood bound, early stop, precision) and stores time and PSNR with the model's
-checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality` use these figures.
+resolution, likelihood bound, early stop, precision; of splats their number and the resolution)
+and stores time and PSNR with the model's checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality` use these figures.
 
 OUT holds tradeoff.json and tradeoff.csv.
 
@@ -119,7 +119,11 @@ impl TradeoffCommand {
         let mut devices = status.workers.iter().filter_map(|it| it.device.as_ref());
         let same_machine = devices.any(|it| it.adapter == curve.machine.device);
         // Fewer people may have fewer held-out frames than were asked for.
-        if !(same_size && same_machine && curve.repeats >= self.repeats as usize) {
+        if !(curve.is_current()
+            && same_size
+            && same_machine
+            && curve.repeats >= self.repeats as usize)
+        {
             return Ok(None);
         }
         tell!(

@@ -14,13 +14,18 @@ pub(crate) fn kept(choice: &RenderChoice) -> String {
     };
     format!(
         "chosen: {} samples per ray, likelihood bound {}, least light {}, {}, {:.0} % of the \
-         resolution\n\
+         resolution, {} % of the splats\n\
          promised {:.4} s per frame and {} (on {}); took {:.4} s per frame, {seen}",
         settings.samples,
         settings.epsilon,
         settings.min_transmittance,
         if settings.bf16 { "bf16" } else { "f32" },
         100.0 * settings.scale,
+        match settings.splats {
+            // Of a worker of an earlier version.
+            0.0 => 100.0,
+            share => 100.0 * share,
+        },
         choice.predicted_seconds_per_frame,
         decibels(choice.predicted_psnr),
         choice.measured_on,

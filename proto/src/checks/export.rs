@@ -18,6 +18,8 @@ pub const TRIANGLES: RangeInclusive<u32> = 100..=1_000_000;
 pub const TEXTURES: RangeInclusive<u32> = 64..=8192;
 /// Length of a distillation, seconds.
 pub const SECONDS: RangeInclusive<f64> = 1.0..=86_400.0;
+/// Fewest bytes of a file that has a limit.
+pub const FEWEST_BYTES: u64 = 1000;
 /// Sides of its pictures, pixels.
 pub const SIZES: RangeInclusive<u32> = 64..=2048;
 
@@ -41,6 +43,13 @@ pub fn faults(export: &ExportSpec) -> Vec<Fault> {
     if let Some(form) = form {
         check_motions(&mut found, export, form);
         check_mesh(&mut found, export, form);
+        let bytes = export.max_bytes;
+        found.unless(bytes == 0 || !form.is_mesh(), "max_bytes", || {
+            "belongs to a page and to files of splats".into()
+        });
+        found.unless(bytes == 0 || bytes >= FEWEST_BYTES, "max_bytes", || {
+            format!("{bytes}: must be at least {FEWEST_BYTES}")
+        });
     }
     if let Some(Distillation { seconds, size, .. }) = export.distillation {
         if seconds != 0.0 {
@@ -203,7 +212,7 @@ mod tests {
     #[test]
     fn every_fault_is_named_with_its_path() {
         type Change = fn(&mut ExportSpec);
-        let cases: [(ExportForm, Change, &[&str]); 16] = [
+        let cases: [(ExportForm, Change, &[&str]); 18] = [
             (ExportForm::Unspecified, |_| (), &["form"]),
             (ExportForm::Page, |it| it.form = 99, &["form"]),
             (ExportForm::Page, |it| it.frame = Some(0), &["frame"]),
@@ -212,6 +221,12 @@ mod tests {
             (ExportForm::MeshGlb, |it| it.texture = 9000, &["texture"]),
             (ExportForm::MeshObj, |it| it.triangles = 99, &["triangles"]),
             (ExportForm::MeshPly, |it| it.rest = true, &["rest"]),
+            (
+                ExportForm::MeshGlb,
+                |it| it.max_bytes = 5000,
+                &["max_bytes"],
+            ),
+            (ExportForm::Page, |it| it.max_bytes = 999, &["max_bytes"]),
             (
                 ExportForm::SplatsGlb,
                 |it| it.motions = vec![clip()],

@@ -1,9 +1,9 @@
 //! Motions by name.
 
-use crate::gaussians::quaternion;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{
-    Mat34, Vec3, add, apply, cross, dot, length, normalised, position, rigid, rodrigues, scale, sub,
+    Mat34, Vec3, add, apply, cross, dot, length, normalised, position, rigid, rodrigues, scale,
+    sub, to_quaternion,
 };
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
@@ -88,7 +88,7 @@ impl Clip {
             let shift = pose.translation.iter();
             bytes.extend(shift.flat_map(|value| value.to_le_bytes()));
             for turn in pose.rotations_f64() {
-                let numbers = quaternion(&rodrigues(turn));
+                let numbers = to_quaternion(&rodrigues(turn));
                 let whole = numbers.map(|q| (q * f64::from(i16::MAX)).round() as i16);
                 bytes.extend(whole.iter().flat_map(|value| value.to_le_bytes()));
             }

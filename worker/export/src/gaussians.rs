@@ -5,7 +5,7 @@ use faer::{Mat, Side};
 use yoto_avatar::render::{SkinnedSplat, SkinnedSplats};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::transform::{
-    IDENTITY_ROTATION, Mat3, Mat34, apply, compose, from_quaternion, rigid,
+    IDENTITY_ROTATION, Mat3, Mat34, apply, compose, from_quaternion, rigid, to_quaternion,
 };
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_formats::splats::Gaussian;
@@ -85,7 +85,7 @@ fn carried(splat: &SkinnedSplat, bones: &[Mat34], light: &[[f32; 8]; 3], to: &Ma
     let harmonics = shine::rotated(&splat.harmonics, &moved(&|k, c| transform[k][c]));
     Gaussian {
         mean: apply(to, apply(&transform, splat.mean.map(f64::from))).map(|v| v as f32),
-        rotation: quaternion(&rotation).map(|v| v as f32),
+        rotation: to_quaternion(&rotation).map(|v| v as f32),
         deviations: deviations.map(|v| v as f32),
         opacity: splat.opacity,
         colour: std::array::from_fn(|c| (splat.colour[c] * shade[c]).clamp(0.0, 1.0)),
@@ -151,51 +151,9 @@ fn ellipsoid(axes: &Mat3, deviations: [f64; 3]) -> (Mat3, [f64; 3]) {
     )
 }
 
-/// The unit quaternion of a rotation, real part first. The largest of its four numbers is computed first, so
-/// that the others are never divided by a tiny number.
-pub(crate) fn quaternion(m: &Mat3) -> [f64; 4] {
-    let [[a, b, c], [d, e, f], [g, h, i]] = *m;
-    let squares = [
-        1.0 + a + e + i,
-        1.0 + a - e - i,
-        1.0 - a + e - i,
-        1.0 - a - e + i,
-    ];
-    let largest = (0..4).fold(
-        0,
-        |best, k| if squares[k] > squares[best] { k } else { best },
-    );
-    let twice = squares[largest].max(0.0).sqrt();
-    let rest = match largest {
-        0 => [squares[0], h - f, c - g, d - b],
-        1 => [h - f, squares[1], b + d, c + g],
-        2 => [c - g, b + d, squares[2], f + h],
-        _ => [d - b, c + g, f + h, squares[3]],
-    };
-    rest.map(|q| q / (2.0 * twice))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::skeleton::transform::rodrigues;
-
-    #[test]
-    fn quaternions_turn_as_their_matrices() {
-        for r in [
-            [0.3, -0.2, 0.5],
-            [3.1, 0.0, 0.1],
-            [0.0, 3.1, 0.1],
-            [0.1, 0.0, 3.1],
-            [0.0; 3],
-        ] {
-            let m = rodrigues(r);
-            let back = from_quaternion(quaternion(&m));
-            for (one, other) in m.as_flattened().iter().zip(back.as_flattened()) {
-                assert!((one - other).abs() < 1e-9, "{r:?}");
-            }
-        }
-    }
 
     #[test]
     fn a_sheared_gaussian_keeps_its_covariance() {

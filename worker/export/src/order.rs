@@ -15,6 +15,11 @@ use yoto_proto::v1::ExportForm;
 
 /// Most poses for the mean light of a texture.
 const LIGHT_POSES: usize = 50;
+/// Share of the most bytes that a file aims at, and the one that is near enough.
+const AIM: f64 = 0.98;
+const FULL: f64 = 0.9;
+/// Most numbers of splats that are tried for a file.
+const TRIES: usize = 8;
 
 /// The options of an export.
 #[derive(Debug)]
@@ -31,6 +36,8 @@ pub struct Order<'a> {
     pub frame: Option<u32>,
     /// Limits of a mesh.
     pub mesh: MeshOptions,
+    /// Most bytes of a page or a file of splats.
+    pub max_bytes: Option<u64>,
 }
 
 /// An exported person.
@@ -42,6 +49,13 @@ pub struct Exported {
     pub splats: Option<usize>,
     /// Number of triangles and side of the texture in pixels, of a mesh.
     pub mesh: Option<(usize, u32)>,
+}
+
+impl Exported {
+    /// Bytes of all files.
+    fn bytes(&self) -> u64 {
+        self.files.iter().map(|file| file.bytes.len() as u64).sum()
+    }
 }
 
 /// One file.
@@ -73,6 +87,14 @@ pub enum ExportError {
     /// The splats have no surface.
     #[error("the surface of the person")]
     Surface(#[from] mesh::MeshError),
+    /// No number of splats is few enough.
+    #[error("{max} bytes are too few: with one splat, the file has {least}")]
+    TooFewBytes {
+        /// The limit.
+        max: u64,
+        /// Bytes with one splat.
+        least: u64,
+    },
     /// The mesh can't be written.
     #[error("the mesh")]
     Mesh(#[from] mesh::glb::GlbError),
@@ -86,15 +108,54 @@ impl Order<'_> {
     pub fn of(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
         match self.form {
             ExportForm::Unspecified => Err(ExportError::Form),
-            ExportForm::Page => self.page(person),
+            ExportForm::Page => {
+                let clips = clips(self.motions, &person.skeleton)?;
+                self.within(person, &|person| self.page(person, &clips))
+            }
             form if form.is_mesh() => self.mesh(person),
-            _ => self.splats(person),
+            _ => self.within(person, &|person| self.splats(person)),
         }
     }
 
-    fn page(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
-        let clips = clips(self.motions, &person.skeleton)?;
-        let page = page::page(self.title, person, &clips)?;
+    /// What `write` makes of `person`, of fewer splats if it has more bytes than it may have.
+    fn within(
+        &self,
+        person: &SkinnedSplats,
+        write: &dyn Fn(&SkinnedSplats) -> Result<Exported, ExportError>,
+    ) -> Result<Exported, ExportError> {
+        let whole = write(person)?;
+        let Some(max) = self.max_bytes.filter(|max| whole.bytes() > *max) else {
+            return Ok(whole);
+        };
+        let bytes_of = |count: usize| -> Result<(u64, Exported), ExportError> {
+            let file = write(&person.reduced_to(count))?;
+            Ok((file.bytes(), file))
+        };
+        let (least, smallest) = bytes_of(1)?;
+        if least > max {
+            return Err(ExportError::TooFewBytes { max, least });
+        }
+        let mut below = (1, least, smallest);
+        let mut above = (person.splats.len(), whole.bytes());
+        for _ in 0..TRIES {
+            if below.1 as f64 >= FULL * max as f64 || above.0 <= below.0 + 1 {
+                break;
+            }
+            // Bytes grow with the splats, nearly in proportion where they are compressed.
+            let per_splat = (above.1 - below.1) as f64 / (above.0 - below.0) as f64;
+            let more = ((AIM * max as f64 - below.1 as f64) / per_splat).max(1.0) as usize;
+            let count = (below.0 + more).min(above.0 - 1);
+            let (bytes, file) = bytes_of(count)?;
+            match bytes > max {
+                true => above = (count, bytes),
+                false => below = (count, bytes, file),
+            }
+        }
+        Ok(below.2)
+    }
+
+    fn page(&self, person: &SkinnedSplats, clips: &[Clip]) -> Result<Exported, ExportError> {
+        let page = page::page(self.title, person, clips)?;
         Ok(self.with_splats(page.into_bytes(), person.splats.len()))
     }
 

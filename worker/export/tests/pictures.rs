@@ -4,16 +4,19 @@ use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
-use yoto_avatar::render::RenderView;
+use yoto_avatar::render::{RenderView, SkinnedSplats};
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::IDENTITY;
 use yoto_export::gaussians::posed;
+use yoto_export::mesh::MeshOptions;
+use yoto_export::order::{ExportError, Exported, Order};
 use yoto_formats::splats::Gaussian;
 use yoto_ops::splat::cpu::SplatSlices;
 use yoto_ops::splat::harmonics::terms;
 use yoto_ops::splat::{View, render};
+use yoto_proto::v1::ExportForm;
 use yoto_synthetic::SyntheticPerson;
 
 const SIZE: u32 = 96;
@@ -139,4 +142,99 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
         assert!(psnr(&picture(&other, &camera), &rendered) < alike - 10.0);
     }
     assert!(renderer.skinned_splats(1).is_err(), "nobody is there");
+}
+
+/// Mean squared difference of `person` to `whole` over frames of their capture.
+fn error(person: &SkinnedSplats, whole: &SkinnedSplats, film: &Person) -> f64 {
+    let track = &film.shard.track;
+    let frames = [0, 3, 7, 10].map(|index| &track.frames[index]);
+    let errors = frames.map(|frame| {
+        let pose = Pose::from_frame(frame).expect("a pose");
+        let camera = Camera::from_frame(frame, track.image_size).expect("a camera");
+        let of = |splats| picture(&posed(splats, &pose, &IDENTITY).expect("a pose"), &camera);
+        let (found, wanted) = (of(person), of(whole));
+        let squares = found
+            .iter()
+            .zip(&wanted)
+            .map(|(a, b)| f64::from(a - b).powi(2));
+        squares.sum::<f64>() / found.len() as f64
+    });
+    errors.iter().sum::<f64>() / errors.len() as f64
+}
+
+#[test]
+fn fewer_splats_stand_for_all() {
+    let (trainer, film) = trainer();
+    let whole = trainer
+        .renderer()
+        .skinned_splats(0)
+        .expect("reads")
+        .expect("splats");
+    let all = whole.splats.len();
+    assert_eq!(whole.reduced_to(all), whole);
+    let mut before = 0.0;
+    for share in [2, 4, 8] {
+        let fewer = whole.reduced_to(all / share);
+        assert_eq!(fewer.splats.len(), all / share);
+        // Every `share`-th of the splats, whose order says nothing about where they are.
+        let mut dropped = whole.clone();
+        let kept = dropped.splats.iter().step_by(share);
+        dropped.splats = kept.copied().collect();
+        let [merged, dropped] = [&fewer, &dropped].map(|it| error(it, &whole, &film));
+        assert!(
+            merged < 0.3 * dropped,
+            "1/{share}: {merged:e} and {dropped:e}"
+        );
+        assert!(merged > before, "1/{share}: {merged:e} after {before:e}");
+        before = merged;
+        assert_eq!(whole.reduced_to(all / share), fewer, "there is one way");
+    }
+}
+
+#[test]
+fn files_have_the_most_bytes_that_they_may_have() {
+    let (trainer, _) = trainer();
+    let person = trainer
+        .renderer()
+        .skinned_splats(0)
+        .expect("reads")
+        .expect("splats");
+    let write = |form, max_bytes| -> Result<Exported, ExportError> {
+        let order = Order {
+            form,
+            title: "Ada",
+            stem: "ada",
+            motions: &[],
+            frame: None,
+            mesh: MeshOptions::default(),
+            max_bytes,
+        };
+        order.of(&person)
+    };
+    let forms = [
+        ExportForm::Page,
+        ExportForm::SplatsPly,
+        ExportForm::SplatsSpz,
+        ExportForm::SplatsGlb,
+    ];
+    for form in forms {
+        let whole = write(form, None).expect("writes");
+        let bytes = whole.files[0].bytes.len() as u64;
+        let as_it_is = write(form, Some(bytes)).expect("writes");
+        assert_eq!(as_it_is.files[0].bytes, whole.files[0].bytes);
+        let least = match write(form, Some(1000)) {
+            Err(ExportError::TooFewBytes { max: 1000, least }) => least,
+            Ok(_) => 1000,
+            Err(other) => panic!("{form:?}: {other}"),
+        };
+        for max in [least + (bytes - least) / 2, least + (bytes - least) / 5] {
+            let fewer = write(form, Some(max)).expect("writes");
+            let bytes = fewer.files[0].bytes.len() as u64;
+            assert!(
+                bytes <= max && 5 * bytes >= 4 * max,
+                "{form:?}: {bytes} of {max}"
+            );
+            assert!(fewer.splats < whole.splats, "{form:?}");
+        }
+    }
 }

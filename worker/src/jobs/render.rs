@@ -48,6 +48,7 @@ pub fn run(
     if let Some(choice) = &choice {
         models.set(choice.settings())?;
     }
+    models.prepare(&plan.views)?;
     let renderer = PictureRenderer::new(context, spec, &plan, &models);
     let drawn = draw::draw(&renderer, inputs, helps)?;
     let [depth_near, depth_far] = plan.layer.range();

@@ -2,14 +2,68 @@
 //! A frame then only moves bones.
 
 use super::frame::{RenderError, Renderer};
+use super::levels::{LevelSplat, count, groups, merged};
 use crate::avatar::AvatarSplats;
 use crate::host::read;
 use crate::motion::body::Body;
 use std::borrow::Cow;
+use std::sync::OnceLock;
 use yoto_capture::camera::Pose;
-use yoto_ops::splat::View;
 use yoto_ops::splat::harmonics::add_view_colours;
+use yoto_ops::splat::{MIN_ALPHA, ROW, View};
 use yoto_ops::warp::skin::weights::SkinningWeights;
+
+/// Most levels that are kept at once, with that of all splats.
+const LEVELS: usize = 8;
+
+/// What people keep, by level of detail.
+pub(super) struct Kept {
+    /// Share of the splats, and what is kept by slot. The first is that of all splats.
+    levels: Vec<(f32, Vec<OnceLock<Carried>>)>,
+    /// Index of the present level.
+    chosen: usize,
+    slots: usize,
+}
+
+impl Kept {
+    /// Nothing yet of people in as many slots, with all splats.
+    pub fn new(slots: usize) -> Self {
+        Self {
+            levels: vec![(1.0, empty(slots))],
+            chosen: 0,
+            slots,
+        }
+    }
+
+    pub fn add_slot(&mut self) {
+        self.slots += 1;
+        let levels = self.levels.iter_mut();
+        levels.for_each(|(_, slots)| slots.push(OnceLock::new()));
+    }
+
+    /// Frames have this `share` of the splats from now on. What was kept of it before still is, unless there were many
+    /// others since.
+    pub fn choose(&mut self, share: f32) {
+        let known = self.levels.iter().position(|(known, _)| *known == share);
+        self.chosen = known.unwrap_or_else(|| {
+            if self.levels.len() == LEVELS {
+                self.levels.remove(1);
+            }
+            self.levels.push((share, empty(self.slots)));
+            self.levels.len() - 1
+        });
+    }
+
+    /// The share, and what the person in `slot` keeps at it.
+    fn of(&self, slot: usize) -> Option<(f32, &OnceLock<Carried>)> {
+        let (share, slots) = &self.levels[self.chosen];
+        Some((*share, slots.get(slot)?))
+    }
+}
+
+fn empty(slots: usize) -> Vec<OnceLock<Carried>> {
+    (0..slots).map(|_| OnceLock::new()).collect()
+}
 
 /// A person's splats in host memory, in no pose.
 pub(super) struct Carried {
@@ -51,7 +105,7 @@ impl Renderer {
         body: &Body,
     ) -> Result<Option<&Carried>, RenderError> {
         let moves = self.config.schedule.moves_points(self.progress);
-        let (false, Some(kept)) = (moves, self.kept.get(slot)) else {
+        let (false, Some((share, kept))) = (moves, self.kept.of(slot)) else {
             return Ok(None);
         };
         if let Some(carried) = kept.get() {
@@ -60,19 +114,89 @@ impl Renderer {
         let rest = Pose::rest(body.skeleton.joints());
         let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.progress);
         let splats = splats.posed(body, &posed);
-        let (rows, weights) = (read(splats.rows().detach())?, read(posed.weights.detach())?);
-        let means = read(splats.means.detach())?;
+        let (mut rows, weights) = (read(splats.rows().detach())?, read(posed.weights.detach())?);
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
+        let mut harmonics = harmonics.transpose()?;
         let bones = body.skeleton.joints();
+        let shares = |rows: &[f32]| {
+            let means = rows.as_chunks::<ROW>().0.iter();
+            let means: Vec<f32> = means.flat_map(|row| &row[..3]).copied().collect();
+            SkinningWeights::new(&weights, bones, &means, &body.grid)
+        };
+        let mut own = shares(&rows);
+        if share < 1.0 {
+            (rows, harmonics) = level(&rows, harmonics.as_deref(), &own, share);
+            own = shares(&rows);
+        }
         let carried = Carried {
-            shares: SkinningWeights::new(&weights, bones, &means, &body.grid),
+            shares: own,
             light: read(splats.light.detach())?,
-            harmonics: harmonics.transpose()?,
+            harmonics,
             rows,
         };
         // Another thread may have been faster, with the same.
         Ok(Some(kept.get_or_init(|| carried)))
     }
+}
+
+/// Rows and harmonics of fewer splats in place of those that can be seen.
+fn level(
+    rows: &[f32],
+    harmonics: Option<&[f32]>,
+    shares: &SkinningWeights,
+    share: f32,
+) -> (Vec<f32>, Option<Vec<f32>>) {
+    let rows = rows.as_chunks::<ROW>().0;
+    let numbers = harmonics.map_or(0, |it| it.len() / rows.len().max(1));
+    let (mut seen, mut splats) = (Vec::new(), Vec::new());
+    for (index, row) in rows.iter().enumerate() {
+        let splat = of_row(row, shares.largest(index));
+        if splat.opacity > MIN_ALPHA && row.iter().all(|v| v.is_finite()) {
+            seen.push(index);
+            splats.push(splat);
+        }
+    }
+    let groups = groups(&splats, count(splats.len(), share));
+    let mut fewer = Vec::with_capacity(ROW * groups.len());
+    let mut mixed = Vec::with_capacity(numbers * groups.len());
+    for group in groups {
+        let (splat, weights) = merged(&splats, &group);
+        match *group.as_slice() {
+            [only] => fewer.extend(rows[seen[only]]),
+            _ => fewer.extend(to_row(&splat)),
+        }
+        let own = harmonics.unwrap_or_default();
+        mixed.extend((0..numbers).map(|k| {
+            let members = weights.iter().zip(&group);
+            let terms = members.map(|(weight, at)| weight * own[numbers * seen[*at] + k]);
+            terms.sum::<f32>()
+        }));
+    }
+    (fewer, harmonics.map(|_| mixed))
+}
+
+fn of_row(row: &[f32; ROW], bone: u16) -> LevelSplat {
+    let [x, y, z, a, b, c, d, scales @ .., opacity, red, green, blue] = *row;
+    let length = (a * a + b * b + c * c + d * d).sqrt();
+    LevelSplat {
+        mean: [x, y, z],
+        turn: [a, b, c, d].map(|q| q / length.max(f32::MIN_POSITIVE)),
+        deviations: scales.map(f32::exp),
+        opacity: 1.0 / (1.0 + (-opacity).exp()),
+        colour: [red, green, blue],
+        bone,
+    }
+}
+
+fn to_row(splat: &LevelSplat) -> [f32; ROW] {
+    let [x, y, z] = splat.mean;
+    let [a, b, c, d] = splat.turn;
+    let [first, second, third] = splat.deviations.map(f32::ln);
+    let logit = (splat.opacity / (1.0 - splat.opacity)).ln();
+    let [red, green, blue] = splat.colour;
+    [
+        x, y, z, a, b, c, d, first, second, third, logit, red, green, blue,
+    ]
 }
 
 #[cfg(test)]

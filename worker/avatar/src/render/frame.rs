@@ -1,6 +1,6 @@
 //! Rendering of whole frames: people in poses, from a camera.
 
-use super::carried::Carried;
+use super::carried::Kept;
 use super::enlarge::enlarge;
 use super::occupancy::Occupancy;
 use super::samples::SampleCounts;
@@ -13,7 +13,6 @@ use crate::host::ReadError;
 use crate::motion::body::Body;
 use burn::tensor::{Device, ExecutionError};
 use std::collections::BTreeSet;
-use std::sync::OnceLock;
 use thiserror::Error;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
@@ -142,8 +141,8 @@ pub struct Renderer {
     pub(super) progress: f64,
     /// Slots of identities that were removed.
     removed: BTreeSet<usize>,
-    /// What people of splats keep from pose to pose, by slot; same length as `bodies`.
-    pub(super) kept: Vec<OnceLock<Carried>>,
+    /// What people of splats keep from pose to pose; as many slots as `bodies`.
+    pub(super) kept: Kept,
     settings: RenderSettings,
 }
 
@@ -160,7 +159,7 @@ impl Renderer {
         Self {
             settings: RenderSettings::of(&config),
             removed: BTreeSet::new(),
-            kept: bodies.iter().map(|_| OnceLock::new()).collect(),
+            kept: Kept::new(bodies.len()),
             config,
             avatar,
             bodies,
@@ -214,7 +213,7 @@ impl Renderer {
         let slot = self.bodies.len();
         self.bodies.push(Some(body));
         self.occupancy.push(None);
-        self.kept.push(OnceLock::new());
+        self.kept.add_slot();
         (self, slot)
     }
 
@@ -234,9 +233,37 @@ impl Renderer {
     pub fn set(&mut self, settings: &RenderSettings) -> Result<(), RenderError> {
         settings.check()?;
         check_precision(settings.precision, &self.device())?;
+        if settings.splats < 1.0 && !self.has_levels() {
+            let message = "settings.splats: must be 1: only splats that nothing but bones moves have levels of detail";
+            return Err(RenderError::Settings(message.into()));
+        }
+        self.kept.choose(settings.splats);
         settings.apply(&mut self.config);
         self.avatar.set_precision(settings.precision);
         self.settings = *settings;
+        Ok(())
+    }
+
+    /// Whether the number of splats can be reduced: the model has splats, and poses move them by bones alone.
+    pub fn has_levels(&self) -> bool {
+        let splats = self.config.appearance.splats().is_some();
+        splats && !self.config.schedule.moves_points(self.progress)
+    }
+
+    /// Looks up what frames of the identities in `slots` need in all poses, with the present settings. Otherwise the
+    /// first frame does, and takes longer.
+    ///
+    /// # Errors
+    /// If a slot is empty, or the model can't be read from its device.
+    pub fn prepare(&self, slots: impl IntoIterator<Item = usize>) -> Result<(), RenderError> {
+        let AvatarAppearance::Splats(splats) = self.avatar.appearance(&self.config) else {
+            return Ok(());
+        };
+        for slot in slots {
+            let skeleton = self.skeleton(slot).ok_or_else(|| self.absence(slot))?;
+            let body = self.body_in(slot, &Pose::rest(skeleton.joints()))?;
+            self.carried(splats, slot, body)?;
+        }
         Ok(())
     }
 

@@ -8,6 +8,7 @@ mod enlarge;
 mod exposure;
 mod fields;
 pub(crate) mod frame;
+mod levels;
 pub mod march;
 pub mod occupancy;
 mod released;

@@ -31,6 +31,10 @@ pub struct RenderSettings {
     /// result is enlarged to full size, so that frames of all scales can be compared.
     #[serde(default = "whole")]
     pub scale: f32,
+    /// Share of the splats of each person that can be seen, above 0 and at most 1: fewer ones stand for all. Of models
+    /// with a field, 1.
+    #[serde(default = "whole")]
+    pub splats: f32,
 }
 
 fn whole() -> f32 {
@@ -52,6 +56,7 @@ impl RenderSettings {
             min_transmittance,
             precision: config.precision,
             scale: whole(),
+            splats: whole(),
         }
     }
 
@@ -77,6 +82,10 @@ impl RenderSettings {
         }
         if !(SMALLEST_SCALE..=1.0).contains(&self.scale) {
             return fail("settings.scale", "must be 0.05 to 1");
+        }
+        // Comparisons are false for a NaN.
+        if !(self.splats > 0.0 && self.splats <= 1.0) {
+            return fail("settings.splats", "must be above 0 and at most 1");
         }
         Ok(())
     }
@@ -107,6 +116,7 @@ impl From<&RenderSettings> for v1::RenderSettings {
             min_transmittance: settings.min_transmittance,
             bf16: settings.precision == Precision::Bf16,
             scale: settings.scale,
+            splats: settings.splats,
         }
     }
 }
@@ -127,7 +137,7 @@ mod tests {
         let own = RenderSettings::of(&config);
         assert_eq!(own.check(), Ok(()));
         type Change = fn(&mut RenderSettings);
-        let cases: [(Change, &str); 8] = [
+        let cases: [(Change, &str); 11] = [
             (
                 |it| it.min_transmittance = 1.0,
                 "settings.min_transmittance",
@@ -142,6 +152,9 @@ mod tests {
             (|it| it.scale = 0.0, "settings.scale"),
             (|it| it.scale = 1.5, "settings.scale"),
             (|it| it.scale = f32::NAN, "settings.scale"),
+            (|it| it.splats = 0.0, "settings.splats"),
+            (|it| it.splats = 1.01, "settings.splats"),
+            (|it| it.splats = f32::NAN, "settings.splats"),
         ];
         for (change, field) in cases {
             let mut bad = own;

@@ -2,8 +2,10 @@
 //! bones that carry them.
 
 use super::frame::{RenderError, Renderer};
+use super::levels::{LevelSplat, groups, merged};
 use crate::avatar::AvatarAppearance;
 use crate::host::read;
+use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_ops::splat::harmonics;
@@ -86,7 +88,65 @@ impl Renderer {
     }
 }
 
+impl SkinnedSplats {
+    /// The same person of at most `count` splats: fewer ones stand for near ones of the same part of the body.
+    #[must_use]
+    pub fn reduced_to(&self, count: usize) -> Self {
+        let all: Vec<LevelSplat> = self.splats.iter().map(SkinnedSplat::of_level).collect();
+        let groups = groups(&all, count).into_iter();
+        Self {
+            splats: groups.map(|group| self.merged(&all, &group)).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The splat in place of a `group`.
+    fn merged(&self, all: &[LevelSplat], group: &[usize]) -> SkinnedSplat {
+        if let [only] = group {
+            return self.splats[*only];
+        }
+        let (level, weights) = merged(all, group);
+        let mut harmonics = [[0.0; 3]; harmonics::HARMONICS];
+        let mut shares: BTreeMap<u16, f32> = BTreeMap::new();
+        for (weight, at) in weights.iter().zip(group) {
+            let splat = &self.splats[*at];
+            let terms = splat.harmonics.as_flattened().iter();
+            for (sum, term) in harmonics.as_flattened_mut().iter_mut().zip(terms) {
+                *sum += weight * term;
+            }
+            for (bone, share) in splat.bones {
+                *shares.entry(bone).or_default() += weight * share;
+            }
+        }
+        let shares = shares.into_iter().filter(|(_, share)| *share > 0.0);
+        SkinnedSplat {
+            mean: level.mean,
+            turn: level.turn,
+            deviations: level.deviations,
+            opacity: level.opacity,
+            colour: level.colour,
+            harmonics,
+            bones: most(
+                shares
+                    .map(|(bone, share)| (usize::from(bone), share))
+                    .collect(),
+            ),
+        }
+    }
+}
+
 impl SkinnedSplat {
+    fn of_level(&self) -> LevelSplat {
+        LevelSplat {
+            mean: self.mean,
+            turn: self.turn,
+            deviations: self.deviations,
+            opacity: self.opacity,
+            colour: self.colour,
+            bone: self.bones[0].0,
+        }
+    }
+
     /// Whether the renderer draws it at all.
     fn is_visible(&self) -> bool {
         let numbers = self.mean.iter().chain(&self.turn).chain(&self.deviations);

@@ -11,6 +11,8 @@ const EPSILONS: &[f32] = &[3e-2];
 const TRANSMITTANCES: &[f32] = &[5e-2];
 /// Scales of the resolution.
 const SCALES: &[f32] = &[1.0, 0.75, 0.5];
+/// Shares of the splats.
+const SPLATS: &[f32] = &[1.0, 0.5, 0.25, 0.125];
 /// Fewest samples per ray.
 const FEWEST_SAMPLES: usize = 8;
 
@@ -27,10 +29,12 @@ pub struct Axes {
     pub precision: Vec<Precision>,
     /// Scales of the resolution.
     pub scale: Vec<f32>,
+    /// Shares of the splats.
+    pub splats: Vec<f32>,
 }
 
 impl Axes {
-    /// The settings that change what a model's frames cost. Of splats, that is the resolution alone.
+    /// The settings that change what a model's frames cost. Of splats, those are their number and the resolution.
     pub fn of(renderer: &Renderer) -> Self {
         let own = renderer.settings();
         let all = Self::around(&own, &renderer.precisions());
@@ -42,6 +46,10 @@ impl Axes {
             epsilon: vec![own.epsilon],
             min_transmittance: vec![own.min_transmittance],
             precision: vec![own.precision],
+            splats: match renderer.has_levels() {
+                true => SPLATS.to_vec(),
+                false => vec![own.splats],
+            },
             ..all
         }
     }
@@ -64,6 +72,7 @@ impl Axes {
             min_transmittance: bounds(own.min_transmittance, TRANSMITTANCES),
             precision: distinct(std::iter::once(own.precision).chain(others)),
             scale: distinct(SCALES.iter().copied()),
+            splats: vec![own.splats],
         }
     }
 
@@ -75,13 +84,15 @@ impl Axes {
             min_transmittance: 0.0,
             precision: Precision::F32,
             scale: 1.0,
+            splats: 1.0,
         });
         let all = each(all, &self.epsilon, |it, value| it.epsilon = value);
         let all = each(all, &self.min_transmittance, |it, value| {
             it.min_transmittance = value;
         });
         let all = each(all, &self.precision, |it, value| it.precision = value);
-        each(all, &self.scale, |it, value| it.scale = value)
+        let all = each(all, &self.scale, |it, value| it.scale = value);
+        each(all, &self.splats, |it, value| it.splats = value)
     }
 }
 
@@ -121,6 +132,7 @@ mod tests {
             min_transmittance: 1e-3,
             precision: Precision::F32,
             scale: 1.0,
+            splats: 1.0,
         }
     }
 

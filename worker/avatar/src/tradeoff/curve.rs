@@ -4,8 +4,11 @@ use crate::render::RenderSettings;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Version of the format that this program reads and writes.
-pub const VERSION: u32 = 1;
+/// Version of the format that this program writes. It also reads version 1, which knows neither shares of splats nor
+/// a fixed part of the time for each setting.
+pub const VERSION: u32 = 2;
+/// Oldest version that this program reads.
+const OLDEST: u32 = 1;
 
 /// The machine of a measurement.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,11 +28,18 @@ pub struct Point {
     pub settings: RenderSettings,
     /// Seconds per frame at the curve's size: the mean over views of each view's median.
     pub seconds: f64,
+    /// The part of `seconds` that does not depend on the number of rays, by a measurement at another size; absent where
+    /// that of the curve stands for all settings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixed_seconds: Option<f64>,
     /// PSNR against the model's own settings at full size, dB; 100 for equal frames.
     pub psnr_to_full: f64,
     /// PSNR against pictures of a camera, dB; absent without them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
+    /// The same inside the box of the person's mask, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_mask_box: Option<f64>,
 }
 
 impl Point {
@@ -56,7 +66,7 @@ pub struct SizeCheck {
 /// A model's measured trade-off between time and fidelity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
-    /// [`VERSION`].
+    /// That of the format, from 1 on.
     pub version: u32,
     /// Time of the measurement, seconds since 1970.
     pub unix_seconds: u64,
@@ -88,7 +98,9 @@ pub enum CurveError {
     #[error("the curve can't be read: {0}")]
     Json(#[from] serde_json::Error),
     /// The format has another version.
-    #[error("the curve is of version {0}, and this program reads {VERSION}: measure it again")]
+    #[error(
+        "the curve is of version {0}, and this program reads {OLDEST} to {VERSION}: measure it again"
+    )]
     Version(u32),
     /// A figure is invalid.
     #[error("the curve's {0}")]
@@ -103,8 +115,14 @@ impl Curve {
     /// view, but hardly on resolution. Pixels outside the box take little time, in proportion to
     /// those inside if only the size changes.
     pub fn predict(&self, point: &Point, rays: f64) -> f64 {
-        let fixed = self.fixed_seconds.min(point.seconds);
+        let fixed = point.fixed_seconds.unwrap_or(self.fixed_seconds);
+        let fixed = fixed.min(point.seconds);
         fixed + (point.seconds - fixed) * rays / self.rays
+    }
+
+    /// Whether this program would measure the same settings.
+    pub fn is_current(&self) -> bool {
+        self.version == VERSION
     }
 
     /// The model's own settings at full size.
@@ -130,7 +148,7 @@ impl Curve {
             version: u32,
         }
         let header: Header = serde_json::from_slice(json)?;
-        if header.version != VERSION {
+        if !(OLDEST..=VERSION).contains(&header.version) {
             return Err(CurveError::Version(header.version));
         }
         let curve: Self = serde_json::from_slice(json)?;
@@ -153,7 +171,8 @@ impl Curve {
             let finite = [point.seconds, point.psnr_to_full, point.fidelity()]
                 .iter()
                 .all(|figure| figure.is_finite());
-            if !finite || point.seconds <= 0.0 {
+            let fixed = point.fixed_seconds.unwrap_or(0.0);
+            if !finite || point.seconds <= 0.0 || !(fixed.is_finite() && fixed >= 0.0) {
                 return fail(format!("points[{i}]: {point:?}"));
             }
             if let Err(error) = point.settings.check() {
@@ -181,10 +200,13 @@ pub(super) mod tests {
                 min_transmittance: 1e-3,
                 precision: Precision::F32,
                 scale: 1.0,
+                splats: 1.0,
             },
             seconds,
+            fixed_seconds: None,
             psnr_to_full: samples as f64,
             psnr,
+            psnr_mask_box: None,
         }
     }
 
@@ -219,6 +241,28 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn settings_with_a_fixed_part_of_their_own_are_predicted_by_it() {
+        let mut curve = curve(vec![point(64, 0.11, None)]);
+        curve.points[0].fixed_seconds = Some(0.1);
+        let seconds = curve.predict(&curve.points[0], 4000.0);
+        assert!((seconds - 0.14).abs() < 1e-12, "{seconds}");
+    }
+
+    #[test]
+    fn curves_of_the_first_version_have_all_splats() {
+        let mut old =
+            serde_json::to_value(curve(vec![point(64, 0.11, Some(30.0))])).expect("writes");
+        old["version"] = 1.into();
+        let settings = old["points"][0]["settings"]
+            .as_object_mut()
+            .expect("settings");
+        settings.remove("splats").expect("is new");
+        let read = Curve::from_json(old.to_string().as_bytes()).expect("reads");
+        assert_eq!(read.points[0].settings.splats, 1.0);
+        assert!(!read.is_current(), "it is measured anew");
+    }
+
+    #[test]
     fn a_curve_survives_json_and_nothing_else_passes_for_one() {
         let good = curve(vec![
             point(64, 0.11, Some(30.0)),
@@ -239,6 +283,8 @@ pub(super) mod tests {
         assert!(refused(|it| it.points[1].seconds = 0.0).contains("points[1]"));
         assert!(refused(|it| it.points[1].psnr = None).contains("points[1].psnr"));
         assert!(refused(|it| it.points[0].settings.scale = 2.0).contains("settings.scale"));
+        assert!(refused(|it| it.points[1].settings.splats = 0.0).contains("settings.splats"));
+        assert!(refused(|it| it.points[1].fixed_seconds = Some(-1.0)).contains("points[1]"));
         assert!(Curve::from_json(b"{}").is_err());
     }
 }

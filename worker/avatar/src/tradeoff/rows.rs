@@ -9,7 +9,7 @@ use std::collections::HashSet;
 /// Columns; a row fills those of its kind, the others are empty.
 const COLUMNS: &str = "side,tier,front,seconds,psnr,ssim,psnr_novel_pose,ssim_novel_pose,\
 psnr_to_full,budget_seconds,steps,parameters,checkpoint_bytes,peak_memory_bytes,samples,epsilon,\
-min_transmittance,precision,scale,rays";
+min_transmittance,precision,scale,rays,splats,psnr_mask_box";
 
 /// Every training and every render setting, one row each.
 pub(super) fn csv(tradeoff: &Tradeoff) -> String {
@@ -21,7 +21,7 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
             .peak_memory_bytes
             .map_or_else(String::new, |bytes| bytes.to_string());
         text += &format!(
-            "training,{},{},{:.3},{:.4},{:.5},{:.4},{:.5},,{},{},{},{},{memory},,,,,,\n",
+            "training,{},{},{:.3},{:.4},{:.5},{:.4},{:.5},,{},{},{},{},{memory},,,,,,,,\n",
             it.tier,
             u8::from(best.contains(&i)),
             it.train_seconds,
@@ -38,11 +38,10 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
     for curve in &tradeoff.rendering {
         let best = render_front(curve);
         for (i, point) in curve.points.iter().enumerate() {
-            let psnr = point
-                .psnr
-                .map_or_else(String::new, |psnr| format!("{psnr:.4}"));
+            let cell = |psnr: Option<f64>| psnr.map_or_else(String::new, |it| format!("{it:.4}"));
+            let (psnr, in_box) = (cell(point.psnr), cell(point.psnr_mask_box));
             text += &format!(
-                "rendering,{},{},{:.6},{psnr},,,,{:.4},,,,,,{},{},{},{},{},{:.1}\n",
+                "rendering,{},{},{:.6},{psnr},,,,{:.4},,,,,,{},{},{},{},{},{:.1},{},{in_box}\n",
                 curve.tier,
                 u8::from(best.contains(&i)),
                 point.seconds,
@@ -53,6 +52,7 @@ pub(super) fn csv(tradeoff: &Tradeoff) -> String {
                 precision(point.settings.precision),
                 point.settings.scale,
                 curve.rays,
+                point.settings.splats,
             );
         }
     }
@@ -79,9 +79,12 @@ fn precision(precision: Precision) -> &'static str {
 }
 
 /// Label of settings: samples per ray, share of the resolution, and differences from the model's
-/// `own`: likelihood bound (ε), least transmittance (T), precision.
+/// `own`: share of the splats, likelihood bound (ε), least transmittance (T), precision.
 fn settings(it: &RenderSettings, own: &RenderSettings) -> String {
     let mut text = format!("{} · {:.0}%", it.samples, 100.0 * it.scale);
+    if it.splats != own.splats {
+        text += &format!(" · {}% of the splats", 100.0 * it.splats);
+    }
     if it.epsilon != own.epsilon {
         text += &format!(" · ε {}", it.epsilon);
     }
@@ -127,11 +130,12 @@ pub(super) fn summary(tradeoff: &Tradeoff) -> String {
             .collect();
         kept.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
         for point in kept {
-            let psnr = point
-                .psnr
-                .map_or_else(|| "-".into(), |it| format!("{it:.2} dB"));
+            let cell = |psnr: Option<f64>| {
+                psnr.map_or_else(|| "-".into(), |it: f64| format!("{it:.2} dB"))
+            };
+            let (psnr, in_box) = (cell(point.psnr), cell(point.psnr_mask_box));
             lines.push(format!(
-                "rendered  {:<9} {:>7.4} s  {psnr:>9}  {:>6.2} dB to full  {}",
+                "rendered  {:<9} {:>7.4} s  {psnr:>9}, {in_box:>9} in the box  {:>6.2} dB to full  {}",
                 curve.tier,
                 point.seconds,
                 point.psnr_to_full,
@@ -164,6 +168,7 @@ mod tests {
             min_transmittance: 1e-3,
             precision: Precision::F32,
             scale: 1.0,
+            splats: 1.0,
         };
         assert_eq!(settings(&own, &own), "64 · 100%");
         let other = RenderSettings {
@@ -172,7 +177,11 @@ mod tests {
             min_transmittance: 0.05,
             precision: Precision::Bf16,
             scale: 0.75,
+            splats: 0.125,
         };
-        assert_eq!(settings(&other, &own), "32 · 75% · ε 0.03 · T 0.05 · bf16");
+        assert_eq!(
+            settings(&other, &own),
+            "32 · 75% · 12.5% of the splats · ε 0.03 · T 0.05 · bf16"
+        );
     }
 }

@@ -2,11 +2,12 @@
 
 use super::curve::{Curve, Machine, Point, SizeCheck, VERSION};
 use super::pareto::front;
-use crate::evaluate::psnr;
 use crate::evaluate::score::{EQUAL, unit};
-use crate::render::{RenderError, RenderSettings, RenderView, Rendered, Renderer};
+use crate::evaluate::{psnr, psnr_in_box};
+use crate::render::{FrameExposure, RenderError, RenderSettings, RenderView, Rendered, Renderer};
 use std::time::Instant;
 use thiserror::Error;
+use yoto_capture::{FrameImage, mask_box};
 
 /// Sizes at which predictions are checked, relative to the measured one.
 const CHECKED_SIZES: &[f64] = &[0.5, 1.5];
@@ -14,14 +15,19 @@ const CHECKED_SIZES: &[f64] = &[0.5, 1.5];
 const TINY_SIDE: u32 = 4;
 /// Number of settings of the front whose predictions are checked.
 const CHECKED_SETTINGS: usize = 3;
+/// Size at which frames of splats are measured a second time, relative to the views: their time is a fixed part, which
+/// grows with the splats, and one in proportion to the rays.
+const SECOND_SIZE: f64 = 0.5;
 
 /// A view of a sweep.
 #[derive(Clone, Debug)]
 pub struct SweepView {
     /// The view.
     pub view: RenderView,
-    /// Picture of a camera with this view, `[H, W, 3]` 8-bit colours over the view's background.
-    pub truth: Option<Vec<u8>>,
+    /// Picture of a camera with this view, over the view's background.
+    pub truth: Option<FrameImage>,
+    /// How that picture is exposed beside others of the person's film.
+    pub exposure: FrameExposure,
 }
 
 /// Options of a sweep.
@@ -40,7 +46,7 @@ pub struct SweepOptions {
 impl SweepOptions {
     /// Number of frames that a sweep over `views` renders.
     pub fn frames(&self, views: usize) -> usize {
-        // One round with the first settings, and one as a warm-up.
+        // One round with the first settings, and one as a warm-up. Frames of a second size are not counted.
         views * (1 + self.settings.len() * (1 + self.repeats.max(1)))
     }
 }
@@ -104,26 +110,41 @@ fn measure<E: From<SweepError>>(
         progress(done.min(total), total)
     };
     renderer.set(own).map_err(SweepError::from)?;
-    let full = frames(renderer, &plain)?;
+    let full = rendered(renderer, &plain)?;
+    let full: Vec<Vec<u8>> = full.iter().map(Rendered::to_rgb8).collect();
     tick(views.len())?;
     // The first round is a warm-up without timing, and measures fidelity.
     let mut points = Vec::new();
     for settings in &options.settings {
         renderer.set(settings).map_err(SweepError::from)?;
-        let seen = frames(renderer, &plain)?;
+        let seen = rendered(renderer, &plain)?;
+        let plainly: Vec<Vec<u8>> = seen.iter().map(Rendered::to_rgb8).collect();
+        let exposed = exposed(views, seen);
         points.push(Point {
             settings: *settings,
             seconds: 0.0,
-            psnr_to_full: mean(full.iter().zip(&seen).map(|(a, b)| fidelity(a, b))),
-            psnr: against_truth(views, &seen),
+            fixed_seconds: None,
+            psnr_to_full: mean(full.iter().zip(&plainly).map(|(a, b)| fidelity(a, b))),
+            psnr: against_truth(views, &exposed, |truth, seen| {
+                Some(fidelity(&truth.rgb, seen))
+            }),
+            psnr_mask_box: against_truth(views, &exposed, fidelity_in_box),
         });
         tick(views.len())?;
     }
+    let smaller = match renderer.config().appearance.splats() {
+        Some(_) => resized(&plain, SECOND_SIZE),
+        None => Vec::new(),
+    };
     let mut times = vec![vec![Vec::new(); views.len()]; points.len()];
+    let mut times_smaller = vec![vec![Vec::new(); smaller.len()]; points.len()];
     for _ in 0..repeats {
-        for (point, times) in points.iter().zip(&mut times) {
+        for (i, point) in points.iter().enumerate() {
             renderer.set(&point.settings).map_err(SweepError::from)?;
-            for (view, times) in plain.iter().zip(times) {
+            for (view, times) in plain.iter().zip(&mut times[i]) {
+                times.push(timed(renderer, view)?);
+            }
+            for (view, times) in smaller.iter().zip(&mut times_smaller[i]) {
                 times.push(timed(renderer, view)?);
             }
             tick(views.len())?;
@@ -131,6 +152,13 @@ fn measure<E: From<SweepError>>(
     }
     for (point, times) in points.iter_mut().zip(times) {
         point.seconds = mean(times.into_iter().map(median));
+    }
+    if !smaller.is_empty() {
+        let fewer = mean_rays(renderer, &smaller.iter().collect::<Vec<_>>())?;
+        for (point, times) in points.iter_mut().zip(times_smaller) {
+            let less = mean(times.into_iter().map(median));
+            point.fixed_seconds = Some(fixed_part([fewer, less], [rays, point.seconds]));
+        }
     }
     renderer.set(own).map_err(SweepError::from)?;
     let mut curve = Curve {
@@ -154,8 +182,9 @@ fn measure<E: From<SweepError>>(
 fn check_truths(views: &[SweepView]) -> Result<(), SweepError> {
     let wrong = |it: &SweepView| {
         let camera = &it.view.camera;
-        let bytes = 3 * camera.width as usize * camera.height as usize;
-        it.truth.as_ref().is_some_and(|truth| truth.len() != bytes)
+        let size = (camera.width as usize, camera.height as usize);
+        let truth = it.truth.as_ref();
+        truth.is_some_and(|truth| (truth.width, truth.height) != size)
     };
     match views.iter().position(wrong) {
         Some(view) => Err(SweepError::Truth(view)),
@@ -171,10 +200,19 @@ fn mean_rays(renderer: &Renderer, views: &[&RenderView]) -> Result<f64, SweepErr
     Ok(sum as f64 / views.len() as f64)
 }
 
-/// Frames with 8-bit colours, as in files.
-fn frames(renderer: &Renderer, views: &[&RenderView]) -> Result<Vec<Vec<u8>>, SweepError> {
-    let frame = |view: &&RenderView| Ok(renderer.render(view)?.to_rgb8());
+fn rendered(renderer: &Renderer, views: &[&RenderView]) -> Result<Vec<Rendered>, SweepError> {
+    let frame = |view: &&RenderView| Ok(renderer.render(view)?);
     views.iter().map(frame).collect()
+}
+
+/// The frames as the films of `views` are exposed, with 8-bit colours as in files.
+fn exposed(views: &[SweepView], frames: Vec<Rendered>) -> Vec<Vec<u8>> {
+    let pairs = views.iter().zip(frames);
+    let exposed = pairs.map(|(view, mut frame)| {
+        view.exposure.expose(&mut frame);
+        frame.to_rgb8()
+    });
+    exposed.collect()
 }
 
 fn timed(renderer: &Renderer, view: &RenderView) -> Result<f64, SweepError> {
@@ -207,6 +245,42 @@ fn fixed_seconds(
     Ok(median(times.collect::<Result<_, _>>()?))
 }
 
+/// The views at `share` of their size.
+fn resized(views: &[&RenderView], share: f64) -> Vec<RenderView> {
+    let side = |full: u32| ((f64::from(full) * share).round() as u32).max(1);
+    let resized = |view: &&RenderView| RenderView {
+        camera: view
+            .camera
+            .resized(side(view.camera.width), side(view.camera.height)),
+        ..(*view).clone()
+    };
+    views.iter().map(resized).collect()
+}
+
+/// Mean over `views` of the median seconds of each.
+fn mean_seconds(
+    renderer: &Renderer,
+    views: &[RenderView],
+    repeats: usize,
+) -> Result<f64, SweepError> {
+    let mut seconds = Vec::new();
+    for view in views {
+        let times = (0..repeats).map(|_| timed(renderer, view));
+        seconds.push(median(times.collect::<Result<_, _>>()?));
+    }
+    Ok(mean(seconds.into_iter()))
+}
+
+/// The part of a time that does not depend on the rays, from the rays and seconds of smaller and of larger views: where
+/// the line through them meets 0 rays.
+fn fixed_part([fewer, less]: [f64; 2], [rays, seconds]: [f64; 2]) -> f64 {
+    if fewer >= rays {
+        return 0.0;
+    }
+    let slope = (seconds - less) / (rays - fewer);
+    (seconds - slope * rays).clamp(0.0, seconds)
+}
+
 /// Predictions for views of other sizes, with the measured times.
 fn checks(
     renderer: &mut Renderer,
@@ -222,42 +296,41 @@ fn checks(
     chosen.dedup();
     let mut found = Vec::new();
     for share in CHECKED_SIZES {
-        let side = |full: u32| ((f64::from(full) * share).round() as u32).max(1);
-        let resized = |view: &&RenderView| RenderView {
-            camera: view
-                .camera
-                .resized(side(view.camera.width), side(view.camera.height)),
-            ..(*view).clone()
-        };
-        let views: Vec<RenderView> = views.iter().map(resized).collect();
+        let views = resized(views, *share);
         let plain: Vec<&RenderView> = views.iter().collect();
         let rays = mean_rays(renderer, &plain)?;
         for &index in &chosen {
             let point = &curve.points[index];
             renderer.set(&point.settings)?;
-            let mut seconds = Vec::new();
-            for view in &views {
-                let times = (0..repeats).map(|_| timed(renderer, view));
-                seconds.push(median(times.collect::<Result<_, _>>()?));
-            }
             found.push(SizeCheck {
                 settings: point.settings,
                 rays,
                 predicted: curve.predict(point, rays),
-                measured: mean(seconds.into_iter()),
+                measured: mean_seconds(renderer, &views, repeats)?,
             });
         }
     }
     Ok(found)
 }
 
-/// Mean fidelity to the truth; absent unless every view has one.
-fn against_truth(views: &[SweepView], seen: &[Vec<u8>]) -> Option<f64> {
+/// Mean over views of the `measure` of their truth and frame; absent unless every view has one.
+fn against_truth(
+    views: &[SweepView],
+    seen: &[Vec<u8>],
+    measure: impl Fn(&FrameImage, &[u8]) -> Option<f64>,
+) -> Option<f64> {
     let figures = views.iter().zip(seen);
     let figures: Option<Vec<f64>> = figures
-        .map(|(view, seen)| Some(fidelity(view.truth.as_ref()?, seen)))
+        .map(|(view, seen)| measure(view.truth.as_ref()?, seen))
         .collect();
     Some(mean(figures?.into_iter()))
+}
+
+/// PSNR inside the box of the mask, dB; `None` without a mask.
+fn fidelity_in_box(truth: &FrameImage, seen: &[u8]) -> Option<f64> {
+    let region = mask_box(&truth.mask, truth.width, truth.height)?;
+    let found = psnr_in_box(&unit(&truth.rgb), &unit(seen), truth.width, &region);
+    Some(found.min(EQUAL))
 }
 
 /// PSNR of 8-bit frames, dB, at most [`EQUAL`].
@@ -293,6 +366,15 @@ mod tests {
     fn a_median_is_not_moved_by_one_slow_frame() {
         assert_eq!(median(vec![1.0, 99.0, 2.0]), 2.0);
         assert_eq!(median(vec![4.0, 1.0, 2.0, 3.0]), 2.5);
+    }
+
+    #[test]
+    fn the_fixed_part_is_what_is_left_without_rays() {
+        assert_eq!(fixed_part([100.0, 3.0], [400.0, 6.0]), 2.0);
+        // Noise: neither below nothing nor above the whole.
+        assert_eq!(fixed_part([100.0, 1.0], [400.0, 6.0]), 0.0);
+        assert_eq!(fixed_part([100.0, 7.0], [400.0, 6.0]), 6.0);
+        assert_eq!(fixed_part([400.0, 6.0], [400.0, 6.0]), 0.0);
     }
 
     #[test]

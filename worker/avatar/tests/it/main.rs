@@ -12,6 +12,7 @@ mod harmonics;
 mod humannerf;
 mod joining;
 mod leaving;
+mod levels;
 mod lpips;
 mod mlp;
 mod parity;

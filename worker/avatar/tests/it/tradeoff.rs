@@ -3,11 +3,12 @@
 use crate::support;
 use burn::tensor::Device;
 use yoto_avatar::config::{ModelConfig, Precision};
-use yoto_avatar::render::{RenderError, RenderSettings, RenderView, Renderer};
+use yoto_avatar::render::{FrameExposure, RenderError, RenderSettings, RenderView, Renderer};
 use yoto_avatar::tradeoff::{
     Axes, Curve, Machine, SweepError, SweepOptions, SweepView, Want, choose, sweep,
 };
 use yoto_avatar::train::Trainer;
+use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_synthetic::SyntheticPerson;
 
@@ -27,7 +28,8 @@ fn trained() -> (Renderer, Vec<SweepView>) {
     let views = SyntheticPerson::held_out_cameras(SIZE);
     let views = views.iter().take(2).map(|camera| SweepView {
         view: view(&pose, camera),
-        truth: Some(person.render(&pose, camera).rgb),
+        truth: Some(person.render(&pose, camera)),
+        exposure: FrameExposure::NEUTRAL,
     });
     (trainer.renderer(), views.collect())
 }
@@ -179,6 +181,26 @@ fn settings_change_the_frame_and_nothing_else() {
 }
 
 #[test]
+fn frames_are_compared_as_their_film_is_exposed() {
+    let (mut renderer, views) = trained();
+    let own = renderer.settings();
+    let mut view = views[0].clone();
+    view.exposure = FrameExposure {
+        gain: [0.7, 0.8, 0.9],
+        offset: [0.05; 3],
+    };
+    let mut frame = renderer.render(&view.view).expect("renders");
+    view.exposure.expose(&mut frame);
+    let mut truth = FrameImage::empty(frame.width, frame.height);
+    truth.rgb = frame.to_rgb8();
+    truth.mask.fill(255);
+    view.truth = Some(truth);
+    let curve = run(&mut renderer, &[view], vec![own]).expect("sweeps");
+    let point = &curve.points[0];
+    assert_eq!([point.psnr, point.psnr_mask_box], [Some(100.0); 2]);
+}
+
+#[test]
 fn what_can_not_be_measured_is_named() {
     let (mut renderer, mut views) = trained();
     let own = renderer.settings();
@@ -197,7 +219,7 @@ fn what_can_not_be_measured_is_named() {
     let broken = RenderSettings { scale: 0.0, ..own };
     assert!(refused(&mut renderer, &views, vec![own, broken]).contains("settings.scale"));
     assert_eq!(renderer.settings(), own, "a failed sweep leaves no trace");
-    views[1].truth = Some(vec![0; 5]);
+    views[1].truth = Some(FrameImage::empty(5, 1));
     assert!(refused(&mut renderer, &views, vec![own]).contains("view 1"));
     // One view without truth: no figure, rather than a mean over some views.
     views[1].truth = None;

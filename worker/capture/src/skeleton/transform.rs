@@ -70,6 +70,12 @@ pub fn from_quaternion([w, x, y, z]: [f64; 4]) -> Mat3 {
     matrix(DQuat::from_xyzw(x, y, z, w))
 }
 
+/// The unit quaternion of a rotation matrix, real part first: the inverse of [`from_quaternion`].
+pub fn to_quaternion(m: &Mat3) -> [f64; 4] {
+    let q = DQuat::from_mat3(&DMat3::from_cols_array_2d(m).transpose());
+    [q.w, q.x, q.y, q.z]
+}
+
 /// The axis-angle vector of a rotation matrix, with an angle from 0 to π: the inverse of [`rodrigues`].
 pub fn log_map(m: &Mat3) -> Vec3 {
     shorter(DQuat::from_mat3(&DMat3::from_cols_array_2d(m).transpose()))
@@ -162,6 +168,23 @@ pub fn position(m: &Mat34) -> Vec3 {
 mod tests {
     use super::*;
     use std::f64::consts::PI;
+
+    #[test]
+    fn quaternions_turn_as_their_matrices() {
+        for r in [
+            [0.3, -0.2, 0.5],
+            [3.1, 0.0, 0.1],
+            [0.0, 3.1, 0.1],
+            [0.1, 0.0, 3.1],
+            [0.0; 3],
+        ] {
+            let m = rodrigues(r);
+            let back = from_quaternion(to_quaternion(&m));
+            for (one, other) in m.as_flattened().iter().zip(back.as_flattened()) {
+                assert!((one - other).abs() < 1e-9, "{r:?}");
+            }
+        }
+    }
 
     #[test]
     fn logarithms_undo_rotations() {

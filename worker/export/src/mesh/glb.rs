@@ -2,12 +2,11 @@
 
 use super::Mesh;
 use crate::clip::Clip;
-use crate::gaussians::quaternion;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use serde_json::{Value, json};
 use std::io::{self, Write};
-use yoto_capture::skeleton::transform::{compose, position, sub};
+use yoto_capture::skeleton::transform::{compose, position, sub, to_quaternion};
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 use yoto_formats::glb::{Numbers, Target};
 
@@ -161,7 +160,7 @@ fn animation(
                 0 => root.map(|[a, b, c, _]| [a, b, c]),
                 _ => yoto_capture::skeleton::transform::rodrigues(rotation),
             };
-            let [w, x, y, z] = quaternion(&matrix).map(|value| value as f32);
+            let [w, x, y, z] = to_quaternion(&matrix).map(|value| value as f32);
             rotations.push(upright(rotations.last(), [x, y, z, w]));
         }
     }

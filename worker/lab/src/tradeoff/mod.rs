@@ -51,7 +51,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
         "--budgets: at least one is needed"
     );
     let protocol = Protocol::named(HELD_OUT)?;
-    let recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
+    let mut recordings = captures::read_all(&options.captures, options.size, protocol, screen)?;
     let picked = pick_device(screen);
     let unix_seconds = SystemTime::now()
         .duration_since(UNIX_EPOCH)
@@ -61,7 +61,6 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
         options,
         screen,
         protocol,
-        recordings: &recordings,
         picked: &picked,
     };
     let (mut training, mut rendering) = (Vec::new(), Vec::new());
@@ -69,7 +68,7 @@ pub fn run(options: &TradeoffOptions, screen: &dyn Screen) -> anyhow::Result<Tra
         let mut longest = None;
         for &seconds in &options.budgets {
             let (trained, renderer) = session
-                .train(tier, seconds)
+                .train(tier, seconds, &mut recordings)
                 .with_context(|| format!("tier {tier}, {seconds} s"))?;
             training.push(trained);
             longest = Some(renderer);
@@ -129,7 +128,8 @@ fn views(recordings: &[Recording], wanted: usize) -> Vec<SweepView> {
                 camera: view.camera.clone(),
                 background: [0.0; 3],
             },
-            truth: Some(view.truth.rgb.clone()),
+            truth: Some(view.truth.clone()),
+            exposure: view.exposure,
         });
         views.collect::<Vec<_>>()
     };

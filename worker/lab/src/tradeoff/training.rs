@@ -20,13 +20,18 @@ pub(super) struct Session<'a> {
     pub options: &'a TradeoffOptions,
     pub screen: &'a dyn Screen,
     pub protocol: &'static Protocol,
-    pub recordings: &'a [Recording],
     pub picked: &'a PickedDevice,
 }
 
 impl Session<'_> {
-    /// Trains `tier` for `seconds`; returns the results and the model.
-    pub(super) fn train(&self, tier: &str, seconds: f64) -> anyhow::Result<(Trained, Renderer)> {
+    /// Trains `tier` for `seconds` on `recordings`, whose held-out frames of training films follow what was learned of
+    /// poses and exposures; returns the results and the model.
+    pub(super) fn train(
+        &self,
+        tier: &str,
+        seconds: f64,
+        recordings: &mut [Recording],
+    ) -> anyhow::Result<(Trained, Renderer)> {
         let config = ModelConfig::named(tier, VARIANT)?;
         let counted = memory::reset_peak();
         if let Err(error) = &counted {
@@ -34,7 +39,7 @@ impl Session<'_> {
                 "peak memory is not measured: /proc/self/clear_refs: {error}"
             ));
         }
-        let people = self.recordings.iter().enumerate();
+        let people = recordings.iter().enumerate();
         let people = people.map(|(slot, recording)| recording.person(slot));
         let budget = Budget::Seconds(seconds);
         let weights = self.options.lpips.as_ref();
@@ -44,13 +49,16 @@ impl Session<'_> {
         training::train_to_the_end(&mut trainer, &mut *display)?;
         let peak_memory_bytes = counted.ok().and_then(|()| memory::peak());
         let progress = trainer.progress();
+        for (slot, recording) in recordings.iter_mut().enumerate() {
+            recording.follow(&trainer, slot);
+        }
         let examiner = Examiner::new(
             trainer.renderer(),
             self.protocol,
             lpips(weights, self.picked)?,
         );
         let mut subjects = Vec::new();
-        for (slot, recording) in self.recordings.iter().enumerate() {
+        for (slot, recording) in recordings.iter().enumerate() {
             let pictures = self.options.pictures;
             let subject = measure::subject(&examiner, slot, recording, pictures, &mut *display)?;
             subjects.push(subject);

@@ -11,8 +11,11 @@ use super::{LOW_PASS, MIN_ALPHA, NEAR, View};
 type Vec3 = [f32; 3];
 type Mat3 = [[f32; 3]; 3];
 
-/// Smallest determinant of a covariance, pixels⁴.
-pub(super) const MIN_DETERMINANT: f32 = 1e-8;
+/// Largest half width or height of a splat in the picture, pixels, far beyond any picture: the indices of its tiles are
+/// whole numbers.
+pub(super) const LARGEST_EXTENT: f32 = 1e9;
+/// Length of a quaternion below which its gradient grows no further: that of a direction is in proportion to 1 / |q|.
+pub(super) const SHORTEST: f32 = 1e-12;
 
 /// The parameters of a splat.
 #[derive(Clone, Copy)]
@@ -106,6 +109,8 @@ struct Projection {
     normal_length: f32,
     /// Unit normal in the world.
     world_normal: Vec3,
+    /// Variances in the picture along x and y, pixels².
+    variances: [f32; 2],
     /// Inverse covariance in the picture: xx, xy, yy.
     conic: Vec3,
 }
@@ -113,6 +118,15 @@ struct Projection {
 #[inline(always)]
 fn dot(a: Vec3, b: Vec3) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 /// Column `c` of a matrix.
@@ -146,9 +160,7 @@ fn projection(splat: &Splat<'_>, view: &View) -> Projection {
     // μ' = W μ + s
     let camera_mean: Vec3 = std::array::from_fn(|i| dot(linear[i], splat.mean) + model_view[i][3]);
     // R = R(q / |q|)
-    let [a, b, c, d] = splat.rotation;
-    let quaternion_length = (a * a + b * b + c * c + d * d).sqrt();
-    let unit_quaternion = (splat.rotation).map(|q| q / quaternion_length.max(f32::MIN_POSITIVE));
+    let (unit_quaternion, quaternion_length) = direction(splat.rotation);
     let rotation = rotation_matrix(unit_quaternion);
     // S = diag(exp s); the covariance in space is R S Sᵀ Rᵀ (eq. 6).
     let deviations = splat.scale.map(f32::exp);
@@ -165,11 +177,13 @@ fn projection(splat: &Splat<'_>, view: &View) -> Projection {
     // Σ' = J W R S (J W R S)ᵀ = J W Σ Wᵀ Jᵀ (eq. 5), plus the low-pass filter on the diagonal.
     let projected_axes: [Vec3; 2] =
         std::array::from_fn(|i| std::array::from_fn(|k| dot(jacobian[i], column(&axes, k))));
-    let xx = dot(projected_axes[0], projected_axes[0]) + LOW_PASS;
+    let squares = projected_axes.map(|row| dot(row, row));
     let xy = dot(projected_axes[0], projected_axes[1]);
-    let yy = dot(projected_axes[1], projected_axes[1]) + LOW_PASS;
-    // Rounding can make the determinant of a long and thin splat 0 or negative.
-    let determinant = (xx * yy - xy * xy).max(MIN_DETERMINANT);
+    let variances = squares.map(|square| square + LOW_PASS);
+    // det(P Pᵀ + λ I) = |p₀ × p₁|² + λ (|p₀|² + |p₁|²) + λ², a sum without cancellation: of a long and thin splat, the
+    // difference xx yy − xy² is less than the rounding of its terms.
+    let minors = cross(projected_axes[0], projected_axes[1]);
+    let determinant = dot(minors, minors) + LOW_PASS * (squares[0] + squares[1] + LOW_PASS);
     // n = A R e₃ / |A R e₃|: a splat on a surface is flat along its third axis.
     let outward = column(&rotation, 2);
     let normal: Vec3 = std::array::from_fn(|i| dot(row(t, i), outward));
@@ -188,8 +202,13 @@ fn projection(splat: &Splat<'_>, view: &View) -> Projection {
         normal,
         normal_length,
         world_normal,
+        variances,
         // Σ'⁻¹ = [yy, −xy; −xy, xx] / det Σ'
-        conic: [yy / determinant, -xy / determinant, xx / determinant],
+        conic: [
+            variances[1] / determinant,
+            -xy / determinant,
+            variances[0] / determinant,
+        ],
     }
 }
 
@@ -214,23 +233,22 @@ pub(super) fn project(splat: &Splat<'_>, light: &[[f32; LIGHTS]; 3], view: &View
     let [x, y, z] = projection.camera_mean;
     // Comparisons are false for a NaN.
     let visible = opacity > MIN_ALPHA && z > NEAR && projection.conic.iter().all(|c| c.is_finite());
-    if !visible {
+    let shades = shades(light, projection.world_normal);
+    let colour: Vec3 = std::array::from_fn(|c| splat.colour[c] * shades[c]);
+    if !visible || !colour.iter().all(|c| c.is_finite()) {
         return Projected::default();
     }
     let [[fx, skew, cx], [_, fy, cy]] = view.k;
-    let [xx, xy, yy] = projection.conic;
-    let determinant = (xx * yy - xy * xy).max(f32::MIN_POSITIVE);
     // The opacity o exp(−q / 2) is MIN_ALPHA where q = dᵀ Σ'⁻¹ d = 2 ln(o / MIN_ALPHA).
     let edge = 2.0 * (opacity / MIN_ALPHA).ln();
-    let shades = shades(light, projection.world_normal);
     Projected {
         centre: [(fx * x + skew * y) / z + cx, fy * y / z + cy],
         conic: projection.conic,
         opacity,
-        colour: std::array::from_fn(|c| splat.colour[c] * shades[c]),
+        colour,
         depth: z,
-        // That ellipse reaches √(q Σ'xx) along x, and Σ'xx = conic yy / det Σ'⁻¹; likewise along y.
-        extent: [yy, xx].map(|other| (edge * other / determinant).sqrt()),
+        // That ellipse reaches √(q Σ'xx) along x, and √(q Σ'yy) along y.
+        extent: (projection.variances).map(|variance| (edge * variance).sqrt().min(LARGEST_EXTENT)),
     }
 }
 
@@ -395,6 +413,20 @@ fn perspective_backward(
     ]
 }
 
+/// A quaternion of length 1 in the direction of `q`, and the length of `q`; 0, whose rotation is none, if `q` is. Squares of
+/// shares of the largest number neither overflow nor vanish.
+#[inline(always)]
+fn direction(q: [f32; 4]) -> ([f32; 4], f32) {
+    let largest = q
+        .iter()
+        .fold(f32::MIN_POSITIVE, |most, v| most.max(v.abs()));
+    let shares = q.map(|v| v / largest);
+    let square = shares.iter().map(|v| v * v).sum::<f32>();
+    let length = square.sqrt();
+    // The largest share is 1, unless all are 0.
+    (shares.map(|v| v / length.max(0.5)), largest * length)
+}
+
 /// The rotation of a unit quaternion, real part first.
 #[inline(always)]
 fn rotation_matrix([w, x, y, z]: [f32; 4]) -> Mat3 {
@@ -434,6 +466,6 @@ fn rotation_backward(projection: &Projection, to: &Mat3) -> [f32; 4] {
     .map(|v| 2.0 * v);
     // Of q̂ = q / |q|: (I − q̂ q̂ᵀ) ∂L/∂q̂ / |q|
     let along = to_unit[0] * w + to_unit[1] * x + to_unit[2] * y + to_unit[3] * z;
-    let length = projection.quaternion_length.max(f32::MIN_POSITIVE);
+    let length = projection.quaternion_length.max(SHORTEST);
     std::array::from_fn(|k| (to_unit[k] - along * projection.unit_quaternion[k]) / length)
 }

@@ -5,12 +5,15 @@ mod adam;
 mod bone_softmax;
 mod composite;
 mod deconv;
+mod extremes;
 mod hash;
 mod inverse;
 mod picture_loss;
 mod skin;
 mod splat;
+mod splat_f64;
 mod splat_slopes;
+mod table;
 mod warp;
 
 use burn::tensor::{Device, Tensor, TensorData};

@@ -1,13 +1,13 @@
 //! Gradients of splatting against finite differences in double precision: each parameter of each splat is moved a
-//! little, and the picture is computed by the equations, one pixel after the other, without tensors and without the
-//! derivatives of the operation.
+//! little, and the picture is computed without the derivatives of the operation.
 
 use super::splat::{splats, view};
+use super::splat_f64::{ROW, sum};
 use crate::{numbers, values};
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use yoto_ops::splat::{LOW_PASS, MAX_ALPHA, MIN_ALPHA, View, splat};
+use yoto_ops::splat::splat;
 
 /// Half of the difference between two values of a parameter.
 const STEP: f64 = 1e-6;
@@ -23,120 +23,6 @@ const PARTS: [(&str, usize); 6] = [
     ("opacities", 1),
     ("colours", 3),
 ];
-/// All of them.
-const ROW: usize = 26;
-
-type V3 = [f64; 3];
-
-fn dot(a: V3, b: V3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// A projected splat.
-struct Projected {
-    depth: f64,
-    at: [f64; 2],
-    /// xx, xy, yy.
-    covariance: V3,
-    opacity: f64,
-    colour: V3,
-}
-
-/// The projection of the splat with the numbers `row`.
-fn project(row: &[f64], light: &[f64], view: &View) -> Projected {
-    let (t, rest) = row.split_at(12);
-    let linear = |r: usize| -> V3 { [t[4 * r], t[4 * r + 1], t[4 * r + 2]] };
-    let mean = [rest[0], rest[1], rest[2]];
-    let to_camera = |v: V3, shift: f64| -> V3 {
-        std::array::from_fn(|r| {
-            let [a, b, c, d] = view.e[r].map(f64::from);
-            dot([a, b, c], v) + shift * d
-        })
-    };
-    let body = std::array::from_fn(|r| dot(linear(r), mean) + t[4 * r + 3]);
-    let [x, y, depth] = to_camera(body, 1.0);
-    let rotation = &rest[3..7];
-    let length = rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let [w, i, j, k] = [0, 1, 2, 3].map(|at| rotation[at] / length);
-    let axes = [
-        [
-            1.0 - 2.0 * (j * j + k * k),
-            2.0 * (i * j + w * k),
-            2.0 * (i * k - w * j),
-        ],
-        [
-            2.0 * (i * j - w * k),
-            1.0 - 2.0 * (i * i + k * k),
-            2.0 * (j * k + w * i),
-        ],
-        [
-            2.0 * (i * k + w * j),
-            2.0 * (j * k - w * i),
-            1.0 - 2.0 * (i * i + j * j),
-        ],
-    ];
-    let in_body = |axis: V3| -> V3 { std::array::from_fn(|r| dot(linear(r), axis)) };
-    let [[fx, skew, cx], [_, fy, cy]] = view.k.map(|row| row.map(f64::from));
-    // The three axes in the picture, pixels.
-    let arms = [0, 1, 2].map(|axis: usize| {
-        let [a, b, c] = to_camera(in_body(axes[axis]), 0.0);
-        let deviation = rest[7 + axis].exp();
-        let across = (fx * a + skew * b) / depth - (fx * x + skew * y) / (depth * depth) * c;
-        let down = fy * b / depth - fy * y / (depth * depth) * c;
-        [across * deviation, down * deviation]
-    });
-    let sum = |p: usize, q: usize| arms.iter().map(|arm| arm[p] * arm[q]).sum::<f64>();
-    let low_pass = f64::from(LOW_PASS);
-    let normal = in_body(axes[2]);
-    let long = dot(normal, normal).sqrt();
-    let [nx, ny, nz]: V3 =
-        std::array::from_fn(|r| dot(view.world[r].map(f64::from), normal) / long);
-    let terms = [
-        nx,
-        ny,
-        nz,
-        nx * ny,
-        ny * nz,
-        nz * nx,
-        nx * nx - ny * ny,
-        3.0 * nz * nz - 1.0,
-    ];
-    let lit = |c: usize| 1.0 + (0..8).map(|at| light[8 * c + at] * terms[at]).sum::<f64>();
-    Projected {
-        depth,
-        at: [(fx * x + skew * y) / depth + cx, fy * y / depth + cy],
-        covariance: [sum(0, 0) + low_pass, sum(0, 1), sum(1, 1) + low_pass],
-        opacity: 1.0 / (1.0 + (-rest[10]).exp()),
-        colour: std::array::from_fn(|c| rest[11 + c] * lit(c)),
-    }
-}
-
-/// The sum over the picture of `towards`, `[H W, 4]`.
-fn sum(rows: &[f64], light: &[f64], view: &View, towards: &[f32]) -> f64 {
-    let projected = rows.chunks(ROW).map(|row| project(row, light, view));
-    let mut projected: Vec<Projected> = projected.collect();
-    projected.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let mut sum = 0.0;
-    for (pixel, towards) in towards.as_chunks::<4>().0.iter().enumerate() {
-        let centre = [pixel % view.width, pixel / view.width].map(|v| v as f64 + 0.5);
-        let (mut transmittance, mut seen) = (1.0, [0.0; 4]);
-        for splat in &projected {
-            let [dx, dy] = [0, 1].map(|axis| centre[axis] - splat.at[axis]);
-            let [xx, xy, yy] = splat.covariance;
-            let power = (dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (xx * yy - xy * xy);
-            let alpha = (splat.opacity * (-0.5 * power).exp()).min(f64::from(MAX_ALPHA));
-            if alpha < f64::from(MIN_ALPHA) {
-                continue;
-            }
-            for (c, colour) in splat.colour.into_iter().chain([1.0]).enumerate() {
-                seen[c] += transmittance * alpha * colour;
-            }
-            transmittance *= 1.0 - alpha;
-        }
-        sum += (0..4).map(|c| f64::from(towards[c]) * seen[c]).sum::<f64>();
-    }
-    sum
-}
 
 #[test]
 fn gradients_are_slopes_in_double_precision() {

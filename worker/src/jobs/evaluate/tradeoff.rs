@@ -81,7 +81,8 @@ fn views(people: &[Pictures], wanted: usize) -> Vec<SweepView> {
                     camera: picture.camera.clone(),
                     background: [0.0; 3],
                 },
-                truth: Some(picture.image.rgb.clone()),
+                truth: Some(picture.image.clone()),
+                exposure: picture.exposure,
             }
         })
         .collect()

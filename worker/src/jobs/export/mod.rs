@@ -118,6 +118,7 @@ fn write(
     person: SkinnedSplats,
 ) -> Result<Exported, JobFailure> {
     let (form, frame, mesh) = (spec.form(), spec.frame, mesh_options(spec));
+    let max_bytes = (spec.max_bytes > 0).then_some(spec.max_bytes);
     let title = title.to_owned();
     let stem = match &*spec.file {
         "" => exports::FILE.to_owned(),
@@ -131,6 +132,7 @@ fn write(
             motions: &motions,
             frame,
             mesh,
+            max_bytes,
         };
         order.of(&person)
     };
@@ -154,6 +156,9 @@ fn mesh_options(spec: &ExportSpec) -> MeshOptions {
 fn failure(error: ExportError) -> JobFailure {
     match error {
         ExportError::Motion(error) => of_motion(&error),
+        error @ ExportError::TooFewBytes { .. } => {
+            JobFailure::invalid("export", "max_bytes", error.to_string())
+        }
         error => JobFailure::failed("EXPORT", "exporting the person", &error),
     }
 }

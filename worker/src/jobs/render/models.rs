@@ -4,7 +4,7 @@ use super::request::{self, Request};
 use super::unfilmed;
 use crate::jobs::checkpoint::{self, Downloaded};
 use crate::jobs::{JobContext, JobFailure, shard};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use yoto_avatar::render::{
     Actor, Guest, Light, RenderError, RenderSettings, Rendered, Renderer, SceneView,
     render_together,
@@ -87,6 +87,20 @@ impl<'a> Models<'a> {
     pub(super) fn set(&mut self, settings: &RenderSettings) -> Result<(), JobFailure> {
         let set = self.own.renderer.set(settings);
         set.map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))
+    }
+
+    /// Looks up what frames of the people in `views` need in all poses.
+    pub(super) fn prepare(&self, views: &[View]) -> Result<(), JobFailure> {
+        let models: Vec<&Model<'_>> = self.all().collect();
+        let actors = views.iter().flat_map(|view| &view.actors);
+        let people: BTreeSet<(usize, usize)> = actors.map(|it| (it.model, it.slot)).collect();
+        for (model, slot) in people {
+            let renderer = &models.get(model).unwrap_or(&&self.own).renderer;
+            let prepared = renderer.prepare([slot]);
+            prepared
+                .map_err(|error| JobFailure::failed("INTERNAL", "preparing the people", &error))?;
+        }
+        Ok(())
     }
 
     /// What a plan needs to know of the models.

@@ -120,6 +120,7 @@ mod tests {
                     min_transmittance: 0.05,
                     precision: Precision::Bf16,
                     scale: 0.5,
+                    splats: 0.25,
                 },
                 predicted_seconds: 0.25,
                 predicted_psnr: Some(30.0),
@@ -133,6 +134,7 @@ mod tests {
         assert_eq!(known.predicted_seconds_per_frame, 0.25);
         let settings = known.settings.expect("says them");
         assert_eq!((settings.samples, settings.scale), (32, 0.5));
+        assert_eq!(settings.splats, 0.25);
         assert!(settings.bf16 && settings.min_transmittance == 0.05);
         let unknown = choice.outcome(0.3, &[]);
         assert_eq!((unknown.psnr, unknown.pictures_with_truth), (None, 0));

@@ -1,7 +1,7 @@
 //! The kernel that projects splats: a thread per splat.
 
 use super::super::MIN_ALPHA;
-use super::super::projected::Projected;
+use super::super::projected::{LARGEST_EXTENT, Projected};
 use super::projection::{camera, light_terms, projection, shade};
 use super::vectors::Vec3;
 use cubecl::prelude::*;
@@ -42,10 +42,9 @@ pub(super) fn project_splats(
         let z = projection.depth;
         let mean = projection.camera_mean;
         // The opacity o exp(−q / 2) is MIN_ALPHA where q = dᵀ Σ'⁻¹ d = 2 ln(o / MIN_ALPHA); that ellipse reaches
-        // √(q Σ'xx) along x, and Σ'xx = conic yy / det Σ'⁻¹.
+        // √(q Σ'xx) along x.
         let edge = 2.0 * f32::ln(projection.opacity / MIN_ALPHA);
         let (xx, xy, yy) = (projection.xx, projection.xy, projection.yy);
-        let determinant = max(xx * yy - xy * xy, f32::MIN_POSITIVE);
         let terms = light_terms(&projection.world_normal);
         let colour = Vec3 {
             x: projection.colour.x * shade(light, 0usize, &terms),
@@ -62,8 +61,8 @@ pub(super) fn project_splats(
         projected[to + 7] = colour.y;
         projected[to + 8] = colour.z;
         projected[to + 9] = z;
-        projected[to + 10] = f32::sqrt(edge * yy / determinant);
-        projected[to + 11] = f32::sqrt(edge * xx / determinant);
+        projected[to + 10] = min(f32::sqrt(edge * projection.cov_xx), LARGEST_EXTENT);
+        projected[to + 11] = min(f32::sqrt(edge * projection.cov_yy), LARGEST_EXTENT);
     } else {
         #[unroll]
         for k in 0..PROJECTED_ROW {

@@ -4,6 +4,7 @@
 
 use super::super::ROW;
 use super::super::light::LIGHTS;
+use super::super::projected::SHORTEST;
 use super::projection::{Camera, Projection, camera, light_terms, projection, shade};
 use super::rasterize_backward::SUMS;
 use super::vectors::{
@@ -280,7 +281,7 @@ fn rotation_backward(projection: &Projection, to: &Mat3, to_rows: &mut [f32], i:
     };
     // Of q̂ = q / |q|: (I − q̂ q̂ᵀ) ∂L/∂q̂ / |q|
     let along = to_w * w + dot(&to_q, &q);
-    let inverse = 1.0 / max(projection.length, f32::MIN_POSITIVE);
+    let inverse = 1.0 / max(projection.length, SHORTEST);
     to_rows[ROW * i + 3] = (to_w - along * w) * inverse;
     let to_imaginary = plus(&to_q, &scaled(&q, -along));
     write(to_rows, ROW * i + 4, &scaled(&to_imaginary, inverse));

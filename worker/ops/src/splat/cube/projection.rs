@@ -2,7 +2,6 @@
 //! counterpart of `projection` in `splat/projected.rs`, with the same equations.
 
 use super::super::light::LIGHTS;
-use super::super::projected::MIN_DETERMINANT;
 use super::super::{LOW_PASS, MIN_ALPHA, NEAR, ROW, View};
 use super::vectors::{
     Mat3, Vec3, dot, mul_vec, plus, product, read, read_rows, scale_columns, scaled,
@@ -86,6 +85,9 @@ pub(super) struct Projection {
     pub normal_length: f32,
     /// The unit normal in the world.
     pub world_normal: Vec3,
+    /// Variances in the picture along x and y, pixels².
+    pub cov_xx: f32,
+    pub cov_yy: f32,
     /// Inverse covariance in the picture, the conic.
     pub xx: f32,
     pub xy: f32,
@@ -144,10 +146,21 @@ pub(super) fn projection(
 
     // R = R(q / |q|), S = diag(exp s)
     let (real, imaginary) = (rows[at_row + 3], read(rows, at_row + 4));
-    let length = f32::sqrt(real * real + dot(&imaginary, &imaginary));
-    let inverse = 1.0 / max(length, f32::MIN_POSITIVE);
-    let w = real * inverse;
-    let xyz = scaled(&imaginary, inverse);
+    // Squares of shares of the largest number neither overflow nor vanish.
+    let first = max(f32::abs(real), f32::abs(imaginary.x));
+    let second = max(f32::abs(imaginary.y), f32::abs(imaginary.z));
+    let largest = max(max(first, second), f32::MIN_POSITIVE);
+    let share = real / largest;
+    let shares = Vec3 {
+        x: imaginary.x / largest,
+        y: imaginary.y / largest,
+        z: imaginary.z / largest,
+    };
+    let share_length = f32::sqrt(share * share + dot(&shares, &shares));
+    let length = largest * share_length;
+    let inverse = 1.0 / max(share_length, 0.5f32);
+    let w = share * inverse;
+    let xyz = scaled(&shares, inverse);
     let rotation = rotation_matrix(w, &xyz);
     let scales = read(rows, at_row + 7);
     let deviations = Vec3 {
@@ -175,7 +188,14 @@ pub(super) fn projection(
     let cov_xx = dot(&projected_axes_u, &projected_axes_u) + LOW_PASS;
     let cov_xy = dot(&projected_axes_u, &projected_axes_v);
     let cov_yy = dot(&projected_axes_v, &projected_axes_v) + LOW_PASS;
-    let determinant = max(cov_xx * cov_yy - cov_xy * cov_xy, MIN_DETERMINANT);
+    // |p₀ × p₁|² + λ (|p₀|² + |p₁|²) + λ², a sum without cancellation
+    let (u, v) = (projected_axes_u, projected_axes_v);
+    let minors = Vec3 {
+        x: u.y * v.z - u.z * v.y,
+        y: u.z * v.x - u.x * v.z,
+        z: u.x * v.y - u.y * v.x,
+    };
+    let determinant = dot(&minors, &minors) + LOW_PASS * (cov_xx + cov_yy - LOW_PASS);
     let xx = cov_yy / determinant;
     let xy = -cov_xy / determinant;
     let yy = cov_xx / determinant;
@@ -194,13 +214,15 @@ pub(super) fn projection(
     let opacity = 1.0 / (1.0 + f32::exp(-rows[at_row + 10]));
     let opaque = is_finite(opacity) && opacity > MIN_ALPHA;
     let ahead = is_finite(camera_mean.z) && camera_mean.z > NEAR;
-    let sound = is_finite(xx) && is_finite(xy) && is_finite(yy);
+    let colour = read(rows, at_row + 11);
+    let shown = is_finite(colour.x) && is_finite(colour.y) && is_finite(colour.z);
+    let sound = is_finite(xx) && is_finite(xy) && is_finite(yy) && shown;
     Projection {
         visible: opaque && ahead && sound,
         opacity,
         mean,
         deviations,
-        colour: read(rows, at_row + 11),
+        colour,
         own,
         linear,
         camera_mean,
@@ -218,6 +240,8 @@ pub(super) fn projection(
         normal,
         normal_length,
         world_normal,
+        cov_xx,
+        cov_yy,
         xx,
         xy,
         yy,

@@ -41,6 +41,14 @@ impl SkinningWeights {
         Self { starts, bones }
     }
 
+    /// The bone with the largest share in point `i`; 0 without any.
+    pub fn largest(&self, i: usize) -> u16 {
+        let own = &self.bones[self.starts[i] as usize..self.starts[i + 1] as usize];
+        let largest = own.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        // A skeleton has at most 256 joints.
+        largest.map_or(0, |(bone, _)| *bone as u16)
+    }
+
     /// Canonical to posed `[N, 12]` as in [`super::skin`], with rigid `transforms` `[K, 12]`.
     pub fn skin(&self, transforms: &[f32]) -> Vec<f32> {
         let bones = transforms.as_chunks::<12>().0.iter();
