@@ -182,6 +182,7 @@ impl Trainer {
             model,
             known,
             best: _,
+            settled: _,
         } = self;
         let mut state = ModelState::new(
             model.config.clone(),

@@ -183,6 +183,7 @@ impl Trainer {
             run: Run::new(&saved, options, goes_on, progress),
             known,
             best: None,
+            settled: None,
         })
     }
 }

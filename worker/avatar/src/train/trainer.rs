@@ -17,7 +17,7 @@ use crate::train::poses::fit::{fit_pose, pose};
 use crate::train::run::best::Best;
 use crate::train::run::{Moment, Run};
 use crate::train::splats::placing::grow;
-use crate::train::splats::unseen::guess_unseen;
+use crate::train::splats::unseen::{Settled, guess_unseen};
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -33,6 +33,8 @@ pub struct Trainer {
     /// The best state that a validation has measured; none of models with a field, whose parts take part by the
     /// progress of the run.
     pub(super) best: Option<Best>,
+    /// What is guessed of sides that no frame shows, late in the run.
+    pub(super) settled: Option<Vec<Settled>>,
 }
 
 /// What a step learns by.
@@ -96,6 +98,9 @@ impl Trainer {
         if self.run.is_over() {
             let notes = self.guess_unseen()?;
             self.run.note(notes);
+        } else if !self.run.options().leave_unseen {
+            let subjects = self.data.subjects();
+            Settled::hold(&mut self.settled, &mut self.model, subjects, now)?;
         }
         Ok(())
     }
@@ -106,7 +111,8 @@ impl Trainer {
             return Ok(Vec::new());
         }
         let opened = self.run.opened();
-        guess_unseen(&mut self.model, self.data.subjects(), opened)
+        let (_, notes) = guess_unseen(&mut self.model, self.data.subjects(), opened)?;
+        Ok(notes)
     }
 
     /// The loss of a whole frame, of which the model has the `picture` `[H W, 4]`.

@@ -67,6 +67,11 @@ impl<'a> Probe<'a> {
         self.slices.splat(splat).mean
     }
 
+    /// Depth of a splat's mean, metres.
+    pub fn depth(&self, splat: usize) -> f32 {
+        self.projected[splat].depth
+    }
+
     /// Red, green and blue over black, and opacity, of a pixel. Pixels are numbered row by row.
     pub fn pixel(&self, pixel: usize) -> [f32; 4] {
         let mut sum = [0f32; 4];

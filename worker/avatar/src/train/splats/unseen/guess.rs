@@ -7,9 +7,9 @@ use rayon::prelude::*;
 /// Farthest seen point from the mirrored one that says what is there, metres.
 const MIRRORED: f32 = 0.03;
 /// Number of points that a mirrored colour is the mean of.
-const FEW: usize = 3;
+const FEW: usize = 12;
 /// Number of points that another one is the mean of.
-const MANY: usize = 24;
+const MANY: usize = 48;
 /// How much farther points count along the bone than around it.
 const ALONG: f32 = 3.0;
 /// Distance below which all points count alike, metres.

@@ -2,6 +2,7 @@
 //! end of a run they take colours from where the person was seen ([`guess`]), and a note says so.
 
 mod guess;
+mod settle;
 mod sighted;
 
 use crate::avatar::{Avatar, AvatarAppearance, AvatarSplats};
@@ -12,6 +13,7 @@ use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
 use burn::module::Module;
 use guess::{Guessed, Surface};
+pub(crate) use settle::Settled;
 use sighted::sighted;
 use std::cmp::Ordering;
 use tracing::trace_span;
@@ -25,27 +27,32 @@ use yoto_proto::correction::other_sides;
 const NOTED: f64 = 2.0;
 
 /// Guesses the colours of each person's splats that no training frame shows, in a model after the completed
-/// fraction `opened` of its run. Returns notes for people.
+/// fraction `opened` of its run. Returns the guesses, and notes for people.
 pub(crate) fn guess_unseen(
     model: &mut Model,
     subjects: &[TrainSubject],
     opened: f64,
-) -> Result<Vec<String>, TrainError> {
+) -> Result<(Vec<Settled>, Vec<String>), TrainError> {
     let _span = trace_span!("unseen").entered();
-    let mut notes = Vec::new();
+    let (mut settled, mut notes) = (Vec::new(), Vec::new());
     for subject in subjects {
         let avatar = model.state.avatar().clone().no_grad();
         let splats = match avatar.appearance(&model.config) {
             AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
-            _ => return Ok(notes),
+            _ => return Ok((settled, notes)),
         };
         let guessed = guess(model, subject, splats, opened)?;
         notes.extend(guessed.note(&subject.name));
         let own = Avatar::own_slot(&model.config, subject.slot);
         let avatar = model.state.avatar_mut();
         avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
+        settled.push(Settled {
+            slot: own,
+            colours: guessed.colours,
+            anew: guessed.anew,
+        });
     }
-    Ok(notes)
+    Ok((settled, notes))
 }
 
 /// The colours of a person's splats, with guesses where no frame shows them.

@@ -13,6 +13,9 @@ const FRAMES: usize = 60;
 /// Part of a splat's footprint that some frame shows of it if it is seen at all. What is below is hidden by others in
 /// every frame: its colour changes no training picture (docs/splats.md, "Sides that no frame shows").
 const SHOWN: f32 = 0.1;
+/// How far behind the surface a splat still shows, metres: farther back, it shines through splats that are not quite opaque, or
+/// belongs to the other side of the body.
+const BEHIND: f32 = 0.03;
 /// Smallest footprint that a part is taken of, pixels.
 const SMALL: f32 = 1.0;
 
@@ -36,7 +39,7 @@ pub(super) fn sighted(
         let covered = subject.picture(frame).covered;
         let parts = covered.par_iter();
         let parts: Vec<_> = parts
-            .map(|pixel| probe.weights_at(*pixel as usize))
+            .map(|pixel| on_the_surface(&probe, *pixel as usize))
             .collect();
         for (splat, part) in parts.into_iter().flatten() {
             here[splat] += part;
@@ -47,4 +50,20 @@ pub(super) fn sighted(
         }
     }
     Ok(most.iter().map(|part| *part > SHOWN).collect())
+}
+
+/// The splats at a pixel that are no farther than [`BEHIND`] behind the depth at which half of its opacity is reached, and the
+/// weight T α of each.
+fn on_the_surface(probe: &Probe<'_>, pixel: usize) -> Vec<(usize, f32)> {
+    let mut layers = probe.weights_at(pixel);
+    let half = 0.5 * layers.iter().map(|(_, weight)| weight).sum::<f32>();
+    let mut sum = 0.0;
+    let surface = layers.iter().find(|(_, weight)| {
+        sum += weight;
+        sum >= half
+    });
+    if let Some(depth) = surface.map(|(splat, _)| probe.depth(*splat)) {
+        layers.retain(|(splat, _)| probe.depth(*splat) <= depth + BEHIND);
+    }
+    layers
 }
