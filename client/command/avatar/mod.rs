@@ -106,7 +106,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let out = &options.out;
     ensure_replaceable(options)?;
-    // The files of an earlier run stay until this one has a capture that can be trained.
+    // The files of an earlier run are removed only once this run has a capture that can be trained.
     let attempt = folder::fresh(out, "attempt", MAKER)?;
     let log = attempt.join(LOG);
     output::log::start(&log).with_context(|| format!("writing {}", log.display()))?;

@@ -6,7 +6,7 @@ use crate::pose_tools::{files, indices, options};
 use std::path::{Path, PathBuf};
 use yoto_import::{Format, Levels, MattingModel, Options, TrackForm, read, write};
 
-/// `network` as a file in `folder`, which expects pictures with `levels`.
+/// Writes `network`, which expects pictures with `levels`, to a file in `folder`.
 fn matting(folder: &Path, network: Network, levels: Option<Levels>) -> Option<MattingModel> {
     let path = folder.join("matting.onnx");
     network.write(&path);

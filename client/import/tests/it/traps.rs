@@ -1,5 +1,5 @@
 //! Every pose tool's files with the same mistakes: another focal length, another meaning of the translation,
-//! poses a frame late, poses of another person, gaps. Each is named or refused, for every tool.
+//! poses that are one frame late, poses of another person, gaps. Each is named or refused, for every tool.
 
 use crate::pickled;
 use crate::pose_tools::{files, indices, off, options, truth};

@@ -14,7 +14,7 @@ use yoto_import::Options;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
-For each clip: finds poses and masks, checks them, trains a model of that person alone, and measures
+Finds poses and masks of each clip, checks them, trains a model of that person alone, and measures
 on frames that were not trained on: one in ten, and three blocks that are a tenth of the clip. A clip
 that can't be used has the reason in its row.
 
