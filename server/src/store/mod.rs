@@ -226,6 +226,8 @@ pub trait Store: Send + Sync + 'static {
     /// Deletes rows that are older than their horizon. Returns the number of rows.
     async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError>;
 
+    /// Writes and commits something that no method reads: whether the database takes writes.
+    async fn check_writes(&self) -> Result<(), StoreError>;
     /// Waits for running statements and closes the database.
     async fn close(&self);
 }

@@ -1,8 +1,10 @@
 //! The service as a whole: one process per folder, state that outlives it, health, reflection.
 
 use crate::support;
-use crate::support::{Service, file, job_name};
+use crate::support::{Service, eventually, file, job_name};
 use futures::stream;
+use sqlx::Connection;
+use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::TcpListenerStream;
@@ -93,6 +95,35 @@ async fn health_and_reflection_answer() {
             "{name} in {names:?}"
         );
     }
+}
+
+#[tokio::test]
+async fn health_follows_whether_the_database_takes_writes() {
+    let start = |config: &mut ServerConfig| config.health_interval = Duration::from_millis(20);
+    let service = Service::start_with(start).await;
+    let told = |wanted: ServingStatus| {
+        let channel = service.channel.clone();
+        let ask = move || {
+            let mut health = HealthClient::new(channel.clone());
+            async move {
+                let request = HealthCheckRequest {
+                    service: "yoto.v1.JobService".into(),
+                };
+                let answer = health.check(request).await.expect("answers").into_inner();
+                (answer.status() == wanted).then_some(())
+            }
+        };
+        async move { eventually(wanted.as_str_name(), ask).await }
+    };
+    let locked = support::lock_writes(&service.dir.path().join("yoto.db")).await;
+    told(ServingStatus::NotServing).await;
+    service
+        .jobs()
+        .list_jobs(ListJobsRequest::default())
+        .await
+        .expect("reads go on");
+    locked.close().await.expect("unlocks it");
+    told(ServingStatus::Serving).await;
 }
 
 #[tokio::test]

@@ -6,6 +6,7 @@
 mod attempts;
 mod captures;
 mod checkpoints;
+mod connections;
 mod deletion;
 mod garbage;
 mod helpers;
@@ -41,20 +42,13 @@ use crate::faults::{self, Moment};
 use async_trait::async_trait;
 use rows::During;
 use sqlx::pool::PoolConnection;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Acquire, Sqlite, SqlitePool, Transaction};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
     RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
-
-/// Longest wait of a statement for a lock.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
-/// Number of read-only connections.
-const READERS: u32 = 4;
 
 /// The SQLite store; see the module's documentation.
 #[derive(Debug)]
@@ -71,30 +65,13 @@ impl SqliteStore {
     /// # Errors
     /// When the file can't be opened, or holds a schema that is newer or altered.
     pub async fn open(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
-        let options = SqliteConnectOptions::new()
-            .filename(path)
-            .foreign_keys(true)
-            .busy_timeout(BUSY_TIMEOUT)
-            .synchronous(SqliteSynchronous::Full);
-        let writable = options
-            .clone()
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal);
-        let writer = SqlitePoolOptions::new()
-            .max_connections(1)
-            .connect_with(writable)
-            .await
-            .during("opening the database for writing")?;
+        let writer = connections::writer(path).await?;
         migrations::migrations()
             .run(&writer)
             .await
             .map_err(sqlx::Error::from)
             .during("bringing the database's schema up to date")?;
-        let readers = SqlitePoolOptions::new()
-            .max_connections(READERS)
-            .connect_with(options.read_only(true))
-            .await
-            .during("opening the database for reading")?;
+        let readers = connections::readers(path).await?;
         Ok(Self {
             writer,
             readers,
@@ -509,6 +486,16 @@ impl Store for SqliteStore {
         let workers = workers::forget(&mut tx, now - horizons.workers).await?;
         commit(tx).await?;
         Ok(requests + attempts + workers)
+    }
+
+    async fn check_writes(&self) -> Result<(), StoreError> {
+        let mut tx = self.write().await?;
+        // A number in the file's header that nothing reads: its page is written and synced like any other.
+        sqlx::query("PRAGMA user_version = 1")
+            .execute(&mut *tx)
+            .await
+            .during("checking that the database can be written")?;
+        commit(tx).await
     }
 
     async fn close(&self) {

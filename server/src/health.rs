@@ -1,0 +1,84 @@
+//! Health of the service: SERVING while the database takes writes.
+//!
+//! Reads go on with a full disk or a locked file, and hide that nothing else does.
+
+use crate::api::{
+    JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
+};
+use crate::context::Context;
+use std::time::Duration;
+use tokio::time::{sleep, timeout};
+use tonic::server::NamedService;
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+use yoto_proto::v1::job_service_server::JobServiceServer;
+use yoto_proto::v1::model_service_server::ModelServiceServer;
+use yoto_proto::v1::object_service_server::ObjectServiceServer;
+use yoto_proto::v1::render_service_server::RenderServiceServer;
+use yoto_proto::v1::status_service_server::StatusServiceServer;
+use yoto_proto::v1::storage_service_server::StorageServiceServer;
+use yoto_proto::v1::subject_service_server::SubjectServiceServer;
+use yoto_proto::v1::upload_service_server::UploadServiceServer;
+use yoto_proto::v1::worker_service_server::WorkerServiceServer;
+
+/// The names under which health is told; the empty one is the service as a whole.
+const NAMES: [&str; 10] = [
+    "",
+    <SubjectServiceServer<SubjectApi> as NamedService>::NAME,
+    <UploadServiceServer<UploadApi> as NamedService>::NAME,
+    <ModelServiceServer<ModelApi> as NamedService>::NAME,
+    <JobServiceServer<JobApi> as NamedService>::NAME,
+    <ObjectServiceServer<ObjectApi> as NamedService>::NAME,
+    <RenderServiceServer<RenderApi> as NamedService>::NAME,
+    <StatusServiceServer<StatusApi> as NamedService>::NAME,
+    <StorageServiceServer<StorageApi> as NamedService>::NAME,
+    <WorkerServiceServer<WorkerApi> as NamedService>::NAME,
+];
+/// Longest interval between two checks while writes fail.
+const RECHECK: Duration = Duration::from_secs(1);
+/// Time that a write may take, as a number of intervals between checks.
+const PATIENCE: u32 = 2;
+
+/// Sets the status of every service.
+pub async fn set(reporter: &HealthReporter, status: ServingStatus) {
+    for name in NAMES {
+        reporter.set_service_status(name, status).await;
+    }
+}
+
+/// Checks writes at each [`crate::ServerConfig::health_interval`] and sets the status of every service by the
+/// result, for ever.
+pub async fn follow(context: &Context, reporter: &HealthReporter) {
+    let every = context.config.health_interval;
+    let mut worked = true;
+    loop {
+        sleep(if worked { every } else { every.min(RECHECK) }).await;
+        let works = match timeout(every * PATIENCE, context.store.check_writes()).await {
+            Ok(Ok(())) => true,
+            Ok(Err(error)) => told(worked, &error),
+            Err(late) => told(worked, &late),
+        };
+        if works && !worked {
+            tracing::info!("the database can be written again: the service is healthy");
+        }
+        if works != worked {
+            worked = works;
+            set(reporter, status(works)).await;
+        }
+    }
+}
+
+fn status(works: bool) -> ServingStatus {
+    match works {
+        true => ServingStatus::Serving,
+        false => ServingStatus::NotServing,
+    }
+}
+
+/// Logs the first of several failures; false.
+fn told(worked: bool, error: &dyn std::error::Error) -> bool {
+    if worked {
+        tracing::error!(%error, "the database can't be written: the service is not healthy");
+    }
+    false
+}
