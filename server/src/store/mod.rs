@@ -23,8 +23,8 @@ use yoto_proto::v1::{
     RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
 
-/// The catalogue and the job queue. Every method fails with [`StoreError::Database`] when
-/// the database does.
+/// The catalogue and the job queue. A method whose database fails has the error
+/// [`StoreError::Unavailable`], [`StoreError::Conflict`] or [`StoreError::Database`], by what a caller can do.
 #[async_trait]
 pub trait Store: Send + Sync + 'static {
     /// Creates a subject, or repeats the earlier answer to `request`.

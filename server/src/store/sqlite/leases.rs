@@ -101,7 +101,7 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOu
                     failed,
                 });
             }
-            Err(error @ StoreError::Database { .. }) => return Err(error),
+            Err(error) if error.is_failure() => return Err(error),
             Err(error) => {
                 let message = format!("its inputs can't be found: {error}");
                 let missing = JobError {

@@ -8,6 +8,7 @@ mod captures;
 mod checkpoints;
 mod connections;
 mod deletion;
+mod failures;
 mod garbage;
 mod helpers;
 mod inputs;
