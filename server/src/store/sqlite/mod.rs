@@ -450,9 +450,9 @@ impl Store for SqliteStore {
         drawn: Option<u32>,
     ) -> Result<TakenRange, StoreError> {
         let mut tx = self.write().await?;
-        let taken = ranges::take(&mut tx, lease, pictures, drawn).await?;
+        let (range, finished) = ranges::take(&mut tx, lease, pictures, drawn).await?;
         commit(tx).await?;
-        Ok(taken)
+        ranges::taken(&mut *self.read().await?, &lease.job_id, range, finished).await
     }
 
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError> {
