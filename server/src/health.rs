@@ -1,6 +1,6 @@
 //! Health of the service: SERVING while the database takes writes.
 //!
-//! Reads go on with a full disk or a locked file, and hide that nothing else does.
+//! Reads go on with a full disk or a locked file, and hide that nothing else does. The write is that of the time.
 
 use crate::api::{
     JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
@@ -53,8 +53,8 @@ pub async fn follow(context: &Context, reporter: &HealthReporter) {
     let mut worked = true;
     loop {
         sleep(if worked { every } else { every.min(RECHECK) }).await;
-        let works = match timeout(every * PATIENCE, context.store.check_writes()).await {
-            Ok(Ok(())) => true,
+        let works = match timeout(every * PATIENCE, context.store.keep_time()).await {
+            Ok(Ok(_)) => true,
             Ok(Err(error)) => told(worked, &error),
             Err(late) => told(worked, &late),
         };

@@ -39,7 +39,6 @@ use objects::disk::ObjectDisk;
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::SystemTime;
 use store::SqliteStore;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::task::JoinHandle;
@@ -78,6 +77,7 @@ impl Coordinator {
         };
         let (disk, objects) = ObjectDisk::open(&objects_url)?;
         let store = SqliteStore::open(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
+        let started = config.clock.time();
         let context = Arc::new(Context {
             config,
             store: Arc::new(store),
@@ -86,7 +86,7 @@ impl Coordinator {
             disk,
             changes: JobChanges::default(),
             roster: Roster::default(),
-            started: SystemTime::now(),
+            started,
             stop: CancellationToken::new(),
             lock,
             collecting: tokio::sync::Mutex::new(()),

@@ -226,8 +226,9 @@ pub trait Store: Send + Sync + 'static {
     /// Deletes rows that are older than their horizon. Returns the number of rows.
     async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError>;
 
-    /// Writes and commits something that no method reads: whether the database takes writes.
-    async fn check_writes(&self) -> Result<(), StoreError>;
+    /// Records the time, and whether the clock was set since the last call: ages of rows are those in time that
+    /// the service spent. Called often, it also shows whether the database takes writes. Returns the time.
+    async fn keep_time(&self) -> Result<f64, StoreError>;
     /// Waits for running statements and closes the database.
     async fn close(&self);
 }

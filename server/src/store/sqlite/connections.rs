@@ -99,6 +99,6 @@ mod tests {
         let created = store.create_subject(person(String::new()), None).await;
         let created = created.unwrap_or_else(|error| panic!("after '{full}': {error}"));
         assert_eq!(created.display_name, "Ada");
-        store.check_writes().await.expect("writes work");
+        store.keep_time().await.expect("writes work");
     }
 }

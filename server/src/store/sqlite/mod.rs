@@ -25,6 +25,7 @@ mod ranges;
 mod reaping;
 mod requests;
 mod rows;
+mod steps;
 mod subjects;
 
 #[cfg(test)]
@@ -40,12 +41,15 @@ use super::{
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
 use crate::faults::{self, Moment};
+use crate::rules::retries;
+use crate::rules::steps::{Reading, while_down};
 use async_trait::async_trait;
 use rows::During;
 use sqlx::pool::PoolConnection;
 use sqlx::{Acquire, Sqlite, SqlitePool, Transaction};
 use std::path::Path;
 use std::sync::Arc;
+use tokio::sync::Mutex;
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
     RenderedFile, Subject, SubjectShard, WorkerStatus,
@@ -57,6 +61,8 @@ pub struct SqliteStore {
     writer: SqlitePool,
     readers: SqlitePool,
     clock: Arc<dyn Clock>,
+    /// Both clocks at the start of this process, or after the last step of the clock.
+    first_reading: Mutex<Option<Reading>>,
 }
 
 impl SqliteStore {
@@ -77,6 +83,7 @@ impl SqliteStore {
             writer,
             readers,
             clock,
+            first_reading: Mutex::default(),
         })
     }
 
@@ -110,7 +117,7 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Subject, StoreError> {
         let mut tx = self.write().await?;
-        let subject = subjects::create(&mut tx, new, request).await?;
+        let subject = subjects::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(subject)
     }
@@ -133,7 +140,7 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<String, StoreError> {
         let mut tx = self.write().await?;
-        let id = uploads::create(&mut tx, new, request).await?;
+        let id = uploads::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(id)
     }
@@ -147,7 +154,7 @@ impl Store for SqliteStore {
 
     async fn commit_parts(&self, id: &str, parts: &[CommittedPart]) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        uploads::commit(&mut tx, id, parts).await?;
+        uploads::commit(&mut tx, id, parts, self.clock.now()).await?;
         commit(tx).await
     }
 
@@ -169,8 +176,9 @@ impl Store for SqliteStore {
     }
 
     async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError> {
+        let now = self.keep_time().await?;
         let mut tx = self.write().await?;
-        let ended = uploads::expire(&mut tx, idle_seconds).await?;
+        let ended = uploads::expire(&mut tx, idle_seconds, now).await?;
         commit(tx).await?;
         Ok(ended)
     }
@@ -204,7 +212,7 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::create(&mut tx, new, request).await?;
+        let model = models::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -224,7 +232,8 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError> {
         let mut tx = self.write().await?;
-        let slot = models::add_identity(&mut tx, model_id, subject_id, request).await?;
+        let slot =
+            models::add_identity(&mut tx, model_id, subject_id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(slot)
     }
@@ -236,7 +245,9 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::remove_identity(&mut tx, model_id, subject_id, request).await?;
+        let model =
+            models::remove_identity(&mut tx, model_id, subject_id, request, self.clock.now())
+                .await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -260,7 +271,8 @@ impl Store for SqliteStore {
         default: Retention,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::set_retention(&mut tx, model_id, &retention, default).await?;
+        let model =
+            models::set_retention(&mut tx, model_id, &retention, default, self.clock.now()).await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -272,13 +284,14 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError> {
         let mut tx = self.write().await?;
-        let deleted = deletion::delete(&mut tx, target, etag, request).await?;
+        let deleted = deletion::delete(&mut tx, target, etag, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(deleted)
     }
 
     async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError> {
-        garbage::known(&mut *self.read().await?).await
+        let now = self.keep_time().await?;
+        garbage::known(&mut *self.read().await?, now).await
     }
 
     async fn references(
@@ -286,12 +299,13 @@ impl Store for SqliteStore {
         folders: &[String],
         keep_uploads: f64,
     ) -> Result<Vec<Reference>, StoreError> {
-        garbage::references(&mut *self.read().await?, folders, keep_uploads).await
+        let now = self.keep_time().await?;
+        garbage::references(&mut *self.read().await?, folders, keep_uploads, now).await
     }
 
     async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        garbage::note(&mut tx, new, gone).await?;
+        garbage::note(&mut tx, new, gone, self.clock.now()).await?;
         commit(tx).await
     }
 
@@ -433,7 +447,7 @@ impl Store for SqliteStore {
         default: Retention,
     ) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        leases::publish(&mut tx, lease, checkpoint, default).await?;
+        leases::publish(&mut tx, lease, checkpoint, default, self.clock.now()).await?;
         commit(tx).await
     }
 
@@ -480,23 +494,50 @@ impl Store for SqliteStore {
     }
 
     async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError> {
-        let now = self.clock.now();
+        let now = self.keep_time().await?;
         let mut tx = self.write().await?;
-        let requests = requests::forget(&mut tx, now - horizons.request_ids).await?;
-        let attempts = attempts::forget(&mut tx, now - horizons.attempts).await?;
-        let workers = workers::forget(&mut tx, now - horizons.workers).await?;
+        let requests = requests::forget(&mut tx, horizons.request_ids, now).await?;
+        let attempts = attempts::forget(&mut tx, horizons.attempts, now).await?;
+        let workers = workers::forget(&mut tx, horizons.workers, now).await?;
         commit(tx).await?;
         Ok(requests + attempts + workers)
     }
 
-    async fn check_writes(&self) -> Result<(), StoreError> {
+    async fn keep_time(&self) -> Result<f64, StoreError> {
+        // Held until the step is recorded: no other call may find it as well.
+        let mut first = self.first_reading.lock().await;
         let mut tx = self.write().await?;
-        // A number in the file's header that nothing reads: its page is written and synced like any other.
-        sqlx::query("PRAGMA user_version = 1")
-            .execute(&mut *tx)
-            .await
-            .during("checking that the database can be written")?;
-        commit(tx).await
+        let reading = Reading {
+            now: self.clock.now(),
+            steady: self.clock.steady(),
+        };
+        let step = match *first {
+            Some(first) => first.step_to(reading),
+            None => (steps::last_tick(&mut tx).await?).and_then(|it| while_down(it, reading.now)),
+        };
+        if let Some(step) = step {
+            steps::record(&mut tx, step, reading.now).await?;
+            // A job waits while the service is down as well.
+            if first.is_some() || step.seconds < 0.0 {
+                let latest = reading.now + retries::LONGEST_WAIT;
+                steps::move_waits(&mut tx, step.seconds, latest).await?;
+            }
+        }
+        steps::tick(&mut tx, reading.now).await?;
+        commit(tx).await?;
+        if let (Some(step), true) = (step, first.is_some()) {
+            let seconds = step.seconds;
+            tracing::warn!(
+                seconds,
+                "the clock was set, or the machine slept: nothing ages by it"
+            );
+        }
+        // Small differences add up until they are a step.
+        let since = match (step, *first) {
+            (None, Some(first)) => first,
+            _ => *first.insert(reading),
+        };
+        Ok(since.expected(reading.steady))
     }
 
     async fn close(&self) {

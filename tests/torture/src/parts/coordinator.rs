@@ -68,6 +68,10 @@ impl Clock for JumpingClock {
     fn now(&self) -> f64 {
         SystemClock.now() + self.0.clock()
     }
+
+    fn steady(&self) -> f64 {
+        SystemClock.steady()
+    }
 }
 
 /// Disturbs a share of the calls.
