@@ -17,6 +17,7 @@ mod in_memory;
 mod jobs;
 mod lock;
 mod objects;
+mod private;
 mod rules;
 mod serve;
 mod store;
@@ -165,7 +166,13 @@ fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {
         path: path.to_owned(),
         cause,
     };
-    std::fs::create_dir_all(path).map_err(failed)?;
+    private::create_dir_all(path).map_err(failed)?;
+    if private::is_open_to_others(path).map_err(failed)? {
+        tracing::warn!(
+            folder = %path.display(),
+            "other users of this machine can look into the data folder; `chmod 700` closes it"
+        );
+    }
     path.canonicalize().map_err(failed)
 }
 

@@ -4,10 +4,11 @@
 //! says how much of it counts. Bytes after that were never acknowledged and are overwritten.
 
 use super::disk::{ObjectDisk, failed};
+use crate::private;
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;
-use std::fs::{self, File, OpenOptions};
+use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use yoto_objects::ObjectsError;
@@ -108,10 +109,9 @@ fn write_all(root: &Path, pieces: &[Piece]) -> Result<(), ObjectsError> {
 fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
     let failed = |error| failed("writing", path, error);
     if let (0, Some(folder)) = (piece.offset, path.parent()) {
-        fs::create_dir_all(folder).map_err(failed)?;
+        private::create_dir_all(folder).map_err(failed)?;
     }
-    let opened = OpenOptions::new()
-        .write(true)
+    let opened = private::writable()
         .create(piece.offset == 0)
         .truncate(false)
         .open(path);
@@ -174,6 +174,7 @@ fn hash(path: &Path) -> io::Result<(u64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn piece(offset: u64, bytes: &'static [u8]) -> Piece {
         Piece {

@@ -4,11 +4,13 @@
 //! has no room for; the driver still counts it as open then, and refuses every later one on that connection.
 
 use super::rows::During;
+use crate::private;
 use crate::store::StoreError;
 use sqlx::sqlite::{
     SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
 };
 use sqlx::{Connection, SqlitePool};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::time::Duration;
 
@@ -30,9 +32,15 @@ fn options(path: &Path) -> SqliteConnectOptions {
 /// # Errors
 /// When the file can't be opened.
 pub async fn writer(path: &Path) -> Result<SqlitePool, StoreError> {
-    let writable = options(path)
-        .create_if_missing(true)
-        .journal_mode(SqliteJournalMode::Wal);
+    // SQLite gives the files beside it the same mode. An existing file is left alone: closing it here would end the
+    // locks of another connection of this process.
+    match private::writable().create_new(true).open(path) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+            return Err(sqlx::Error::Io(error)).during("creating the database");
+        }
+        _ => {}
+    }
+    let writable = options(path).journal_mode(SqliteJournalMode::Wal);
     pool(1)
         .connect_with(writable)
         .await
