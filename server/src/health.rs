@@ -6,6 +6,7 @@ use crate::api::{
     JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
 };
 use crate::context::Context;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
 use tonic::server::NamedService;
@@ -46,39 +47,51 @@ pub async fn set(reporter: &HealthReporter, status: ServingStatus) {
     }
 }
 
-/// Checks writes at each [`crate::ServerConfig::health_interval`] and sets the status of every service by the
-/// result, for ever.
-pub async fn follow(context: &Context, reporter: &HealthReporter) {
+/// Records the time at each [`crate::ServerConfig::health_interval`], and whether that could be written, until the
+/// coordinator stops.
+pub async fn run(context: Arc<Context>) {
     let every = context.config.health_interval;
-    let mut worked = true;
     loop {
-        sleep(if worked { every } else { every.min(RECHECK) }).await;
-        let works = match timeout(every * PATIENCE, context.store.keep_time()).await {
-            Ok(Ok(_)) => true,
-            Ok(Err(error)) => told(worked, &error),
-            Err(late) => told(worked, &late),
+        let worked = *context.writable.borrow();
+        tokio::select! {
+            () = context.stop.cancelled() => return,
+            () = sleep(if worked { every } else { every.min(RECHECK) }) => {}
+        }
+        let written = timeout(every * PATIENCE, context.store.keep_time()).await;
+        match (&written, worked) {
+            (Ok(Ok(_)), true) => {}
+            (Ok(Ok(_)), false) => {
+                tracing::info!("the database can be written again: the service is healthy");
+            }
+            (Ok(Err(error)), true) => told(error),
+            (Err(late), true) => told(late),
+            (Ok(Err(_)) | Err(_), false) => {}
+        }
+        let works = matches!(written, Ok(Ok(_)));
+        context.writable.send_if_modified(|known| {
+            let news = *known != works;
+            *known = works;
+            news
+        });
+    }
+}
+
+fn told(error: &dyn std::error::Error) {
+    tracing::error!(%error, "the database can't be written: the service is not healthy");
+}
+
+/// Sets the status of every service by what [`run`] finds, for ever.
+pub async fn follow(context: &Context, reporter: &HealthReporter) {
+    let mut writable = context.writable.subscribe();
+    loop {
+        let status = match *writable.borrow_and_update() {
+            true => ServingStatus::Serving,
+            false => ServingStatus::NotServing,
         };
-        if works && !worked {
-            tracing::info!("the database can be written again: the service is healthy");
-        }
-        if works != worked {
-            worked = works;
-            set(reporter, status(works)).await;
+        set(reporter, status).await;
+        if writable.changed().await.is_err() {
+            // The sender lives in the context.
+            std::future::pending::<()>().await;
         }
     }
-}
-
-fn status(works: bool) -> ServingStatus {
-    match works {
-        true => ServingStatus::Serving,
-        false => ServingStatus::NotServing,
-    }
-}
-
-/// Logs the first of several failures; false.
-fn told(worked: bool, error: &dyn std::error::Error) -> bool {
-    if worked {
-        tracing::error!(%error, "the database can't be written: the service is not healthy");
-    }
-    false
 }

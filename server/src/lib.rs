@@ -88,6 +88,7 @@ impl Coordinator {
             changes: JobChanges::default(),
             roster: Roster::default(),
             started,
+            writable: tokio::sync::watch::Sender::new(true),
             stop: CancellationToken::new(),
             lock,
             collecting: tokio::sync::Mutex::new(()),
@@ -97,6 +98,7 @@ impl Coordinator {
         let tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
+            tokio::spawn(health::run(Arc::clone(&context))),
         ];
         Ok(Self { context, tasks })
     }
