@@ -57,27 +57,38 @@ pub async fn run(context: Arc<Context>) {
             () = context.stop.cancelled() => return,
             () = sleep(if worked { every } else { every.min(RECHECK) }) => {}
         }
-        let written = timeout(every * PATIENCE, context.store.keep_time()).await;
-        match (&written, worked) {
-            (Ok(Ok(_)), true) => {}
-            (Ok(Ok(_)), false) => {
-                tracing::info!("the database can be written again: the service is healthy");
+        // Never dropped half-way: it would not know whether it had recorded a step of the clock.
+        let write = context.store.keep_time();
+        tokio::pin!(write);
+        let written = match timeout(every * PATIENCE, &mut write).await {
+            Ok(written) => written,
+            Err(late) => {
+                found(&context, Some(&late));
+                write.await
             }
-            (Ok(Err(error)), true) => told(error),
-            (Err(late), true) => told(late),
-            (Ok(Err(_)) | Err(_), false) => {}
+        };
+        match &written {
+            Ok(_) => found(&context, None),
+            Err(error) => found(&context, Some(error)),
         }
-        let works = matches!(written, Ok(Ok(_)));
-        context.writable.send_if_modified(|known| {
-            let news = *known != works;
-            *known = works;
-            news
-        });
     }
 }
 
-fn told(error: &dyn std::error::Error) {
-    tracing::error!(%error, "the database can't be written: the service is not healthy");
+/// Tells services and log of a check, if it ended otherwise than the one before it.
+fn found(context: &Context, fault: Option<&dyn std::error::Error>) {
+    let works = fault.is_none();
+    let news = context.writable.send_if_modified(|known| {
+        let news = *known != works;
+        *known = works;
+        news
+    });
+    match fault {
+        _ if !news => {}
+        None => tracing::info!("the database can be written again: the service is healthy"),
+        Some(error) => {
+            tracing::error!(%error, "the database can't be written: the service is not healthy");
+        }
+    }
 }
 
 /// Sets the status of every service by what [`run`] finds, for ever.

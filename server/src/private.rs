@@ -1,6 +1,6 @@
 //! Folders and files that only the service's user can read: they hold films of people. The umask decides nothing.
 
-use std::fs::{DirBuilder, OpenOptions};
+use std::fs::{DirBuilder, Metadata, OpenOptions};
 use std::io;
 use std::path::Path;
 
@@ -25,21 +25,20 @@ pub fn writable() -> OpenOptions {
     options
 }
 
-/// Whether other users of the machine can look into `folder`.
+/// Whether other users of the machine can look into `folder`. Only Unix says so.
 ///
 /// # Errors
 /// When it can't be read.
-#[cfg(unix)]
 pub fn is_open_to_others(folder: &Path) -> io::Result<bool> {
-    let mode = std::os::unix::fs::MetadataExt::mode(&std::fs::metadata(folder)?);
-    Ok(mode & 0o077 != 0)
+    std::fs::metadata(folder).map(|it| grants_others(&it))
 }
 
-/// Modes of other systems are not looked at.
-///
-/// # Errors
-/// None.
+#[cfg(unix)]
+fn grants_others(meta: &Metadata) -> bool {
+    std::os::unix::fs::MetadataExt::mode(meta) & 0o077 != 0
+}
+
 #[cfg(not(unix))]
-pub fn is_open_to_others(_: &Path) -> io::Result<bool> {
-    Ok(false)
+fn grants_others(_: &Metadata) -> bool {
+    false
 }

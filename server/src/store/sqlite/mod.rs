@@ -41,8 +41,7 @@ use super::{
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
 use crate::faults::{self, Moment};
-use crate::rules::retries;
-use crate::rules::steps::{Reading, while_down};
+use crate::rules::steps::Reading;
 use async_trait::async_trait;
 use rows::During;
 use sqlx::pool::PoolConnection;
@@ -504,40 +503,7 @@ impl Store for SqliteStore {
     }
 
     async fn keep_time(&self) -> Result<f64, StoreError> {
-        // Held until the step is recorded: no other call may find it as well.
-        let mut first = self.first_reading.lock().await;
-        let mut tx = self.write().await?;
-        let reading = Reading {
-            now: self.clock.now(),
-            steady: self.clock.steady(),
-        };
-        let step = match *first {
-            Some(first) => first.step_to(reading),
-            None => (steps::last_tick(&mut tx).await?).and_then(|it| while_down(it, reading.now)),
-        };
-        if let Some(step) = step {
-            steps::record(&mut tx, step, reading.now).await?;
-            // A job waits while the service is down as well.
-            if first.is_some() || step.seconds < 0.0 {
-                let latest = reading.now + retries::LONGEST_WAIT;
-                steps::move_waits(&mut tx, step.seconds, latest).await?;
-            }
-        }
-        steps::tick(&mut tx, reading.now).await?;
-        commit(tx).await?;
-        if let (Some(step), true) = (step, first.is_some()) {
-            let seconds = step.seconds;
-            tracing::warn!(
-                seconds,
-                "the clock was set, or the machine slept: nothing ages by it"
-            );
-        }
-        // Small differences add up until they are a step.
-        let since = match (step, *first) {
-            (None, Some(first)) => first,
-            _ => *first.insert(reading),
-        };
-        Ok(since.expected(reading.steady))
+        steps::keep_time(self).await
     }
 
     async fn close(&self) {

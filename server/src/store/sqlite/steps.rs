@@ -1,7 +1,9 @@
 //! The ages of rows, in time that the service spent: steps of the clock do not count.
 
 use super::rows::{Columns, During};
-use crate::rules::steps::Step;
+use super::{SqliteStore, commit};
+use crate::rules::retries;
+use crate::rules::steps::{Reading, Step, while_down};
 use crate::store::StoreError;
 use sqlx::SqliteConnection;
 
@@ -22,8 +24,46 @@ macro_rules! age {
 }
 pub(super) use age;
 
+/// Records the time, and a step of the clock since the last call. Returns the time.
+pub async fn keep_time(store: &SqliteStore) -> Result<f64, StoreError> {
+    // Held until the step is recorded: no other call may find it as well.
+    let mut first = store.first_reading.lock().await;
+    let mut tx = store.write().await?;
+    let reading = Reading {
+        now: store.clock.now(),
+        steady: store.clock.steady(),
+    };
+    let step = match *first {
+        Some(first) => first.step_to(reading),
+        None => (last_tick(&mut tx).await?).and_then(|it| while_down(it, reading.now)),
+    };
+    if let Some(step) = step {
+        record(&mut tx, step, reading.now).await?;
+        // A job waits while the service is down as well.
+        if first.is_some() || step.seconds < 0.0 {
+            let latest = reading.now + retries::LONGEST_WAIT;
+            move_waits(&mut tx, step.seconds, latest).await?;
+        }
+    }
+    tick(&mut tx, reading.now).await?;
+    commit(tx).await?;
+    if let (Some(step), true) = (step, first.is_some()) {
+        let seconds = step.seconds;
+        tracing::warn!(
+            seconds,
+            "the clock was set, or the machine slept: nothing ages by it"
+        );
+    }
+    // Small differences add up until they are a step.
+    let since = match (step, *first) {
+        (None, Some(first)) => first,
+        _ => *first.insert(reading),
+    };
+    Ok(since.expected(reading.steady))
+}
+
 /// When the service last looked at its clock; `None` before the first time.
-pub async fn last_tick(conn: &mut SqliteConnection) -> Result<Option<f64>, StoreError> {
+async fn last_tick(conn: &mut SqliteConnection) -> Result<Option<f64>, StoreError> {
     let row = sqlx::query("SELECT last_tick FROM service_clock WHERE id = 1")
         .fetch_optional(conn)
         .await
@@ -32,7 +72,7 @@ pub async fn last_tick(conn: &mut SqliteConnection) -> Result<Option<f64>, Store
 }
 
 /// Records that the clock shows `now`.
-pub async fn tick(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
+async fn tick(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
     sqlx::query(
         "INSERT INTO service_clock (id, last_tick) VALUES (1, ?1)
          ON CONFLICT (id) DO UPDATE SET last_tick = ?1",
@@ -55,7 +95,7 @@ const AFTER: f64 = 0.001;
 
 /// Records a step, after which the clock shows `now`, and forgets old ones. Stamps that are in the future then become
 /// stamps of now: the rows are kept for their whole time again, and not until the clock has caught up.
-pub async fn record(conn: &mut SqliteConnection, step: Step, now: f64) -> Result<(), StoreError> {
+async fn record(conn: &mut SqliteConnection, step: Step, now: f64) -> Result<(), StoreError> {
     for stamps in STAMPS {
         sqlx::query(stamps)
             .bind(now)
@@ -79,7 +119,7 @@ pub async fn record(conn: &mut SqliteConnection, step: Step, now: f64) -> Result
 }
 
 /// Moves the times before which postponed jobs wait by `seconds`; none is later than `latest`.
-pub async fn move_waits(
+async fn move_waits(
     conn: &mut SqliteConnection,
     seconds: f64,
     latest: f64,
