@@ -4,6 +4,7 @@
 //! process) only delays its watchers.
 
 use crate::context::Context;
+use crate::store::StoreError;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -71,8 +72,10 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
         let seen = match context.store.job(&id).await {
-            Ok(job) => WatchedState::Job(Arc::new(job)),
-            Err(_) => WatchedState::Unreadable,
+            Ok(job) => Some(WatchedState::Job(Arc::new(job))),
+            // A watch goes on with what it knows.
+            Err(StoreError::Unavailable { .. }) => None,
+            Err(_) => Some(WatchedState::Unreadable),
         };
         if !told(&context.changes, &name, seen) {
             return;
@@ -85,8 +88,9 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     }
 }
 
-/// Sends a changed state to the watchers of a job. Returns false, and forgets the job, once nobody watches it.
-fn told(changes: &JobChanges, name: &str, seen: WatchedState) -> bool {
+/// Sends a changed state, if one was `seen`, to the watchers of a job. Returns false, and forgets the job, once nobody
+/// watches it.
+fn told(changes: &JobChanges, name: &str, seen: Option<WatchedState>) -> bool {
     let mut all = changes.lock();
     let Some(watched) = all.get(name) else {
         return false;
@@ -95,6 +99,9 @@ fn told(changes: &JobChanges, name: &str, seen: WatchedState) -> bool {
         all.remove(name);
         return false;
     }
+    let Some(seen) = seen else {
+        return true;
+    };
     watched.seen.send_if_modified(|last| {
         let news = match (&*last, &seen) {
             (WatchedState::Job(last), WatchedState::Job(job)) => last.sequence != job.sequence,
@@ -106,4 +113,29 @@ fn told(changes: &JobChanges, name: &str, seen: WatchedState) -> bool {
         news
     });
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_read_that_failed_for_a_moment_ends_no_watch() {
+        let (changes, seen) = (
+            JobChanges::default(),
+            watch::Sender::new(WatchedState::Nothing),
+        );
+        let watcher = seen.subscribe();
+        let changed = Arc::<Notify>::default();
+        let name = Collection::Jobs.name("1");
+        changes
+            .lock()
+            .insert(name.clone(), Watched { changed, seen });
+        assert!(told(&changes, &name, None), "it is still watched");
+        assert!(!watcher.has_changed().expect("goes on"));
+        assert!(told(&changes, &name, Some(WatchedState::Unreadable)));
+        assert!(watcher.has_changed().expect("goes on"));
+        drop(watcher);
+        assert!(!told(&changes, &name, None), "nobody watches");
+    }
 }

@@ -27,6 +27,8 @@ pub struct ServerConfig {
     pub clock: Arc<dyn Clock>,
     /// Interval between reads of a watched job without announced changes.
     pub watch_poll: Duration,
+    /// Interval between checks that the database can be written; health follows them.
+    pub health_interval: Duration,
     /// Longest time for open connections to end after the start of a shutdown.
     pub shutdown_grace: Duration,
     /// Limits of one uploaded capture.
@@ -116,6 +118,7 @@ impl ServerConfig {
             max_lost_workers: 5,
             clock: Arc::new(SystemClock),
             watch_poll: Duration::from_millis(250),
+            health_interval: Duration::from_secs(5),
             shutdown_grace: Duration::from_secs(5),
             upload: UploadLimits {
                 file_bytes: limits::FILE_BYTES,
@@ -139,9 +142,12 @@ impl ServerConfig {
             );
             return Err(ServerError::Config(message));
         }
-        if self.reap_interval.is_zero() || self.watch_poll.is_zero() {
-            let message = "reap_interval and watch_poll must be above 0".to_owned();
-            return Err(ServerError::Config(message));
+        if [self.reap_interval, self.watch_poll, self.health_interval]
+            .iter()
+            .any(Duration::is_zero)
+        {
+            let message = "reap_interval, watch_poll and health_interval must be above 0";
+            return Err(ServerError::Config(message.to_owned()));
         }
         if self.storage.collect_interval.is_zero() || self.storage.keep_newest == 0 {
             let message = "storage.collect_interval and storage.keep_newest must be above 0";

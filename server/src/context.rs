@@ -11,6 +11,7 @@ use crate::store::Store;
 use crate::uploads::UploadLocks;
 use std::sync::Arc;
 use std::time::SystemTime;
+use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use url::Url;
 use yoto_objects::Objects;
@@ -34,6 +35,8 @@ pub struct Context {
     pub roster: Roster,
     /// When the coordinator started.
     pub started: SystemTime,
+    /// Whether the database took the last write of the health check.
+    pub writable: watch::Sender<bool>,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.

@@ -12,10 +12,12 @@ pub mod config;
 mod context;
 mod error;
 pub mod faults;
+mod health;
 mod in_memory;
 mod jobs;
 mod lock;
 mod objects;
+mod private;
 mod rules;
 mod serve;
 mod store;
@@ -38,7 +40,6 @@ use objects::disk::ObjectDisk;
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::SystemTime;
 use store::SqliteStore;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::task::JoinHandle;
@@ -77,6 +78,7 @@ impl Coordinator {
         };
         let (disk, objects) = ObjectDisk::open(&objects_url)?;
         let store = SqliteStore::open(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
+        let started = config.clock.time();
         let context = Arc::new(Context {
             config,
             store: Arc::new(store),
@@ -85,7 +87,8 @@ impl Coordinator {
             disk,
             changes: JobChanges::default(),
             roster: Roster::default(),
-            started: SystemTime::now(),
+            started,
+            writable: tokio::sync::watch::Sender::new(true),
             stop: CancellationToken::new(),
             lock,
             collecting: tokio::sync::Mutex::new(()),
@@ -95,6 +98,7 @@ impl Coordinator {
         let tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
+            tokio::spawn(health::run(Arc::clone(&context))),
         ];
         Ok(Self { context, tasks })
     }
@@ -164,7 +168,13 @@ fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {
         path: path.to_owned(),
         cause,
     };
-    std::fs::create_dir_all(path).map_err(failed)?;
+    private::create_dir_all(path).map_err(failed)?;
+    if private::is_open_to_others(path).map_err(failed)? {
+        tracing::warn!(
+            folder = %path.display(),
+            "other users of this machine can look into the data folder; `chmod 700` closes it"
+        );
+    }
     path.canonicalize().map_err(failed)
 }
 

@@ -4,6 +4,7 @@
 //! operating system drops the lock whenever the process ends.
 
 use crate::error::ServerError;
+use crate::private;
 use std::fs::{File, TryLockError};
 use std::path::Path;
 
@@ -18,10 +19,9 @@ impl DataDirLock {
     /// [`ServerError::DataDirInUse`] when another coordinator has it.
     pub fn take(data_dir: &Path) -> Result<Self, ServerError> {
         let path = data_dir.join("lock");
-        let file = File::options()
+        let file = private::writable()
             .create(true)
             .truncate(false)
-            .write(true)
             .open(&path)
             .map_err(|cause| ServerError::DataDir {
                 path: path.clone(),

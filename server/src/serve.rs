@@ -6,6 +6,7 @@ use crate::api::{
 use crate::context::Context;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
+use crate::health;
 use futures::Stream;
 use std::future::Future;
 use std::sync::Arc;
@@ -39,33 +40,8 @@ async fn routes(
     let context = || Arc::clone(context);
     let drain = || drain.clone();
     let limit = MESSAGE_BYTES;
-    let (reporter, health) = tonic_health::server::health_reporter();
-    reporter
-        .set_service_status("", ServingStatus::Serving)
-        .await;
-    reporter
-        .set_serving::<SubjectServiceServer<SubjectApi>>()
-        .await;
-    reporter
-        .set_serving::<UploadServiceServer<UploadApi>>()
-        .await;
-    reporter.set_serving::<ModelServiceServer<ModelApi>>().await;
-    reporter.set_serving::<JobServiceServer<JobApi>>().await;
-    reporter
-        .set_serving::<ObjectServiceServer<ObjectApi>>()
-        .await;
-    reporter
-        .set_serving::<RenderServiceServer<RenderApi>>()
-        .await;
-    reporter
-        .set_serving::<StatusServiceServer<StatusApi>>()
-        .await;
-    reporter
-        .set_serving::<StorageServiceServer<StorageApi>>()
-        .await;
-    reporter
-        .set_serving::<WorkerServiceServer<WorkerApi>>()
-        .await;
+    let (reporter, health_service) = tonic_health::server::health_reporter();
+    health::set(&reporter, ServingStatus::Serving).await;
     let reflection = || {
         tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(yoto_proto::DESCRIPTORS)
@@ -86,7 +62,7 @@ async fn routes(
         context: context(),
         drain: drain(),
     });
-    let routes = Routes::new(health)
+    let routes = Routes::new(health_service)
         .add_service(reflection().build_v1()?)
         // Clients in Python know only this version.
         .add_service(reflection().build_v1alpha()?)
@@ -120,10 +96,9 @@ where
         tokio::select! {
             () = shutdown => {}
             () = drain.cancelled() => {}
+            () = health::follow(&context, &reporter) => {}
         }
-        reporter
-            .set_service_status("", ServingStatus::NotServing)
-            .await;
+        health::set(&reporter, ServingStatus::NotServing).await;
         drain.cancel();
     };
     let faults = context.config.faults.clone().map(FaultLayer::new);

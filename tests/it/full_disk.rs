@@ -1,8 +1,9 @@
-//! A training whose files can't be written when it ends: the trained model waits, says why, and is saved as
-//! soon as the folder can be written. No step is made twice.
+//! Disks that take nothing. A training whose files can't be written when it ends waits, says why, and is saved as
+//! soon as the folder can be written, and no step is made twice. A service whose log can't be written goes on.
 
 use anyhow::{Context, ensure};
 use std::fs;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
 use yoto_proto::v1::job::State;
@@ -94,5 +95,42 @@ async fn a_trained_model_waits_for_a_disk_that_takes_it() -> anyhow::Result<()> 
         anyhow::bail!("no result of a training");
     };
     ensure!(result.steps == STEPS, "each step was made once: {result:?}");
+    Ok(())
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_service_goes_on_where_its_log_can_t_be_written() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let port = std::net::TcpListener::bind("127.0.0.1:0")?
+        .local_addr()?
+        .port();
+    let address = format!("127.0.0.1:{port}");
+    let full = fs::OpenOptions::new().write(true).open("/dev/full")?;
+    let mut service = Command::new(YOTO)
+        .args(["serve", "--no-worker", "--listen", &address, "--data"])
+        .arg(dir.path().join("data"))
+        .env("RUST_LOG", "debug")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(full)
+        .spawn()?;
+    let began = Instant::now();
+    let server = format!("http://{address}");
+    let answered = loop {
+        if let Ok(client) = YotoClient::connect(&server).await {
+            break client.create_subject("Ada", "").await.map(drop);
+        }
+        if let Some(status) = service.try_wait()? {
+            anyhow::bail!("it has ended: {status}");
+        }
+        ensure!(began.elapsed() < PATIENCE, "it never answers");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    };
+    let ended = service.try_wait()?;
+    service.kill()?;
+    service.wait()?;
+    answered?;
+    ensure!(ended.is_none(), "it has ended: {ended:?}");
     Ok(())
 }

@@ -13,6 +13,7 @@ mod full_disk;
 mod joining;
 mod main_job;
 mod mixed_scene;
+mod private;
 mod programs;
 mod refined_poses;
 mod scene;

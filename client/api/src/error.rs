@@ -118,7 +118,8 @@ impl fmt::Display for Refusal {
                 write!(f, "\n  {line}")?;
             }
         }
-        if self.status.code() == Code::Unavailable {
+        // With an ErrorInfo, the service itself has answered.
+        if self.status.code() == Code::Unavailable && details.error_info().is_none() {
             write!(f, "\n  is the service still running?")?;
         }
         Ok(())

@@ -119,16 +119,16 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`], e.g. when there is no such job.
     pub async fn cancel_job(&self, name: &str) -> Result<Job, ClientError> {
-        let answer = self
-            .job_service()
-            .cancel_job(CancelJobRequest {
-                name: name.to_owned(),
-                request_id: request_id(),
-            })
-            .await;
-        Ok(answer
-            .map_err(ClientError::refused(format!("cancelling {name}")))?
-            .into_inner())
+        let request = CancelJobRequest {
+            name: name.to_owned(),
+            request_id: request_id(),
+        };
+        let cancel = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.cancel_job(request).await }
+        };
+        let doing = format!("cancelling {name}");
+        repeat(cancel).await.map_err(ClientError::refused(doing))
     }
 
     /// Stops the leasing of a kind of jobs, for a reason; running jobs continue.
@@ -140,9 +140,12 @@ impl YotoClient {
             kind: kind.into(),
             reason: reason.to_owned(),
         };
-        let answer = self.job_service().pause_jobs(request).await;
-        answer.map_err(ClientError::refused("pausing jobs"))?;
-        Ok(())
+        let pause = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.pause_jobs(request).await }
+        };
+        let paused = repeat(pause).await.map(drop);
+        paused.map_err(ClientError::refused("pausing jobs"))
     }
 
     /// Ends the pause of a kind of jobs.
@@ -151,9 +154,12 @@ impl YotoClient {
     /// [`ClientError::Refused`].
     pub async fn resume_jobs(&self, kind: JobKind) -> Result<(), ClientError> {
         let request = ResumeJobsRequest { kind: kind.into() };
-        let answer = self.job_service().resume_jobs(request).await;
-        answer.map_err(ClientError::refused("resuming jobs"))?;
-        Ok(())
+        let resume = || {
+            let mut service = self.job_service();
+            async move { service.resume_jobs(request).await }
+        };
+        let resumed = repeat(resume).await.map(drop);
+        resumed.map_err(ClientError::refused("resuming jobs"))
     }
 
     /// Deletes a job that has ended, with its pictures and figures, if its version is still `etag`; an

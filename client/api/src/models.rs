@@ -230,9 +230,12 @@ impl YotoClient {
                 paths: vec!["retention".to_owned()],
             }),
         };
-        let answer = self.model_service().update_model(request).await;
+        let update = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.update_model(request).await }
+        };
         let doing = format!("changing what {model} keeps");
-        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+        repeat(update).await.map_err(ClientError::refused(doing))
     }
 
     /// Deletes a model with its checkpoints and jobs, if its version is still `etag`; an empty `etag`

@@ -276,10 +276,10 @@ async fn stuck_after(bytes: u64, service: SocketAddr) -> SocketAddr {
     address
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn another_process_goes_on_with_the_upload_of_one_that_has_ended() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let service = Service::start(folder.path()).await;
+/// A service with an upload of a new subject of which a part is committed, by a process that has ended. Also
+/// a client, and the names of subject and upload.
+async fn half_uploaded(folder: &Path) -> (Service, YotoClient, String, String) {
+    let service = Service::start(folder).await;
     let direct = service.client().await;
     let subject = direct
         .create_subject("Ada", "")
@@ -297,23 +297,48 @@ async fn another_process_goes_on_with_the_upload_of_one_that_has_ended() {
         }
     });
     let upload = opened(&direct, &subject).await;
-    let server = format!("http://{}", service.address);
-    let mut uploads = UploadServiceClient::connect(server)
-        .await
-        .expect("connects");
-    loop {
-        let request = GetUploadRequest {
-            name: upload.clone(),
-            stop_writer: false,
-        };
-        let known = uploads.get_upload(request).await.expect("is there");
-        if known.into_inner().committed_bytes > VIDEO_BYTES as u64 / 4 {
-            break;
-        }
+    while committed(&service, &upload, false).await <= VIDEO_BYTES as u64 / 4 {
         assert!(!first.is_finished(), "the upload has failed");
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
     process.shutdown_background();
+    (service, direct, subject, upload)
+}
+
+/// Committed bytes of an upload; with `stop_writer`, after its writer has ended.
+async fn committed(service: &Service, upload: &str, stop_writer: bool) -> u64 {
+    let server = format!("http://{}", service.address);
+    let uploads = UploadServiceClient::connect(server).await;
+    let request = GetUploadRequest {
+        name: upload.to_owned(),
+        stop_writer,
+    };
+    let known = uploads.expect("connects").get_upload(request).await;
+    known.expect("is there").into_inner().committed_bytes
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn bytes_that_the_service_s_disk_has_lost_are_sent_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (service, direct, subject, upload) = half_uploaded(folder.path()).await;
+    committed(&service, &upload, true).await;
+    let files_of = folder.path().join("objects").join(&upload);
+    let video = std::fs::File::options()
+        .write(true)
+        .open(files_of.join("video.mp4"));
+    video
+        .and_then(|it| it.set_len(1000))
+        .expect("the disk loses bytes");
+    let uploaded = direct.upload_capture(&subject, files(), |_| {}).await;
+    let capture = uploaded.expect("is uploaded");
+    assert_ne!(capture.state(), capture::State::Uploading);
+    service.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn another_process_goes_on_with_the_upload_of_one_that_has_ended() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (service, direct, subject, _) = half_uploaded(folder.path()).await;
     let mut told = Vec::new();
     let uploaded = direct
         .upload_capture(&subject, files(), |more| told.push(more))

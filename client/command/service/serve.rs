@@ -87,6 +87,7 @@ impl Storage {
 impl Serve {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         check_exposure(self.listen, self.insecure)?;
+        keep_private();
         let options = EmbeddedOptions {
             data: self.data.clone(),
             listen: Some(self.listen),
@@ -126,6 +127,12 @@ fn address(text: &str) -> Result<SocketAddr, String> {
     addresses
         .next()
         .ok_or_else(|| "the name has no address".to_owned())
+}
+
+/// From now on, whatever this process and its children write is their user's alone.
+fn keep_private() {
+    #[cfg(unix)]
+    nix::sys::stat::umask(nix::sys::stat::Mode::from_bits_truncate(0o077));
 }
 
 /// Without TLS and keys, the service is for this machine only.

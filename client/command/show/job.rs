@@ -139,7 +139,7 @@ fn word(outcome: Outcome) -> &'static str {
         Outcome::Succeeded => "succeeded",
         Outcome::Failed => "failed",
         Outcome::Cancelled => "cancelled",
-        Outcome::Returned => "returned by a worker that shut down",
+        Outcome::Returned => "given back by its worker",
         Outcome::Postponed => "put back for later",
         Outcome::Lost => "its worker was lost",
         Outcome::Helped => "helped with pictures",

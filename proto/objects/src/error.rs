@@ -1,5 +1,7 @@
 //! Failures of the object store.
 
+use std::error::Error;
+use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use thiserror::Error;
 use url::Url;
@@ -86,6 +88,22 @@ impl ObjectsError {
         }
     }
 
+    /// Whether a disk has no room, or a user of it no more of their share: the same write may succeed once there
+    /// is room.
+    pub fn is_full(&self) -> bool {
+        let mut cause = Error::source(self);
+        while let Some(error) = cause {
+            if let Some(error) = error.downcast_ref::<io::Error>() {
+                return matches!(
+                    error.kind(),
+                    ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge
+                );
+            }
+            cause = error.source();
+        }
+        false
+    }
+
     pub(crate) fn url(url: &Url, reason: impl ToString) -> Self {
         Self::Url {
             url: url.clone(),
@@ -99,5 +117,27 @@ impl ObjectsError {
             object_store::Error::NotFound { .. } => Self::Missing { key },
             cause => Self::Store { action, key, cause },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_found_below_the_errors_of_a_store() {
+        let disk = |kind: ErrorKind| ObjectsError::Disk {
+            action: "writing",
+            path: PathBuf::from("a"),
+            cause: kind.into(),
+        };
+        assert!(disk(ErrorKind::StorageFull).is_full());
+        assert!(disk(ErrorKind::QuotaExceeded).is_full());
+        assert!(!disk(ErrorKind::PermissionDenied).is_full());
+        let cause = object_store::Error::Generic {
+            store: "LocalFileSystem",
+            source: Box::new(io::Error::from(ErrorKind::StorageFull)),
+        };
+        assert!(ObjectsError::of_store("writing", "a", cause).is_full());
     }
 }

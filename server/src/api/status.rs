@@ -33,6 +33,7 @@ impl From<RequestError> for Status {
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),
             RequestError::Objects(error) if error.is_torn() => altered(&error),
+            RequestError::Objects(error) if error.is_full() => unavailable(&error),
             RequestError::Objects(error) => internal(&error),
         }
     }
@@ -55,6 +56,12 @@ fn store(error: StoreError) -> Status {
         StoreError::Rule { reason, .. } => status(Code::FailedPrecondition, text, reason, &[]),
         StoreError::TooLarge { field, value } => {
             invalid(text, field.to_owned(), format!("{value} is too large"))
+        }
+        error @ StoreError::Unavailable { .. } => unavailable(&error),
+        StoreError::Conflict { .. } => {
+            tracing::warn!(error = text, "two calls changed the same thing");
+            let text = "another call changed the same thing first; try again".to_owned();
+            status(Code::Aborted, text, "CONFLICT", &[])
         }
         error @ (StoreError::Database { .. } | StoreError::Corrupt { .. }) => internal(&error),
     }
@@ -89,6 +96,14 @@ fn altered(error: &ObjectsError) -> Status {
     tracing::error!(%error, "a stored object is missing or altered");
     let text = "a stored object is missing or altered; see the coordinator's log".to_owned();
     status(Code::DataLoss, text, "OBJECT_ALTERED", &[])
+}
+
+/// A database or a disk that can't take the call now: the same call may succeed later, without another one in between.
+fn unavailable(error: &dyn std::error::Error) -> Status {
+    tracing::warn!(%error, "the store can't take a request now");
+    let text = "the service can't read or write its store now: it is locked, or its disk is full; \
+                see the coordinator's log";
+    status(Code::Unavailable, text.to_owned(), "STORE_UNAVAILABLE", &[])
 }
 
 fn internal(error: &dyn std::error::Error) -> Status {

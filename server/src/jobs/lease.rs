@@ -3,7 +3,6 @@
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{LeasedJob, NewWorker};
-use std::time::SystemTime;
 use yoto_proto::v1::Lease;
 
 /// Adds a worker and returns its id.
@@ -40,7 +39,7 @@ pub async fn lease(
         .store
         .lease_job(worker_id, request_id, help, lease_seconds))
     .await?;
-    context.roster.asked(worker_id, SystemTime::now());
+    context.roster.asked(worker_id, context.config.clock.time());
     for (job, reason) in &outcome.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
         context.changes.announce(job);

@@ -5,6 +5,7 @@ use super::checks::results::{check_result, require};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
+use crate::rules::ranges::MOST_PICTURES;
 use crate::store::{Ending, LeaseKey, StoreError, TakenRange};
 use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
@@ -123,8 +124,9 @@ pub async fn take_range(
             "only a render has pictures",
         ));
     };
-    if pictures == 0 {
-        return Err(RequestError::invalid("pictures", "must be above 0"));
+    if !(1..=MOST_PICTURES).contains(&pictures) {
+        let message = format!("{pictures} is not between 1 and {MOST_PICTURES}");
+        return Err(RequestError::invalid("pictures", message));
     }
     Ok(context.store.take_range(lease, pictures, drawn).await?)
 }

@@ -1,6 +1,7 @@
 //! The folder in which the objects are.
 
 use super::room::Room;
+use crate::private;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use url::Url;
@@ -26,7 +27,7 @@ impl ObjectDisk {
             });
         }
         let root = yoto_objects::folder(url)?;
-        std::fs::create_dir_all(&root).map_err(|error| failed("creating", &root, error))?;
+        private::create_dir_all(&root).map_err(|error| failed("creating", &root, error))?;
         Ok((Self::at(root), Objects::open(url)?))
     }
 

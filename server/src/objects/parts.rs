@@ -4,11 +4,12 @@
 //! says how much of it counts. Bytes after that were never acknowledged and are overwritten.
 
 use super::disk::{ObjectDisk, failed};
+use crate::private;
 use bytes::Bytes;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use yoto_objects::ObjectsError;
 use yoto_proto::hex;
@@ -31,8 +32,8 @@ impl ObjectDisk {
     /// Writes pieces of different files; they are on disk when this returns.
     ///
     /// # Errors
-    /// [`ObjectsError::Size`] when the file is shorter than the offset of its piece; another error when the
-    /// disk fails.
+    /// [`ObjectsError::Size`] when the file is shorter than the offset of its piece, or missing; another error when
+    /// the disk fails.
     pub async fn write_pieces(&self, pieces: Vec<Piece>) -> Result<(), ObjectsError> {
         let root = self.root.clone();
         blocking(move || write_all(&root, &pieces)).await
@@ -41,11 +42,14 @@ impl ObjectDisk {
     /// SHA-256 of the file `key`, which has `bytes` bytes.
     ///
     /// # Errors
-    /// [`ObjectsError::Size`] when it has another size; another error when the disk fails.
+    /// [`ObjectsError::Size`] when it has another size, 0 if it is missing; another error when the disk fails.
     pub async fn sha256(&self, key: &str, bytes: u64) -> Result<String, ObjectsError> {
         let (path, key) = (self.root.join(key), key.to_owned());
         blocking(move || {
-            let (found, sha256) = hash(&path).map_err(|error| failed("reading", &path, error))?;
+            let (found, sha256) = match hash(&path) {
+                Err(error) if error.kind() == ErrorKind::NotFound => (0, String::new()),
+                hashed => hashed.map_err(|error| failed("reading", &path, error))?,
+            };
             if found != bytes {
                 return Err(ObjectsError::Size {
                     key,
@@ -105,24 +109,34 @@ fn write_all(root: &Path, pieces: &[Piece]) -> Result<(), ObjectsError> {
 fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
     let failed = |error| failed("writing", path, error);
     if let (0, Some(folder)) = (piece.offset, path.parent()) {
-        fs::create_dir_all(folder).map_err(failed)?;
+        private::create_dir_all(folder).map_err(failed)?;
     }
-    let mut file = OpenOptions::new()
-        .write(true)
+    let opened = private::writable()
         .create(piece.offset == 0)
         .truncate(false)
-        .open(path)
-        .map_err(failed)?;
+        .open(path);
+    let mut file = match opened {
+        // What the piece follows is gone.
+        Err(error) if piece.offset > 0 && error.kind() == ErrorKind::NotFound => {
+            return Err(short(piece, 0));
+        }
+        opened => opened.map_err(failed)?,
+    };
     let found = file.metadata().map_err(failed)?.len();
     if found < piece.offset {
-        return Err(ObjectsError::Size {
-            key: piece.key.clone(),
-            expected: piece.offset,
-            found,
-        });
+        return Err(short(piece, found));
     }
     append(&mut file, found, piece).map_err(failed)?;
     Ok(file)
+}
+
+/// The error of a file with `found` bytes, fewer than `piece` follows.
+fn short(piece: &Piece, found: u64) -> ObjectsError {
+    ObjectsError::Size {
+        key: piece.key.clone(),
+        expected: piece.offset,
+        found,
+    }
 }
 
 /// Writes `piece` into its file, which has `found` bytes, and drops all bytes after its offset.
@@ -160,6 +174,7 @@ fn hash(path: &Path) -> io::Result<(u64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn piece(offset: u64, bytes: &'static [u8]) -> Piece {
         Piece {
@@ -195,9 +210,9 @@ mod tests {
             key: "uploads/c/none".into(),
             ..piece(3, b"x")
         };
-        assert!(
-            write(missing).await.is_err(),
-            "what it follows is not there"
-        );
+        let gone = write(missing)
+            .await
+            .expect_err("what it follows is not there");
+        assert!(matches!(gone, ObjectsError::Size { found: 0, .. }));
     }
 }

@@ -9,9 +9,11 @@
 //! | how a render is divided among workers | [`ranges`] |
 //! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
+//! | nothing ages by a step of the clock | [`steps`] |
 
 pub mod etag;
 pub mod losses;
 pub mod outage;
 pub mod ranges;
 pub mod retries;
+pub mod steps;

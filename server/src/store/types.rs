@@ -13,7 +13,23 @@ pub fn new_id() -> String {
 /// An error of the store.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// A failure of the database.
+    /// The database can't do it now: it is locked, its disk is full. The same call may succeed later.
+    #[error("{action}: {cause}")]
+    Unavailable {
+        /// The failed action.
+        action: &'static str,
+        /// The driver's error.
+        cause: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// A row contradicts one that another call wrote first.
+    #[error("{action}: {cause}")]
+    Conflict {
+        /// The failed action.
+        action: &'static str,
+        /// The driver's error.
+        cause: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// The database is broken, or a statement is.
     #[error("{action}: {cause}")]
     Database {
         /// The failed action.
@@ -67,6 +83,16 @@ pub enum StoreError {
         /// Human-readable.
         message: String,
     },
+}
+
+impl StoreError {
+    /// Whether the database failed, as opposed to an answer about what it holds.
+    pub fn is_failure(&self) -> bool {
+        matches!(
+            self,
+            Self::Unavailable { .. } | Self::Conflict { .. } | Self::Database { .. }
+        )
+    }
 }
 
 /// Identifies a repeated call: the caller's id, and the request.

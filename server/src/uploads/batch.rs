@@ -1,5 +1,6 @@
 //! Chunks on their way to the disk, and their commit.
 
+use super::lost;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::disk;
@@ -8,6 +9,7 @@ use crate::store::CommittedPart;
 use bytes::Bytes;
 use std::sync::Arc;
 use tokio::task::JoinHandle;
+use yoto_objects::ObjectsError;
 use yoto_proto::{keys, limits};
 
 /// Checked chunks that follow the committed bytes, grouped by file in the order of arrival.
@@ -56,7 +58,13 @@ impl Batch {
             offset: part.from,
             chunks,
         });
-        context.disk.write_pieces(pieces.collect()).await?;
+        let written = context.disk.write_pieces(pieces.collect()).await;
+        if let Err(ObjectsError::Size { key, found, .. }) = &written
+            && let Some(part) = parts.iter().find(|it| keys::upload(id, &it.path) == *key)
+        {
+            return Err(lost(context, id, &part.path, *found).await);
+        }
+        written?;
         Ok(context.store.commit_parts(id, &parts).await?)
     }
 }

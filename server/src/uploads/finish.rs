@@ -1,10 +1,12 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
+use super::{INCOMPLETE, lost};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, UploadFile};
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
+use yoto_objects::ObjectsError;
 use yoto_proto::keys;
 use yoto_proto::v1::Capture;
 
@@ -15,7 +17,8 @@ const HASHED_AT_ONCE: usize = 2;
 /// again.
 ///
 /// # Errors
-/// When bytes are missing, or a file differs from the announced one; that file has to be sent again.
+/// When bytes are missing, or a file differs from the announced one; that file has to be sent again. Its field is
+/// `files["PATH"]`: the order in which the files were announced is not kept.
 pub async fn finish(
     context: &Context,
     id: &str,
@@ -35,10 +38,10 @@ pub async fn finish(
                 ..
             } = file;
             let message = format!("{path}: {committed} of {bytes} bytes have come");
-            return Err(RequestError::precondition("UPLOAD_INCOMPLETE", message));
+            return Err(RequestError::precondition(INCOMPLETE, message));
         }
-        stream::iter(upload.files.into_iter().enumerate())
-            .map(|(number, file)| verify(context, id, number, file))
+        stream::iter(upload.files)
+            .map(|file| verify(context, id, file))
             .buffer_unordered(HASHED_AT_ONCE)
             .try_collect::<()>()
             .await?;
@@ -50,17 +53,17 @@ pub async fn finish(
 }
 
 /// Compares a file with its announced checksum. An empty file is created, since no chunk of it arrives.
-async fn verify(
-    context: &Context,
-    id: &str,
-    number: usize,
-    file: UploadFile,
-) -> Result<(), RequestError> {
+async fn verify(context: &Context, id: &str, file: UploadFile) -> Result<(), RequestError> {
     let key = keys::upload(id, &file.path);
     if file.bytes == 0 {
         context.objects.put(&key, Bytes::new()).await?;
     }
-    let found = context.disk.sha256(&key, file.bytes).await?;
+    let found = match context.disk.sha256(&key, file.bytes).await {
+        Err(ObjectsError::Size { found, .. }) => {
+            return Err(lost(context, id, &file.path, found).await);
+        }
+        hashed => hashed?,
+    };
     if found == file.sha256 {
         return Ok(());
     }
@@ -69,8 +72,6 @@ async fn verify(
         "{}: the received bytes have {found}, not {}; the file has to be sent again",
         file.path, file.sha256
     );
-    Err(RequestError::invalid(
-        format!("files[{number}].sha256"),
-        message,
-    ))
+    let field = format!("files[\"{}\"].sha256", file.path);
+    Err(RequestError::invalid(field, message))
 }

@@ -23,6 +23,27 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::Upload;
 
+/// The reason of a refusal while files of an upload are not complete.
+const INCOMPLETE: &str = "UPLOAD_INCOMPLETE";
+
+/// Starts a file of an upload anew whose acknowledged bytes are no longer on disk, `left` of them apart, and returns
+/// the refusal of the call that found it. Without this, no byte could follow and the upload would fail until it
+/// expires.
+async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestError {
+    tracing::error!(
+        upload = id,
+        path,
+        left,
+        "acknowledged bytes of an upload are lost"
+    );
+    if let Err(error) = context.store.restart_file(id, path).await {
+        return error.into();
+    }
+    let message =
+        format!("{path}: only {left} bytes are left of it; the file has to be sent again");
+    RequestError::precondition(INCOMPLETE, message)
+}
+
 /// The open upload with this id.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! Several workers at one render: each has its own lease and draws its own ranges.
 
-use crate::support::{Service, assert_refused, id, job_error, job_name};
+use crate::support::{Service, assert_invalid, assert_refused, id, job_error, job_name};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tonic::{Code, Status};
@@ -21,6 +21,9 @@ const LEASE: f64 = 20.0;
 const STALE: &str = "STALE_LEASE";
 /// Pictures of the render, in ranges of 4, 4 and 2.
 const PICTURES: u32 = 10;
+
+/// Most pictures of a render, in 64 ranges.
+const MOST: u32 = 1_000_000;
 
 /// A service with a trained person, and a clock that moves only when it is told to.
 struct Stage {
@@ -109,9 +112,19 @@ impl Stage {
     }
 
     async fn take(&self, hand: &Hand, drawn: Option<u32>) -> Result<TakeRangeResponse, Status> {
+        self.take_of(PICTURES, hand, drawn).await
+    }
+
+    /// The same of a render with this number of `pictures`.
+    async fn take_of(
+        &self,
+        pictures: u32,
+        hand: &Hand,
+        drawn: Option<u32>,
+    ) -> Result<TakeRangeResponse, Status> {
         let request = TakeRangeRequest {
             claim: Some(hand.claim()),
-            pictures: PICTURES,
+            pictures,
             drawn,
         };
         let taken = self.service.workers().take_range(request).await;
@@ -289,6 +302,25 @@ async fn two_workers_draw_every_picture_of_a_render_once() {
     };
     let listed = stage.service.objects().list_objects(request).await;
     assert_eq!(listed.expect("lists").into_inner().objects.len(), 10);
+}
+
+#[tokio::test]
+async fn a_number_of_pictures_that_no_render_has_is_refused_before_anything_waits_for_it() {
+    let stage = Stage::new().await;
+    stage.render(JobPriority::Normal).await;
+    let hand = stage.hand().await.expect("the render waits");
+    for pictures in [0, MOST + 1, u32::MAX] {
+        assert_invalid(stage.take_of(pictures, &hand, None).await, "pictures");
+    }
+    // The last file is that of a picture of another range.
+    for index in [1, 3, 15_625] {
+        stage.draw(&hand, index).await.expect("commits");
+    }
+    let taken = stage.take_of(MOST, &hand, None).await;
+    let taken = taken.expect("has the first range");
+    assert_eq!((range(&taken), taken.committed), (Some((0, 15_625)), 3));
+    let files: Vec<_> = taken.outputs.iter().map(|it| it.file.as_str()).collect();
+    assert_eq!(files, ["000001.png", "000003.png"]);
 }
 
 #[tokio::test]

@@ -1,6 +1,7 @@
 //! The coordinator as its clients and workers see it.
 
 mod catalogue;
+mod clock;
 mod deletions;
 mod evaluations;
 mod exports;

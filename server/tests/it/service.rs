@@ -1,8 +1,11 @@
 //! The service as a whole: one process per folder, state that outlives it, health, reflection.
 
 use crate::support;
-use crate::support::{Service, file, job_name};
+use crate::support::{Service, eventually, file, job_name};
 use futures::stream;
+use sqlx::Connection;
+use std::time::Duration;
+use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::TcpListenerStream;
@@ -93,6 +96,72 @@ async fn health_and_reflection_answer() {
             "{name} in {names:?}"
         );
     }
+}
+
+#[tokio::test]
+async fn health_follows_whether_the_database_takes_writes() {
+    let start = |config: &mut ServerConfig| config.health_interval = Duration::from_millis(20);
+    let service = Service::start_with(start).await;
+    let told = |wanted: ServingStatus| {
+        let channel = service.channel.clone();
+        let ask = move || {
+            let mut health = HealthClient::new(channel.clone());
+            async move {
+                let request = HealthCheckRequest {
+                    service: "yoto.v1.JobService".into(),
+                };
+                let answer = health.check(request).await.expect("answers").into_inner();
+                (answer.status() == wanted).then_some(())
+            }
+        };
+        async move { eventually(wanted.as_str_name(), ask).await }
+    };
+    let locked = support::lock_writes(&service.dir.path().join("yoto.db")).await;
+    told(ServingStatus::NotServing).await;
+    service
+        .jobs()
+        .list_jobs(ListJobsRequest::default())
+        .await
+        .expect("reads go on");
+    locked.close().await.expect("unlocks it");
+    told(ServingStatus::Serving).await;
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn what_the_service_writes_is_its_user_s_alone() {
+    use std::os::unix::fs::MetadataExt;
+    let dir = TempDir::new().expect("a folder");
+    let data = dir.path().join("new/data");
+    let own = data.clone();
+    let service = Service::start_in(dir, move |config| config.data_dir = own).await;
+    let subject = service.subject("Ada").await;
+    service.upload_good(&subject.name).await;
+    let upload = data.join("objects/uploads");
+    let upload = std::fs::read_dir(upload)
+        .expect("a folder")
+        .next()
+        .expect("an upload")
+        .expect("an entry")
+        .path();
+    let others = |path: &std::path::Path| {
+        let mode = std::fs::metadata(path).expect("is there").mode();
+        mode & 0o077
+    };
+    for path in [
+        "",
+        "..",
+        "lock",
+        "yoto.db",
+        "yoto.db-wal",
+        "yoto.db-shm",
+        "objects",
+        "objects/uploads",
+    ] {
+        assert_eq!(others(&data.join(path)), 0, "{path}");
+    }
+    assert_eq!(others(&upload), 0);
+    assert_eq!(others(&upload.join("frames/000000.png")), 0);
 }
 
 #[tokio::test]

@@ -190,7 +190,7 @@ async fn a_file_that_is_not_the_announced_one_is_sent_again() {
     let name = name.expect("is opened").name;
     let bad = [file("poses.json", b"{}"), file("a", b"evil")];
     service.write(chunks(&name, &bad)).await.expect("writes");
-    assert_invalid(service.finish(&name).await, "files[0].sha256");
+    assert_invalid(service.finish(&name).await, "files[\"a\"].sha256");
     let upload = service.get_upload(&name).await.expect("is there");
     assert_eq!(
         (upload.committed_bytes, upload.state()),
@@ -213,11 +213,33 @@ async fn acknowledged_bytes_that_are_lost_on_disk_are_found_before_the_ingest() 
     let name = name.expect("is opened").name;
     service.write(chunks(&name, &files)).await.expect("writes");
     let path = service.path(&keys::upload(id(&name), "a"));
-    std::fs::write(&path, b"0123").expect("is torn");
-    let answer = service.finish(&name).await;
-    assert_refused(answer, Code::DataLoss, "OBJECT_ALTERED");
     std::fs::write(&path, b"01234x6789").expect("is altered");
-    assert_invalid(service.finish(&name).await, "files[0].sha256");
+    assert_invalid(service.finish(&name).await, "files[\"a\"].sha256");
+    for left in [Some(&b"0123"[..]), None] {
+        service
+            .write(chunks(&name, &files[1..]))
+            .await
+            .expect("it starts anew");
+        match left {
+            Some(left) => std::fs::write(&path, left).expect("is torn"),
+            None => std::fs::remove_file(&path).expect("is lost"),
+        }
+        let answer = service.finish(&name).await;
+        assert_refused(answer, Code::FailedPrecondition, "UPLOAD_INCOMPLETE");
+    }
+    service
+        .write(vec![chunk(&name, "a", 0, b"0123")])
+        .await
+        .expect("it starts anew");
+    std::fs::write(&path, b"01").expect("is torn");
+    let answer = service.write(vec![chunk(&name, "a", 4, b"456789")]).await;
+    assert_refused(answer, Code::FailedPrecondition, "UPLOAD_INCOMPLETE");
+    service
+        .write(chunks(&name, &files[1..]))
+        .await
+        .expect("it starts anew");
+    let capture = service.finish(&name).await.expect("is whole");
+    assert_eq!(stored(&service, &capture, "a"), b"0123456789");
 }
 
 #[tokio::test]

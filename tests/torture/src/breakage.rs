@@ -75,6 +75,7 @@ impl Breaker {
             Fault::StoreLate => self.break_store(StoreFault::Late).await,
             Fault::StoreHalf => self.break_store(StoreFault::Half).await,
             Fault::DiskFull => self.fill_disk().await,
+            Fault::DatabaseFull => self.fill_database().await,
             Fault::BitFlipped => self.flip_bit().await,
             Fault::SilentWatcher => self.watch_silently().await,
             Fault::EmbeddedKilled => super::embedded::kill(&self.fleet, &self.history).await,
@@ -322,6 +323,36 @@ impl Breaker {
             ended.state().as_str_name(),
             ended.error
         );
+        Ok(())
+    }
+
+    /// A coordinator without room for a write says that it is not healthy, and needs no restart once there is room.
+    async fn fill_database(&self) -> Result<()> {
+        let controls = self.fleet.controls();
+        controls.set_full(true)?;
+        let noticed = self.healthy(false).await;
+        if noticed.is_ok() {
+            // Long enough that jobs would be lost without a heartbeat.
+            tokio::time::sleep(self.fleet.lease()).await;
+        }
+        controls.set_full(false)?;
+        noticed?;
+        self.broken(Fault::DatabaseFull)?;
+        self.healthy(true).await?;
+        self.workload.person(0).await?;
+        Ok(())
+    }
+
+    /// Waits until the service says whether it is healthy as `wanted`.
+    async fn healthy(&self, wanted: bool) -> Result<()> {
+        let began = Instant::now();
+        while self.calls.health().await != Some(wanted) {
+            ensure!(
+                began.elapsed() < PATIENCE,
+                "waiting until the health is {wanted}"
+            );
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
         Ok(())
     }
 

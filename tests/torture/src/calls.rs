@@ -5,6 +5,9 @@ use std::future::Future;
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 use tonic::{Code, Response, Status};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
 use yoto_client::endpoint;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
@@ -93,6 +96,14 @@ impl Calls {
     /// The worker's side of the service.
     pub fn workers(&self) -> WorkerServiceClient<Channel> {
         WorkerServiceClient::new(self.channel())
+    }
+
+    /// Whether the service says that it is healthy; `None` if it does not answer.
+    pub async fn health(&self) -> Option<bool> {
+        let mut service = HealthClient::new(self.channel());
+        let asked = service.check(HealthCheckRequest::default());
+        let answer = tokio::time::timeout(ANSWER, asked).await.ok()?.ok()?;
+        Some(answer.get_ref().status() == ServingStatus::Serving)
     }
 
     /// Creates a person and returns its name.

@@ -44,6 +44,8 @@ pub enum Fault {
     StoreHalf,
     /// A worker that can't write files above a few kilobytes.
     DiskFull,
+    /// A coordinator that can't write any file.
+    DatabaseFull,
     /// A bit of a stored checkpoint is flipped.
     BitFlipped,
     /// A watcher that never reads.
@@ -54,7 +56,7 @@ pub enum Fault {
 
 impl Fault {
     /// All kinds, as the table lists them.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::WorkerKilled,
         Self::CoordinatorKilled,
         Self::EndBeforeCommit,
@@ -74,6 +76,7 @@ impl Fault {
         Self::StoreLate,
         Self::StoreHalf,
         Self::DiskFull,
+        Self::DatabaseFull,
         Self::BitFlipped,
         Self::SilentWatcher,
         Self::EmbeddedKilled,
@@ -101,6 +104,7 @@ impl Fault {
             Self::StoreLate => "store-late",
             Self::StoreHalf => "store-half",
             Self::DiskFull => "disk-full",
+            Self::DatabaseFull => "database-full",
             Self::BitFlipped => "bit-flipped",
             Self::SilentWatcher => "silent-watcher",
             Self::EmbeddedKilled => "embedded-killed",

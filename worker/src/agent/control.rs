@@ -11,7 +11,7 @@ pub enum StopReason {
     ShuttingDown,
     /// The user cancelled the job: save, then report it.
     Cancelled,
-    /// Another worker may have the job by now: write nothing more.
+    /// Another worker may have the job by now: write nothing more. Told by the coordinator, or by the clock.
     LeaseLost,
 }
 
@@ -88,6 +88,21 @@ impl JobControl {
         state.stop
     }
 
+    /// Whether somebody has told the job that its lease is lost, as opposed to a coordinator that gave no answer
+    /// in time and may still count this worker as the job's.
+    pub fn is_refused(&self) -> bool {
+        self.state.borrow().stop == Some(StopReason::LeaseLost)
+    }
+
+    /// Returns once it was told.
+    pub async fn refused(&self) {
+        let mut changes = self.state.subscribe();
+        // The sender is `self`, which outlives this wait.
+        let _ = changes
+            .wait_for(|state| state.stop == Some(StopReason::LeaseLost))
+            .await;
+    }
+
     /// Returns once the lease is lost.
     pub async fn lease_lost(&self) {
         let mut changes = self.state.subscribe();
@@ -131,6 +146,16 @@ mod tests {
         assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
         control.renew(Instant::now() + Duration::from_secs(60));
         assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
+    }
+
+    #[tokio::test]
+    async fn silence_is_told_from_a_refusal() {
+        let control = leased_for(Duration::ZERO);
+        assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
+        assert!(!control.is_refused(), "nobody has said so");
+        control.stop(StopReason::LeaseLost);
+        assert!(control.is_refused());
+        control.refused().await;
     }
 
     #[tokio::test]

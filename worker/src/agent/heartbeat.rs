@@ -34,7 +34,7 @@ impl Heartbeat {
             let sent = Instant::now();
             let left = self.control.deadline().saturating_duration_since(sent);
             if left.is_zero() {
-                return self.lost("it expired before the coordinator could be reached");
+                return self.told("it expired before the coordinator could be reached");
             }
             // One unanswered call must leave time for another.
             answered = match timeout(left.min(lease / RENEWALS), self.renew()).await {
@@ -78,7 +78,14 @@ impl Heartbeat {
         answer(self.client.heartbeat(request)).await
     }
 
+    /// The coordinator has refused the lease.
     fn lost(&self, why: &str) {
+        self.told(why);
+        self.control.stop(StopReason::LeaseLost);
+    }
+
+    /// Logs why the lease has ended.
+    fn told(&self, why: &str) {
         let (job, token) = (&self.claim.job, self.claim.token);
         // Once the job has ended, its accepted outcome ends the lease as well.
         if self.latest.has_changed().is_err() {
@@ -86,6 +93,5 @@ impl Heartbeat {
         } else {
             tracing::warn!(job, token, why, "the lease is lost");
         }
-        self.control.stop(StopReason::LeaseLost);
     }
 }

@@ -20,6 +20,10 @@ const STACK_BYTES: usize = 16 << 20;
 /// Time limit for a finished job's report when the worker shuts down.
 const REPORT_GRACE: Duration = Duration::from_secs(3);
 
+/// Time for which an outcome is reported after the lease has run out without an answer, in leases. The coordinator
+/// knows by the token whether the job is still this worker's.
+const LEASES_TO_REPORT: u32 = 30;
+
 type Outcome = Result<JobResult, JobFailure>;
 
 /// A job leased by this worker.
@@ -83,11 +87,24 @@ impl<'a> Leased<'a> {
         } else {
             "done".into()
         };
+        let outcome = match outcome {
+            // The coordinator gave no answer in time. Once it does, it learns that the job is free, and charges
+            // nobody; it refuses if another worker has the job.
+            Err(JobFailure::LeaseLost) if !self.control.is_refused() => Err(JobFailure::Requeue),
+            outcome => outcome,
+        };
         let client = self.worker.client.clone();
+        let given_up = async {
+            self.control.lease_lost().await;
+            sleep(self.duration * LEASES_TO_REPORT).await;
+        };
         tokio::select! {
             biased;
-            () = self.control.lease_lost() => {
+            () = self.control.refused() => {
                 tracing::warn!(job, token, ended, "the lease is lost: the outcome is dropped");
+            }
+            () = given_up => {
+                tracing::warn!(job, token, ended, "no answer: the outcome is dropped");
             }
             () = report(client, &self.claim, outcome) => tracing::info!(job, token, ended, "job ended"),
             () = async { stopping.cancelled().await; sleep(REPORT_GRACE).await } => {

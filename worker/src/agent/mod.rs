@@ -7,6 +7,8 @@ pub mod control;
 mod heartbeat;
 mod leased;
 mod report;
+#[cfg(test)]
+mod silence_tests;
 mod watchdog;
 
 use crate::retry::is_transient;

@@ -12,7 +12,7 @@ use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{Claim, EndJobRequest, JobResult};
 
 /// Delivers `outcome`. Returns once the coordinator accepts it, or reports that the lease is lost;
-/// retries while the connection is broken. The caller limits it to the lease.
+/// retries while the connection is broken. The caller limits it.
 pub(super) async fn report(
     client: WorkerServiceClient<Channel>,
     claim: &Claim,

@@ -11,11 +11,18 @@ use super::retry::{Retries, repeat};
 use super::{ClientError, YotoClient, request_id};
 use prost::Message;
 use send::send;
+use tonic::Status;
+use tonic_types::StatusExt;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
     Capture, CreateUploadRequest, FileHeader, FinishUploadRequest, GetUploadRequest, Upload, upload,
 };
+
+/// The service's reason for an upload with missing bytes.
+const INCOMPLETE: &str = "UPLOAD_INCOMPLETE";
+/// Number of times that the service may lose bytes of one upload: a disk that loses more is broken.
+const LOSSES: u32 = 3;
 
 impl YotoClient {
     fn upload_service(&self) -> UploadServiceClient<tonic::transport::Channel> {
@@ -44,27 +51,39 @@ impl YotoClient {
         let mut upload = self.open_upload(subject, headers.clone()).await?;
         let mut meter = Meter { on_bytes, told: 0 };
         let mut retries = Retries::new();
+        let mut losses = 0;
         loop {
             let service = self.upload_service();
-            let Err(status) = send(service, &upload, &files, &headers, &mut meter).await? else {
-                break;
+            let status = match send(service, &upload, &files, &headers, &mut meter).await? {
+                Ok(()) => match self.finish_upload(&upload.name).await {
+                    Ok(capture) => return Ok(capture),
+                    Err(status) => status,
+                },
+                Err(status) => status,
             };
-            retries.wait(status).await.map_err(refused())?;
+            if losses < LOSSES && is_incomplete(&status) {
+                losses += 1;
+            } else {
+                retries.wait(status).await.map_err(refused())?;
+            }
             let before = upload.committed_bytes;
             upload = self.get_upload(&upload.name).await?;
             if upload.committed_bytes > before {
                 retries.reset();
             }
         }
+    }
+
+    async fn finish_upload(&self, name: &str) -> Result<Capture, Status> {
         let request = FinishUploadRequest {
-            name: upload.name,
+            name: name.to_owned(),
             request_id: request_id(),
         };
         let finish = || {
             let (mut service, request) = (self.upload_service(), request.clone());
             async move { service.finish_upload(request).await }
         };
-        repeat(finish).await.map_err(refused())
+        repeat(finish).await
     }
 
     /// Opens an upload, or finds the open one of the same files.
@@ -109,6 +128,14 @@ impl YotoClient {
         let doing = format!("going on with {name}");
         repeat(get).await.map_err(ClientError::refused(doing))
     }
+}
+
+/// Whether the service needs bytes again that it had: its disk has lost them.
+fn is_incomplete(status: &Status) -> bool {
+    let details = status.get_error_details();
+    details
+        .error_info()
+        .is_some_and(|it| it.reason == INCOMPLETE)
 }
 
 /// Reports the progress of an upload; bytes that are sent again count once.

@@ -2,6 +2,7 @@
 
 use super::ranges;
 use super::rows::{Columns, During, state};
+use super::steps::age;
 use crate::store::{LeaseKey, StoreError};
 use prost::Message;
 use sqlx::SqliteConnection;
@@ -104,13 +105,18 @@ pub async fn list(
         .collect()
 }
 
-/// Forgets attempts that ended before `before`.
-pub async fn forget(conn: &mut SqliteConnection, before: f64) -> Result<u64, StoreError> {
-    let done = sqlx::query("DELETE FROM job_attempts WHERE end_time < ?1")
-        .bind(before)
-        .execute(conn)
-        .await
-        .during("forgetting old attempts")?;
+/// Forgets attempts that ended more than `keep` seconds ago.
+pub async fn forget(conn: &mut SqliteConnection, keep: f64, now: f64) -> Result<u64, StoreError> {
+    let done = sqlx::query(concat!(
+        "DELETE FROM job_attempts WHERE ",
+        age!("end_time"),
+        " > ?2"
+    ))
+    .bind(now)
+    .bind(keep)
+    .execute(conn)
+    .await
+    .during("forgetting old attempts")?;
     Ok(done.rows_affected())
 }
 

@@ -122,10 +122,11 @@ pub async fn thin_out(
     conn: &mut SqliteConnection,
     model_id: &str,
     default: Retention,
+    now: f64,
 ) -> Result<(), StoreError> {
     for (checkpoint, reasons) in judged(conn, model_id, default).await? {
         if reasons.is_empty() {
-            remove(conn, model_id, checkpoint.step).await?;
+            remove(conn, model_id, checkpoint.step, now).await?;
         }
     }
     Ok(())
@@ -136,6 +137,7 @@ pub async fn remove(
     conn: &mut SqliteConnection,
     model_id: &str,
     step: u64,
+    now: f64,
 ) -> Result<bool, StoreError> {
     let row = sqlx::query(
         "DELETE FROM checkpoints WHERE model = ?1 AND step = ?2 RETURNING manifest_key",
@@ -148,7 +150,7 @@ pub async fn remove(
     let Some(row) = row else {
         return Ok(false);
     };
-    garbage::deleted(conn, keys::folder(&row.text("manifest_key")?)).await?;
+    garbage::deleted(conn, keys::folder(&row.text("manifest_key")?), now).await?;
     Ok(true)
 }
 
@@ -189,6 +191,7 @@ pub async fn record(
     model_id: &str,
     job_id: &str,
     checkpoint: Checkpoint,
+    now: f64,
 ) -> Result<(), StoreError> {
     let manifest = checkpoint.manifest.unwrap_or_default();
     let folder = keys::folder(&manifest.key).to_owned();
@@ -203,7 +206,7 @@ pub async fn record(
                 return Ok(());
             }
             if key != manifest.key {
-                garbage::deleted(conn, keys::folder(&key)).await?;
+                garbage::deleted(conn, keys::folder(&key), now).await?;
             }
             row.number("number")?
         }
@@ -214,8 +217,8 @@ pub async fn record(
     sqlx::query(
         "INSERT OR REPLACE INTO checkpoints
              (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes, psnr, slots,
-              image_size, shards, number)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+              image_size, shards, number, create_time)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
     )
     .bind(model_id)
     .bind(step)
@@ -229,6 +232,7 @@ pub async fn record(
     .bind(checkpoint.image_size)
     .bind((!checkpoint.shards.is_empty()).then(|| checkpoint.shards.join(",")))
     .bind(number)
+    .bind(now)
     .execute(conn)
     .await
     .during("recording a checkpoint")?;

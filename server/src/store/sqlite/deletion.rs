@@ -21,16 +21,17 @@ pub async fn delete(
     target: Target<'_>,
     etag: &str,
     request: Option<RequestKey>,
+    now: f64,
 ) -> Result<Deleted, StoreError> {
     if let Some(answer) = requests::answered(conn, request.as_ref()).await? {
         return counted(&answer);
     }
     let deleted = match target {
-        Target::Subject(id) => subject(conn, id, etag).await,
-        Target::Capture(id) => capture(conn, id, etag).await,
-        Target::Model(id) => model(conn, id, etag).await,
-        Target::Checkpoint { model, step } => checkpoint(conn, model, step, etag).await,
-        Target::Job(id) => job(conn, id, etag).await,
+        Target::Subject(id) => subject(conn, id, etag, now).await,
+        Target::Capture(id) => capture(conn, id, etag, now).await,
+        Target::Model(id) => model(conn, id, etag, now).await,
+        Target::Checkpoint { model, step } => checkpoint(conn, model, step, etag, now).await,
+        Target::Job(id) => job(conn, id, etag, now).await,
     }?;
     let Deleted {
         captures,
@@ -38,7 +39,7 @@ pub async fn delete(
         jobs,
     } = deleted;
     let answer = format!("{captures} {checkpoints} {jobs}");
-    requests::remember(conn, request.as_ref(), &answer).await?;
+    requests::remember(conn, request.as_ref(), &answer, now).await?;
     Ok(deleted)
 }
 
@@ -67,6 +68,7 @@ async fn checkpoint(
     model_id: &str,
     step: u64,
     etag: &str,
+    now: f64,
 ) -> Result<Deleted, StoreError> {
     let all = checkpoints::list(conn, model_id, u32::MAX).await?;
     let name = names::checkpoint(&Collection::Models.name(model_id), step);
@@ -84,14 +86,19 @@ async fn checkpoint(
     if let Some(job) = job {
         return Err(pins::in_use(&job, &name, "CHECKPOINT_BUSY"));
     }
-    checkpoints::remove(conn, model_id, step).await?;
+    checkpoints::remove(conn, model_id, step, now).await?;
     Ok(Deleted {
         checkpoints: 1,
         ..Deleted::default()
     })
 }
 
-async fn model(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
+async fn model(
+    conn: &mut SqliteConnection,
+    id: &str,
+    etag: &str,
+    now: f64,
+) -> Result<Deleted, StoreError> {
     let model = models::get(conn, id).await?;
     etag::check(&model.name, etag, &model.etag)?;
     pins::ensure_idle(conn, &model).await?;
@@ -101,9 +108,9 @@ async fn model(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Dele
         .await
         .during("listing a model's renders and exports")?;
     for row in &rows {
-        garbage::deleted(conn, &format!("renders/{}", row.text("id")?)).await?;
+        garbage::deleted(conn, &format!("renders/{}", row.text("id")?), now).await?;
     }
-    garbage::deleted(conn, &format!("models/{id}")).await?;
+    garbage::deleted(conn, &format!("models/{id}"), now).await?;
     let checkpoints = run(conn, "DELETE FROM checkpoints WHERE model = ?1", id).await?;
     let jobs = run(conn, "DELETE FROM jobs WHERE model = ?1", id).await?;
     run(conn, "DELETE FROM slots WHERE model = ?1", id).await?;
@@ -115,7 +122,12 @@ async fn model(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Dele
     })
 }
 
-async fn job(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
+async fn job(
+    conn: &mut SqliteConnection,
+    id: &str,
+    etag: &str,
+    now: f64,
+) -> Result<Deleted, StoreError> {
     let job = jobs::get(conn, id).await?;
     etag::check(&job.name, etag, &job.etag)?;
     if matches!(job.state(), job::State::Queued | job::State::Running) {
@@ -126,11 +138,11 @@ async fn job(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Delete
         );
         return Err(refuse("JOB_OPEN", message));
     }
-    garbage::deleted(conn, &format!("renders/{id}")).await?;
+    garbage::deleted(conn, &format!("renders/{id}"), now).await?;
     if let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind)
         && let Some(tradeoff) = result.tradeoff
     {
-        garbage::deleted(conn, keys::folder(&tradeoff.key)).await?;
+        garbage::deleted(conn, keys::folder(&tradeoff.key), now).await?;
     }
     let jobs = run(conn, "DELETE FROM jobs WHERE id = ?1", id).await?;
     Ok(Deleted {
@@ -139,7 +151,12 @@ async fn job(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Delete
     })
 }
 
-async fn capture(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
+async fn capture(
+    conn: &mut SqliteConnection,
+    id: &str,
+    etag: &str,
+    now: f64,
+) -> Result<Deleted, StoreError> {
     let capture = captures::get(conn, id).await?;
     etag::check(&capture.name, etag, &capture.etag)?;
     let subject = captures::subject_id(&capture)?.to_owned();
@@ -164,10 +181,15 @@ async fn capture(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<De
         }
         ensure_unused(conn, &subject, &capture.name).await?;
     }
-    remove_capture(conn, id, &capture).await
+    remove_capture(conn, id, &capture, now).await
 }
 
-async fn subject(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<Deleted, StoreError> {
+async fn subject(
+    conn: &mut SqliteConnection,
+    id: &str,
+    etag: &str,
+    now: f64,
+) -> Result<Deleted, StoreError> {
     let subject = subjects::get(conn, id).await?;
     etag::check(&subject.display_name, etag, &subject.etag)?;
     let person = &subject.display_name;
@@ -183,7 +205,7 @@ async fn subject(conn: &mut SqliteConnection, id: &str, etag: &str) -> Result<De
     for name in &subject.captures {
         let capture_id = name.strip_prefix("captures/").unwrap_or(name);
         let capture = captures::get(conn, capture_id).await?;
-        let of_it = remove_capture(conn, capture_id, &capture).await?;
+        let of_it = remove_capture(conn, capture_id, &capture, now).await?;
         deleted.captures += of_it.captures;
         deleted.jobs += of_it.jobs;
     }
@@ -196,6 +218,7 @@ async fn remove_capture(
     conn: &mut SqliteConnection,
     id: &str,
     capture: &Capture,
+    now: f64,
 ) -> Result<Deleted, StoreError> {
     if capture.state() == capture::State::Ingesting {
         return Err(pins::in_use(
@@ -204,8 +227,8 @@ async fn remove_capture(
             "CAPTURE_BUSY",
         ));
     }
-    uploads::forget(conn, id).await?;
-    garbage::deleted(conn, &format!("captures/{id}")).await?;
+    uploads::forget(conn, id, now).await?;
+    garbage::deleted(conn, &format!("captures/{id}"), now).await?;
     let jobs = run(conn, "DELETE FROM jobs WHERE capture = ?1", id).await?;
     let captures = run(conn, "DELETE FROM captures WHERE id = ?1", id).await?;
     Ok(Deleted {

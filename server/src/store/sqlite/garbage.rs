@@ -5,17 +5,23 @@
 //! collection. A folder that was noted as deleted is never named again either.
 
 use super::rows::{Columns, During};
+use super::steps::age;
 use crate::store::{KnownGarbage, Reference, StoreError};
 use sqlx::SqliteConnection;
 use yoto_proto::keys::{FolderOwner, Lease};
 
 /// Notes a folder, with everything below it, as part of a deleted resource.
-pub async fn deleted(conn: &mut SqliteConnection, folder: &str) -> Result<(), StoreError> {
+pub async fn deleted(
+    conn: &mut SqliteConnection,
+    folder: &str,
+    now: f64,
+) -> Result<(), StoreError> {
     sqlx::query(
-        "INSERT INTO garbage (folder, deleted) VALUES (?1, 1)
+        "INSERT INTO garbage (folder, deleted, first_seen) VALUES (?1, 1, ?2)
          ON CONFLICT (folder) DO UPDATE SET deleted = 1",
     )
     .bind(folder)
+    .bind(now)
     .execute(conn)
     .await
     .during("noting deleted objects")?;
@@ -35,12 +41,16 @@ pub async fn is_deleted(conn: &mut SqliteConnection, folder: &str) -> Result<boo
 }
 
 /// All noted folders.
-pub async fn known(conn: &mut SqliteConnection) -> Result<Vec<KnownGarbage>, StoreError> {
-    let rows =
-        sqlx::query("SELECT folder, deleted, unixepoch('subsec') - first_seen AS age FROM garbage")
-            .fetch_all(conn)
-            .await
-            .during("listing garbage")?;
+pub async fn known(conn: &mut SqliteConnection, now: f64) -> Result<Vec<KnownGarbage>, StoreError> {
+    let rows = sqlx::query(concat!(
+        "SELECT folder, deleted, ",
+        age!("first_seen"),
+        " AS age FROM garbage"
+    ))
+    .bind(now)
+    .fetch_all(conn)
+    .await
+    .during("listing garbage")?;
     rows.iter()
         .map(|row| {
             Ok(KnownGarbage {
@@ -57,13 +67,17 @@ pub async fn note(
     conn: &mut SqliteConnection,
     new: &[String],
     gone: &[String],
+    now: f64,
 ) -> Result<(), StoreError> {
     for folder in new {
-        sqlx::query("INSERT OR IGNORE INTO garbage (folder, deleted) VALUES (?1, 0)")
-            .bind(folder)
-            .execute(&mut *conn)
-            .await
-            .during("noting garbage")?;
+        sqlx::query(
+            "INSERT OR IGNORE INTO garbage (folder, deleted, first_seen) VALUES (?1, 0, ?2)",
+        )
+        .bind(folder)
+        .bind(now)
+        .execute(&mut *conn)
+        .await
+        .during("noting garbage")?;
     }
     for folder in gone {
         sqlx::query("DELETE FROM garbage WHERE folder = ?1")
@@ -81,6 +95,7 @@ pub async fn references(
     conn: &mut SqliteConnection,
     folders: &[String],
     keep_uploads: f64,
+    now: f64,
 ) -> Result<Vec<Reference>, StoreError> {
     let mut references = Vec::with_capacity(folders.len());
     for key in folders {
@@ -89,7 +104,7 @@ pub async fn references(
             Some(folder) => {
                 // In this order: a job that ends between the two has left its row before the second.
                 let runs = runs(conn, folder.lease()).await?;
-                match (named(conn, key, folder, keep_uploads).await?, runs) {
+                match (named(conn, key, folder, keep_uploads, now).await?, runs) {
                     (true, _) => Reference::Row,
                     (false, true) => Reference::Lease,
                     (false, false) => Reference::Nothing,
@@ -108,15 +123,19 @@ async fn named(
     key: &str,
     folder: FolderOwner<'_>,
     keep_uploads: f64,
+    now: f64,
 ) -> Result<bool, StoreError> {
     let inside = format!("{key}/");
     let found = match folder {
         FolderOwner::Upload { capture } => {
-            sqlx::query(
+            sqlx::query(concat!(
                 "SELECT EXISTS (SELECT 1 FROM captures
-                     WHERE id = ?1 AND (state IN ('UPLOADING', 'UPLOADED', 'INGESTING')
-                         OR (state = 'READY' AND write_time > unixepoch('subsec') - ?2))) AS found",
-            )
+                     WHERE id = ?2 AND (state IN ('UPLOADING', 'UPLOADED', 'INGESTING')
+                         OR (state = 'READY' AND ",
+                age!("write_time"),
+                " < ?3))) AS found"
+            ))
+            .bind(now)
             .bind(capture)
             .bind(keep_uploads)
             .fetch_one(conn)

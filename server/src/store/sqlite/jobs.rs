@@ -90,7 +90,7 @@ pub async fn create(
         return get(conn, &id).await;
     }
     let id = insert(conn, new, now).await?;
-    requests::remember(conn, request.as_ref(), &id).await?;
+    requests::remember(conn, request.as_ref(), &id, now).await?;
     get(conn, &id).await
 }
 
@@ -291,6 +291,6 @@ pub async fn cancel(
         .await
         .during("asking for a job to be cancelled")?;
     }
-    requests::remember(conn, request.as_ref(), id).await?;
+    requests::remember(conn, request.as_ref(), id, now).await?;
     get(conn, id).await
 }

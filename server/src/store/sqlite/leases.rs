@@ -101,7 +101,7 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOu
                     failed,
                 });
             }
-            Err(error @ StoreError::Database { .. }) => return Err(error),
+            Err(error) if error.is_failure() => return Err(error),
             Err(error) => {
                 let message = format!("its inputs can't be found: {error}");
                 let missing = JobError {
@@ -303,6 +303,7 @@ pub async fn publish(
     lease: &LeaseKey,
     checkpoint: Checkpoint,
     default: Retention,
+    now: f64,
 ) -> Result<(), StoreError> {
     integer("checkpoint.step", checkpoint.step)?;
     let statement = guarded!(
@@ -316,8 +317,8 @@ pub async fn publish(
     match row {
         Some(row) => {
             let model = row.text("model")?;
-            checkpoints::record(conn, &model, &lease.job_id, checkpoint).await?;
-            checkpoints::thin_out(conn, &model, default).await
+            checkpoints::record(conn, &model, &lease.job_id, checkpoint, now).await?;
+            checkpoints::thin_out(conn, &model, default, now).await
         }
         None => Err(refusal(conn, lease).await),
     }

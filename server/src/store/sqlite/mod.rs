@@ -6,7 +6,9 @@
 mod attempts;
 mod captures;
 mod checkpoints;
+mod connections;
 mod deletion;
+mod failures;
 mod garbage;
 mod helpers;
 mod inputs;
@@ -23,6 +25,7 @@ mod ranges;
 mod reaping;
 mod requests;
 mod rows;
+mod steps;
 mod subjects;
 
 #[cfg(test)]
@@ -38,23 +41,18 @@ use super::{
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
 use crate::faults::{self, Moment};
+use crate::rules::steps::Reading;
 use async_trait::async_trait;
 use rows::During;
 use sqlx::pool::PoolConnection;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Acquire, Sqlite, SqlitePool, Transaction};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
+use tokio::sync::Mutex;
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
     RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
-
-/// Longest wait of a statement for a lock.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
-/// Number of read-only connections.
-const READERS: u32 = 4;
 
 /// The SQLite store; see the module's documentation.
 #[derive(Debug)]
@@ -62,6 +60,8 @@ pub struct SqliteStore {
     writer: SqlitePool,
     readers: SqlitePool,
     clock: Arc<dyn Clock>,
+    /// Both clocks at the start of this process, or after the last step of the clock.
+    first_reading: Mutex<Option<Reading>>,
 }
 
 impl SqliteStore {
@@ -71,34 +71,18 @@ impl SqliteStore {
     /// # Errors
     /// When the file can't be opened, or holds a schema that is newer or altered.
     pub async fn open(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
-        let options = SqliteConnectOptions::new()
-            .filename(path)
-            .foreign_keys(true)
-            .busy_timeout(BUSY_TIMEOUT)
-            .synchronous(SqliteSynchronous::Full);
-        let writable = options
-            .clone()
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal);
-        let writer = SqlitePoolOptions::new()
-            .max_connections(1)
-            .connect_with(writable)
-            .await
-            .during("opening the database for writing")?;
+        let writer = connections::writer(path).await?;
         migrations::migrations()
             .run(&writer)
             .await
             .map_err(sqlx::Error::from)
             .during("bringing the database's schema up to date")?;
-        let readers = SqlitePoolOptions::new()
-            .max_connections(READERS)
-            .connect_with(options.read_only(true))
-            .await
-            .during("opening the database for reading")?;
+        let readers = connections::readers(path).await?;
         Ok(Self {
             writer,
             readers,
             clock,
+            first_reading: Mutex::default(),
         })
     }
 
@@ -132,7 +116,7 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Subject, StoreError> {
         let mut tx = self.write().await?;
-        let subject = subjects::create(&mut tx, new, request).await?;
+        let subject = subjects::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(subject)
     }
@@ -155,7 +139,7 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<String, StoreError> {
         let mut tx = self.write().await?;
-        let id = uploads::create(&mut tx, new, request).await?;
+        let id = uploads::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(id)
     }
@@ -169,7 +153,7 @@ impl Store for SqliteStore {
 
     async fn commit_parts(&self, id: &str, parts: &[CommittedPart]) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        uploads::commit(&mut tx, id, parts).await?;
+        uploads::commit(&mut tx, id, parts, self.clock.now()).await?;
         commit(tx).await
     }
 
@@ -191,8 +175,9 @@ impl Store for SqliteStore {
     }
 
     async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError> {
+        let now = self.keep_time().await?;
         let mut tx = self.write().await?;
-        let ended = uploads::expire(&mut tx, idle_seconds).await?;
+        let ended = uploads::expire(&mut tx, idle_seconds, now).await?;
         commit(tx).await?;
         Ok(ended)
     }
@@ -226,7 +211,7 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::create(&mut tx, new, request).await?;
+        let model = models::create(&mut tx, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -246,7 +231,8 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError> {
         let mut tx = self.write().await?;
-        let slot = models::add_identity(&mut tx, model_id, subject_id, request).await?;
+        let slot =
+            models::add_identity(&mut tx, model_id, subject_id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(slot)
     }
@@ -258,7 +244,9 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::remove_identity(&mut tx, model_id, subject_id, request).await?;
+        let model =
+            models::remove_identity(&mut tx, model_id, subject_id, request, self.clock.now())
+                .await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -282,7 +270,8 @@ impl Store for SqliteStore {
         default: Retention,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::set_retention(&mut tx, model_id, &retention, default).await?;
+        let model =
+            models::set_retention(&mut tx, model_id, &retention, default, self.clock.now()).await?;
         commit(tx).await?;
         Ok(model)
     }
@@ -294,13 +283,14 @@ impl Store for SqliteStore {
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError> {
         let mut tx = self.write().await?;
-        let deleted = deletion::delete(&mut tx, target, etag, request).await?;
+        let deleted = deletion::delete(&mut tx, target, etag, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(deleted)
     }
 
     async fn garbage(&self) -> Result<Vec<KnownGarbage>, StoreError> {
-        garbage::known(&mut *self.read().await?).await
+        let now = self.keep_time().await?;
+        garbage::known(&mut *self.read().await?, now).await
     }
 
     async fn references(
@@ -308,12 +298,13 @@ impl Store for SqliteStore {
         folders: &[String],
         keep_uploads: f64,
     ) -> Result<Vec<Reference>, StoreError> {
-        garbage::references(&mut *self.read().await?, folders, keep_uploads).await
+        let now = self.keep_time().await?;
+        garbage::references(&mut *self.read().await?, folders, keep_uploads, now).await
     }
 
     async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        garbage::note(&mut tx, new, gone).await?;
+        garbage::note(&mut tx, new, gone, self.clock.now()).await?;
         commit(tx).await
     }
 
@@ -455,7 +446,7 @@ impl Store for SqliteStore {
         default: Retention,
     ) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        leases::publish(&mut tx, lease, checkpoint, default).await?;
+        leases::publish(&mut tx, lease, checkpoint, default, self.clock.now()).await?;
         commit(tx).await
     }
 
@@ -472,9 +463,9 @@ impl Store for SqliteStore {
         drawn: Option<u32>,
     ) -> Result<TakenRange, StoreError> {
         let mut tx = self.write().await?;
-        let taken = ranges::take(&mut tx, lease, pictures, drawn).await?;
+        let (range, finished) = ranges::take(&mut tx, lease, pictures, drawn).await?;
         commit(tx).await?;
-        Ok(taken)
+        ranges::taken(&mut *self.read().await?, &lease.job_id, range, finished).await
     }
 
     async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError> {
@@ -502,13 +493,17 @@ impl Store for SqliteStore {
     }
 
     async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError> {
-        let now = self.clock.now();
+        let now = self.keep_time().await?;
         let mut tx = self.write().await?;
-        let requests = requests::forget(&mut tx, now - horizons.request_ids).await?;
-        let attempts = attempts::forget(&mut tx, now - horizons.attempts).await?;
-        let workers = workers::forget(&mut tx, now - horizons.workers).await?;
+        let requests = requests::forget(&mut tx, horizons.request_ids, now).await?;
+        let attempts = attempts::forget(&mut tx, horizons.attempts, now).await?;
+        let workers = workers::forget(&mut tx, horizons.workers, now).await?;
         commit(tx).await?;
         Ok(requests + attempts + workers)
+    }
+
+    async fn keep_time(&self) -> Result<f64, StoreError> {
+        steps::keep_time(self).await
     }
 
     async fn close(&self) {

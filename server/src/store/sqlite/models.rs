@@ -18,14 +18,15 @@ pub async fn create(
     conn: &mut SqliteConnection,
     new: NewModel,
     request: Option<RequestKey>,
+    now: f64,
 ) -> Result<Model, StoreError> {
     if let Some(id) = requests::answered(conn, request.as_ref()).await? {
         return get(conn, &id).await;
     }
     let id = new_id();
     sqlx::query(
-        "INSERT INTO models (id, display_name, tier, variant, keep_newest, keep_every)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+        "INSERT INTO models (id, display_name, tier, variant, keep_newest, keep_every, create_time)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
     )
     .bind(&id)
     .bind(&new.display_name)
@@ -33,10 +34,11 @@ pub async fn create(
     .bind(&new.variant)
     .bind(new.retention.newest)
     .bind(new.retention.every)
+    .bind(now)
     .execute(&mut *conn)
     .await
     .during("creating a model")?;
-    requests::remember(conn, request.as_ref(), &id).await?;
+    requests::remember(conn, request.as_ref(), &id, now).await?;
     get(conn, &id).await
 }
 
@@ -79,6 +81,7 @@ pub async fn set_retention(
     id: &str,
     retention: &v1::Retention,
     default: Retention,
+    now: f64,
 ) -> Result<Model, StoreError> {
     get(conn, id).await?;
     sqlx::query("UPDATE models SET keep_newest = ?2, keep_every = ?3 WHERE id = ?1")
@@ -88,7 +91,7 @@ pub async fn set_retention(
         .execute(&mut *conn)
         .await
         .during("changing which checkpoints a model keeps")?;
-    checkpoints::thin_out(conn, id, default).await?;
+    checkpoints::thin_out(conn, id, default, now).await?;
     get(conn, id).await
 }
 
@@ -170,6 +173,7 @@ pub async fn add_identity(
     model_id: &str,
     subject_id: &str,
     request: Option<RequestKey>,
+    now: f64,
 ) -> Result<IdentitySlot, StoreError> {
     if let Some(slot) = requests::answered(conn, request.as_ref()).await? {
         return Ok(IdentitySlot {
@@ -182,7 +186,7 @@ pub async fn add_identity(
         });
     }
     let slot = next_identity(conn, model_id, subject_id).await?;
-    requests::remember(conn, request.as_ref(), &slot.slot.to_string()).await?;
+    requests::remember(conn, request.as_ref(), &slot.slot.to_string(), now).await?;
     Ok(slot)
 }
 
@@ -243,6 +247,7 @@ pub async fn remove_identity(
     model_id: &str,
     subject_id: &str,
     request: Option<RequestKey>,
+    now: f64,
 ) -> Result<Model, StoreError> {
     if requests::answered(conn, request.as_ref()).await?.is_some() {
         return get(conn, model_id).await;
@@ -271,6 +276,6 @@ pub async fn remove_identity(
         .execute(&mut *conn)
         .await
         .during("removing a slot")?;
-    requests::remember(conn, request.as_ref(), model_id).await?;
+    requests::remember(conn, request.as_ref(), model_id, now).await?;
     get(conn, model_id).await
 }

@@ -4,7 +4,9 @@ use super::leases::{self, bound, held};
 use super::rows::{Columns, During, integer};
 use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
-use yoto_proto::v1::RenderedFile;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::keys;
+use yoto_proto::v1::{PictureRange, RenderedFile};
 
 /// Commits a file of a job that the worker runs, or of a render that it helps with. It replaces an earlier file
 /// of the same name, which is damaged or from an earlier lease.
@@ -50,12 +52,43 @@ pub async fn list(
         .fetch_all(conn)
         .await
         .during("listing the files of a job")?;
-    rows.iter()
-        .map(|row| {
-            Ok(RenderedFile {
-                file: row.text("file")?,
-                object: row.object("key", "bytes", "sha256")?,
-            })
-        })
-        .collect()
+    rows.iter().map(read).collect()
+}
+
+/// The committed files of the pictures of a range, by their names.
+pub async fn between(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    range: &PictureRange,
+) -> Result<Vec<RenderedFile>, StoreError> {
+    // Names of pictures have the order of their numbers: all have six digits.
+    let last = range.first + range.count.saturating_sub(1);
+    let rows = sqlx::query(
+        "SELECT * FROM job_outputs WHERE job = ?1 AND file BETWEEN ?2 AND ?3
+             AND length(file) = length(?2) ORDER BY file",
+    )
+    .bind(job_id)
+    .bind(keys::picture(range.first))
+    .bind(keys::picture(last))
+    .fetch_all(conn)
+    .await
+    .during("listing the files of a range")?;
+    rows.iter().map(read).collect()
+}
+
+/// Number of committed files of a job.
+pub async fn count(conn: &mut SqliteConnection, job_id: &str) -> Result<u32, StoreError> {
+    sqlx::query("SELECT count(*) AS files FROM job_outputs WHERE job = ?1")
+        .bind(job_id)
+        .fetch_one(conn)
+        .await
+        .during("counting the files of a job")?
+        .number("files")
+}
+
+fn read(row: &SqliteRow) -> Result<RenderedFile, StoreError> {
+    Ok(RenderedFile {
+        file: row.text("file")?,
+        object: row.object("key", "bytes", "sha256")?,
+    })
 }

@@ -6,17 +6,16 @@ use super::rows::{Columns, During};
 use crate::rules::ranges::split;
 use crate::store::{LeaseKey, StoreError, TakenRange};
 use sqlx::SqliteConnection;
-use yoto_proto::keys;
 use yoto_proto::v1::PictureRange;
 
 /// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
-/// range that it already has.
+/// range that it already has. Also whether all pictures are drawn.
 pub async fn take(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
     pictures: u32,
     drawn: Option<u32>,
-) -> Result<TakenRange, StoreError> {
+) -> Result<(Option<PictureRange>, bool), StoreError> {
     if !is_held(conn, lease).await? {
         return Err(refusal(conn, lease).await);
     }
@@ -40,19 +39,26 @@ pub async fn take(
         .await
         .during("looking for pictures to draw")?;
     let finished = row.flag("finished")?;
-    let mut outputs = outputs::list(conn, &lease.job_id).await?;
-    let committed = outputs.len() as u32;
-    if !finished {
-        let inside = |file: &str| {
-            let mut indices = range.iter().flat_map(|it| it.first..it.first + it.count);
-            indices.any(|index| keys::picture(index) == file)
-        };
-        outputs.retain(|it| inside(&it.file));
-    }
+    Ok((range, finished))
+}
+
+/// The committed files of a `range` that was taken; of a finished render, all of its files. Read outside of the
+/// transaction that took it: a render has up to a million files.
+pub async fn taken(
+    conn: &mut SqliteConnection,
+    job_id: &str,
+    range: Option<PictureRange>,
+    finished: bool,
+) -> Result<TakenRange, StoreError> {
+    let outputs = match &range {
+        _ if finished => outputs::list(conn, job_id).await?,
+        Some(range) => outputs::between(conn, job_id, range).await?,
+        None => Vec::new(),
+    };
     Ok(TakenRange {
         range,
         outputs,
-        committed,
+        committed: outputs::count(conn, job_id).await?,
         finished,
     })
 }

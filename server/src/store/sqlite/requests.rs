@@ -1,6 +1,7 @@
 //! Request ids: a repeated call gets the answer of the first.
 
 use super::rows::{Columns, During};
+use super::steps::age;
 use crate::store::{RequestKey, StoreError};
 use sqlx::SqliteConnection;
 
@@ -36,29 +37,37 @@ pub async fn remember(
     conn: &mut SqliteConnection,
     request: Option<&RequestKey>,
     answer: &str,
+    now: f64,
 ) -> Result<(), StoreError> {
     let Some(request) = request else {
         return Ok(());
     };
     sqlx::query(
-        "INSERT INTO request_ids (method, request_id, body_sha256, answer) VALUES (?1, ?2, ?3, ?4)",
+        "INSERT INTO request_ids (method, request_id, body_sha256, answer, create_time)
+         VALUES (?1, ?2, ?3, ?4, ?5)",
     )
     .bind(request.method)
     .bind(&request.request_id)
     .bind(&request.body_sha256)
     .bind(answer)
+    .bind(now)
     .execute(conn)
     .await
     .during("storing a request id")?;
     Ok(())
 }
 
-/// Forgets answers that were given before `before`.
-pub async fn forget(conn: &mut SqliteConnection, before: f64) -> Result<u64, StoreError> {
-    let done = sqlx::query("DELETE FROM request_ids WHERE create_time < ?1")
-        .bind(before)
-        .execute(conn)
-        .await
-        .during("forgetting old request ids")?;
+/// Forgets answers that are older than `keep` seconds.
+pub async fn forget(conn: &mut SqliteConnection, keep: f64, now: f64) -> Result<u64, StoreError> {
+    let done = sqlx::query(concat!(
+        "DELETE FROM request_ids WHERE ",
+        age!("create_time"),
+        " > ?2"
+    ))
+    .bind(now)
+    .bind(keep)
+    .execute(conn)
+    .await
+    .during("forgetting old request ids")?;
     Ok(done.rows_affected())
 }

@@ -1,5 +1,6 @@
 //! Conversion between columns and messages, with errors that name the action.
 
+use super::failures;
 use crate::store::StoreError;
 use prost::Message;
 use prost_types::Timestamp;
@@ -9,16 +10,13 @@ use yoto_proto::v1::ObjectRef;
 
 /// Adds the action to errors of the driver.
 pub trait During<T> {
-    /// Adds `action`, e.g. "reading a job".
+    /// Adds `action`, e.g. "reading a job", and finds the class of the failure.
     fn during(self, action: &'static str) -> Result<T, StoreError>;
 }
 
 impl<T> During<T> for Result<T, sqlx::Error> {
     fn during(self, action: &'static str) -> Result<T, StoreError> {
-        self.map_err(|error| StoreError::Database {
-            action,
-            cause: Box::new(error),
-        })
+        self.map_err(|error| failures::of_driver(action, error))
     }
 }
 

@@ -37,19 +37,21 @@ pub async fn create(
     conn: &mut SqliteConnection,
     new: NewSubject,
     request: Option<RequestKey>,
+    now: f64,
 ) -> Result<Subject, StoreError> {
     if let Some(id) = requests::answered(conn, request.as_ref()).await? {
         return get(conn, &id).await;
     }
     let id = new_id();
-    sqlx::query("INSERT INTO subjects (id, display_name, consent_note) VALUES (?1, ?2, ?3)")
+    sqlx::query("INSERT INTO subjects (id, display_name, consent_note, create_time) VALUES (?1, ?2, ?3, ?4)")
         .bind(&id)
         .bind(&new.display_name)
         .bind(&new.consent_note)
+        .bind(now)
         .execute(&mut *conn)
         .await
         .during("creating a subject")?;
-    requests::remember(conn, request.as_ref(), &id).await?;
+    requests::remember(conn, request.as_ref(), &id, now).await?;
     get(conn, &id).await
 }
 

@@ -1,6 +1,7 @@
 //! Uploads: captures that are still arriving. Each file has a number of committed bytes.
 
 use super::rows::{Columns, During, integer};
+use super::steps::age;
 use super::{captures, garbage, jobs, requests};
 use crate::store::{
     CommittedPart, NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id,
@@ -25,18 +26,22 @@ pub async fn create(
     conn: &mut SqliteConnection,
     new: NewUpload,
     request: Option<RequestKey>,
+    now: f64,
 ) -> Result<String, StoreError> {
     if let Some(id) = requests::answered(conn, request.as_ref()).await? {
         return Ok(id);
     }
     let id = new_id();
-    let done =
-        sqlx::query("INSERT INTO captures (id, subject) SELECT ?1, id FROM subjects WHERE id = ?2")
-            .bind(&id)
-            .bind(&new.subject_id)
-            .execute(&mut *conn)
-            .await
-            .during("opening an upload")?;
+    let done = sqlx::query(
+        "INSERT INTO captures (id, subject, create_time, write_time)
+             SELECT ?1, id, ?3, ?3 FROM subjects WHERE id = ?2",
+    )
+    .bind(&id)
+    .bind(&new.subject_id)
+    .bind(now)
+    .execute(&mut *conn)
+    .await
+    .during("opening an upload")?;
     if done.rows_affected() == 0 {
         return Err(StoreError::NotFound {
             name: Collection::Subjects.name(&new.subject_id),
@@ -63,7 +68,7 @@ pub async fn create(
             .await
             .during("recording a capture's files")?;
     }
-    requests::remember(conn, request.as_ref(), &id).await?;
+    requests::remember(conn, request.as_ref(), &id, now).await?;
     Ok(id)
 }
 
@@ -104,14 +109,15 @@ pub async fn commit(
     conn: &mut SqliteConnection,
     id: &str,
     parts: &[CommittedPart],
+    now: f64,
 ) -> Result<(), StoreError> {
-    let done = sqlx::query(
-        "UPDATE captures SET write_time = unixepoch('subsec') WHERE id = ?1 AND state = 'UPLOADING'",
-    )
-    .bind(id)
-    .execute(&mut *conn)
-    .await
-    .during("noting the write of an upload")?;
+    let done =
+        sqlx::query("UPDATE captures SET write_time = ?2 WHERE id = ?1 AND state = 'UPLOADING'")
+            .bind(id)
+            .bind(now)
+            .execute(&mut *conn)
+            .await
+            .during("noting the write of an upload")?;
     if done.rows_affected() == 0 {
         return Err(not_found(id));
     }
@@ -177,7 +183,7 @@ pub async fn finish(
             message: format!("{} is not complete", Collection::Uploads.name(id)),
         });
     }
-    requests::remember(conn, request.as_ref(), id).await?;
+    requests::remember(conn, request.as_ref(), id, now).await?;
     captures::get(conn, id).await
 }
 
@@ -228,16 +234,22 @@ pub async fn ingest_again(
         .await
         .during("forgetting a capture's violations")?;
     ingest(conn, id, now).await?;
-    requests::remember(conn, request.as_ref(), id).await?;
+    requests::remember(conn, request.as_ref(), id, now).await?;
     captures::get(conn, id).await
 }
 
 /// Ends the uploads without a write for `idle` seconds. Returns their ids.
-pub async fn expire(conn: &mut SqliteConnection, idle: f64) -> Result<Vec<String>, StoreError> {
-    let rows = sqlx::query(
-        "DELETE FROM captures WHERE state = 'UPLOADING' AND write_time <= unixepoch('subsec') - ?1
-         RETURNING id",
-    )
+pub async fn expire(
+    conn: &mut SqliteConnection,
+    idle: f64,
+    now: f64,
+) -> Result<Vec<String>, StoreError> {
+    let rows = sqlx::query(concat!(
+        "DELETE FROM captures WHERE state = 'UPLOADING' AND ",
+        age!("write_time"),
+        " >= ?2 RETURNING id"
+    ))
+    .bind(now)
     .bind(idle)
     .fetch_all(&mut *conn)
     .await
@@ -245,7 +257,7 @@ pub async fn expire(conn: &mut SqliteConnection, idle: f64) -> Result<Vec<String
     let mut ended = Vec::with_capacity(rows.len());
     for row in &rows {
         let id = row.text("id")?;
-        forget(conn, &id).await?;
+        forget(conn, &id, now).await?;
         ended.push(id);
     }
     Ok(ended)
@@ -253,8 +265,8 @@ pub async fn expire(conn: &mut SqliteConnection, idle: f64) -> Result<Vec<String
 
 /// Notes the files of a removed upload as garbage, and frees its request id, so that the same files can be
 /// uploaded again.
-pub async fn forget(conn: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
-    garbage::deleted(conn, &format!("uploads/{id}")).await?;
+pub async fn forget(conn: &mut SqliteConnection, id: &str, now: f64) -> Result<(), StoreError> {
+    garbage::deleted(conn, &format!("uploads/{id}"), now).await?;
     sqlx::query("DELETE FROM request_ids WHERE method = ?1 AND answer = ?2")
         .bind(CREATE)
         .bind(id)

@@ -1,6 +1,7 @@
 //! Workers and the kinds of jobs that they run.
 
 use super::rows::{Columns, During};
+use super::steps::age;
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
@@ -103,14 +104,17 @@ pub async fn list(
         .collect()
 }
 
-/// Forgets workers that registered before `before` and that neither a job nor its history names.
-pub async fn forget(conn: &mut SqliteConnection, before: f64) -> Result<u64, StoreError> {
-    let done = sqlx::query(
-        "DELETE FROM workers WHERE create_time < ?1
+/// Forgets workers that registered more than `keep` seconds ago and that neither a job nor its history names.
+pub async fn forget(conn: &mut SqliteConnection, keep: f64, now: f64) -> Result<u64, StoreError> {
+    let done = sqlx::query(concat!(
+        "DELETE FROM workers WHERE ",
+        age!("create_time"),
+        " > ?2
              AND NOT EXISTS (SELECT 1 FROM jobs j WHERE j.worker = workers.id)
-             AND NOT EXISTS (SELECT 1 FROM job_attempts a WHERE a.worker = workers.id)",
-    )
-    .bind(before)
+             AND NOT EXISTS (SELECT 1 FROM job_attempts a WHERE a.worker = workers.id)"
+    ))
+    .bind(now)
+    .bind(keep)
     .execute(conn)
     .await
     .during("forgetting old workers")?;

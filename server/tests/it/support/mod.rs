@@ -16,8 +16,8 @@ use futures::stream;
 use object_store::ObjectStoreExt;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
-use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use std::path::PathBuf;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -539,6 +539,15 @@ pub async fn sql(database: &std::path::Path, statement: &str) {
         done.expect("runs").rows_affected() > 0,
         "it changes nothing"
     );
+}
+
+/// Locks the database for writes, as another program on the machine can, until the answer is closed.
+pub async fn lock_writes(database: &std::path::Path) -> SqliteConnection {
+    let options = SqliteConnectOptions::new().filename(database);
+    let mut connection = options.connect().await.expect("opens");
+    let locked = sqlx::query("BEGIN IMMEDIATE").execute(&mut connection);
+    locked.await.expect("locks");
+    connection
 }
 
 /// The claim of a lease on its job.

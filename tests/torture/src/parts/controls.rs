@@ -109,6 +109,19 @@ impl Controls {
         kinds.find(|it| it.fault().name() == text)
     }
 
+    /// Has the coordinator's writes to files fail, as on a full disk, or work.
+    ///
+    /// # Errors
+    /// When the file can't be written.
+    pub fn set_full(&self, full: bool) -> Result<()> {
+        self.write("full", if full { "full" } else { "" })
+    }
+
+    /// Whether the coordinator's writes to files fail.
+    pub fn is_full(&self) -> bool {
+        self.read("full").is_some_and(|text| !text.is_empty())
+    }
+
     /// Has each worker end that touches an object with `part` in its key; an empty one: none.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
-//! A coordinator whose calls arrive several times or stay unanswered, whose clock jumps, and which ends at
-//! chosen moments.
+//! A coordinator whose calls arrive several times or stay unanswered, whose clock jumps, whose disk fills, and
+//! which ends at chosen moments.
 
-use super::asked_to_stop;
 use super::controls::Controls;
+use super::{asked_to_stop, disk};
 use crate::fault::Fault;
 use anyhow::{Context, Result};
 use rand::{RngExt, SeedableRng};
@@ -20,6 +20,8 @@ use yoto_server::{Coordinator, ServerConfig};
 
 /// Time from garbage to its removal: what is still in use must not be garbage.
 const GRACE: Duration = Duration::from_secs(6);
+/// Interval between checks of the database.
+const HEALTH: Duration = Duration::from_millis(200);
 /// Share of the calls that arrive more than once.
 const REPEATED: f64 = 0.1;
 /// Share of the calls that are followed by a late copy.
@@ -46,6 +48,8 @@ pub async fn run(
     config.storage.min_free_bytes = 0;
     config.storage.grace = GRACE;
     config.storage.collect_interval = Duration::from_secs(1);
+    config.health_interval = HEALTH;
+    let disk_controls = controls.clone();
     config.clock = Arc::new(JumpingClock(controls.clone()));
     config.faults = Some(Arc::new(Disturbed {
         controls,
@@ -55,7 +59,9 @@ pub async fn run(
     let listener = listener.with_context(|| format!("port {port}"))?;
     let coordinator = Coordinator::open(config).await.context("opening")?;
     let incoming = TcpListenerStream::new(listener);
+    let filling = tokio::spawn(disk::follow(disk_controls));
     let served = coordinator.serve(incoming, asked_to_stop()).await;
+    filling.abort();
     coordinator.close().await;
     served.context("serving")
 }
@@ -67,6 +73,10 @@ struct JumpingClock(Controls);
 impl Clock for JumpingClock {
     fn now(&self) -> f64 {
         SystemClock.now() + self.0.clock()
+    }
+
+    fn steady(&self) -> f64 {
+        SystemClock.steady()
     }
 }
 

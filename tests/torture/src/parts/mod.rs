@@ -5,6 +5,7 @@
 
 mod controls;
 mod coordinator;
+mod disk;
 mod embedded;
 mod store;
 mod worker;
@@ -75,6 +76,8 @@ impl Part {
         tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
+            // A full disk takes no log either, and the report of it would panic.
+            .log_internal_errors(false)
             .with_ansi(false)
             .init();
         match self {

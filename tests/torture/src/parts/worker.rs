@@ -1,11 +1,9 @@
 //! A worker with a faulty object store, and with a full disk if told so.
 
-use super::asked_to_stop;
 use super::controls::Controls;
 use super::store::FaultyStore;
+use super::{asked_to_stop, disk};
 use anyhow::{Context, Result};
-use nix::sys::resource::{Resource, setrlimit};
-use nix::sys::signal::{SigHandler, Signal, signal};
 use object_store::local::LocalFileSystem;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,7 +23,7 @@ pub async fn run(
     largest_file: Option<u64>,
 ) -> Result<()> {
     if let Some(bytes) = largest_file {
-        fill_disk(bytes)?;
+        disk::limit(bytes)?;
     }
     let channel = endpoint(server).context("the address")?.connect_lazy();
     let picked = tokio::task::spawn_blocking(yoto_device::pick).await?;
@@ -41,11 +39,4 @@ pub async fn run(
     let objects = Objects::over(Arc::new(store));
     let worker = Worker::with_objects(channel, objects, picked, config)?;
     worker.run(asked_to_stop()).await.context("working")
-}
-
-/// Has writes beyond `bytes` of a file fail, as on a full disk.
-fn fill_disk(bytes: u64) -> Result<()> {
-    // SAFETY: ignoring a signal installs no handler that could run.
-    unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) }.context("ignoring SIGXFSZ")?;
-    setrlimit(Resource::RLIMIT_FSIZE, bytes, bytes).context("limiting files")
 }

@@ -1,0 +1,108 @@
+//! Health of the service: SERVING while the database takes writes.
+//!
+//! Reads go on with a full disk or a locked file, and hide that nothing else does. The write is that of the time.
+
+use crate::api::{
+    JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
+};
+use crate::context::Context;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::{sleep, timeout};
+use tonic::server::NamedService;
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+use yoto_proto::v1::job_service_server::JobServiceServer;
+use yoto_proto::v1::model_service_server::ModelServiceServer;
+use yoto_proto::v1::object_service_server::ObjectServiceServer;
+use yoto_proto::v1::render_service_server::RenderServiceServer;
+use yoto_proto::v1::status_service_server::StatusServiceServer;
+use yoto_proto::v1::storage_service_server::StorageServiceServer;
+use yoto_proto::v1::subject_service_server::SubjectServiceServer;
+use yoto_proto::v1::upload_service_server::UploadServiceServer;
+use yoto_proto::v1::worker_service_server::WorkerServiceServer;
+
+/// The names under which health is told; the empty one is the service as a whole.
+const NAMES: [&str; 10] = [
+    "",
+    <SubjectServiceServer<SubjectApi> as NamedService>::NAME,
+    <UploadServiceServer<UploadApi> as NamedService>::NAME,
+    <ModelServiceServer<ModelApi> as NamedService>::NAME,
+    <JobServiceServer<JobApi> as NamedService>::NAME,
+    <ObjectServiceServer<ObjectApi> as NamedService>::NAME,
+    <RenderServiceServer<RenderApi> as NamedService>::NAME,
+    <StatusServiceServer<StatusApi> as NamedService>::NAME,
+    <StorageServiceServer<StorageApi> as NamedService>::NAME,
+    <WorkerServiceServer<WorkerApi> as NamedService>::NAME,
+];
+/// Longest interval between two checks while writes fail.
+const RECHECK: Duration = Duration::from_secs(1);
+/// Time that a write may take, as a number of intervals between checks.
+const PATIENCE: u32 = 2;
+
+/// Sets the status of every service.
+pub async fn set(reporter: &HealthReporter, status: ServingStatus) {
+    for name in NAMES {
+        reporter.set_service_status(name, status).await;
+    }
+}
+
+/// Records the time at each [`crate::ServerConfig::health_interval`], and whether that could be written, until the
+/// coordinator stops.
+pub async fn run(context: Arc<Context>) {
+    let every = context.config.health_interval;
+    loop {
+        let worked = *context.writable.borrow();
+        tokio::select! {
+            () = context.stop.cancelled() => return,
+            () = sleep(if worked { every } else { every.min(RECHECK) }) => {}
+        }
+        // Never dropped half-way: it would not know whether it had recorded a step of the clock.
+        let write = context.store.keep_time();
+        tokio::pin!(write);
+        let written = match timeout(every * PATIENCE, &mut write).await {
+            Ok(written) => written,
+            Err(late) => {
+                found(&context, Some(&late));
+                write.await
+            }
+        };
+        match &written {
+            Ok(_) => found(&context, None),
+            Err(error) => found(&context, Some(error)),
+        }
+    }
+}
+
+/// Tells services and log of a check, if it ended otherwise than the one before it.
+fn found(context: &Context, fault: Option<&dyn std::error::Error>) {
+    let works = fault.is_none();
+    let news = context.writable.send_if_modified(|known| {
+        let news = *known != works;
+        *known = works;
+        news
+    });
+    match fault {
+        _ if !news => {}
+        None => tracing::info!("the database can be written again: the service is healthy"),
+        Some(error) => {
+            tracing::error!(%error, "the database can't be written: the service is not healthy");
+        }
+    }
+}
+
+/// Sets the status of every service by what [`run`] finds, for ever.
+pub async fn follow(context: &Context, reporter: &HealthReporter) {
+    let mut writable = context.writable.subscribe();
+    loop {
+        let status = match *writable.borrow_and_update() {
+            true => ServingStatus::Serving,
+            false => ServingStatus::NotServing,
+        };
+        set(reporter, status).await;
+        if writable.changed().await.is_err() {
+            // The sender lives in the context.
+            std::future::pending::<()>().await;
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Connections to the database: one that writes, and some that read.
+//!
+//! A connection whose transaction did not end is thrown away. SQLite itself rolls back a transaction that the disk
+//! has no room for; the driver still counts it as open then, and refuses every later one on that connection.
+
+use super::rows::During;
+use crate::private;
+use crate::store::StoreError;
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteConnection, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
+};
+use sqlx::{Connection, SqlitePool};
+use std::io::ErrorKind;
+use std::path::Path;
+use std::time::Duration;
+
+/// Longest wait of a statement for a lock.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Number of read-only connections.
+const READERS: u32 = 4;
+
+fn options(path: &Path) -> SqliteConnectOptions {
+    SqliteConnectOptions::new()
+        .filename(path)
+        .foreign_keys(true)
+        .busy_timeout(BUSY_TIMEOUT)
+        .synchronous(SqliteSynchronous::Full)
+}
+
+/// The connection for writes to the file at `path`, which is created if missing.
+///
+/// # Errors
+/// When the file can't be opened.
+pub async fn writer(path: &Path) -> Result<SqlitePool, StoreError> {
+    // SQLite gives the files beside it the same mode. An existing file is left alone: closing it here would end the
+    // locks of another connection of this process.
+    match private::writable().create_new(true).open(path) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+            return Err(sqlx::Error::Io(error)).during("creating the database");
+        }
+        _ => {}
+    }
+    let writable = options(path).journal_mode(SqliteJournalMode::Wal);
+    pool(1)
+        .connect_with(writable)
+        .await
+        .during("opening the database for writing")
+}
+
+/// Connections for reads of an existing file.
+///
+/// # Errors
+/// When the file can't be opened.
+pub async fn readers(path: &Path) -> Result<SqlitePool, StoreError> {
+    pool(READERS)
+        .connect_with(options(path).read_only(true))
+        .await
+        .during("opening the database for reading")
+}
+
+fn pool(connections: u32) -> SqlitePoolOptions {
+    SqlitePoolOptions::new()
+        .max_connections(connections)
+        .after_release(|connection, _| Box::pin(is_usable(connection)))
+}
+
+/// Whether no transaction is open on a connection that was given back.
+async fn is_usable(connection: &mut SqliteConnection) -> Result<bool, sqlx::Error> {
+    // A rollback may still be on its way to the connection's thread; the answer to a ping comes after it.
+    connection.ping().await?;
+    let usable = !connection.is_in_transaction();
+    if !usable {
+        tracing::warn!("a transaction could not be rolled back: its connection is closed");
+    }
+    Ok(usable)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::clock::SystemClock;
+    use crate::store::{NewSubject, SqliteStore, Store};
+    use std::sync::Arc;
+
+    fn person(consent_note: String) -> NewSubject {
+        NewSubject {
+            display_name: "Ada".to_owned(),
+            consent_note,
+        }
+    }
+
+    #[tokio::test]
+    async fn a_write_without_room_leaves_a_writer_that_works() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("yoto.db");
+        let opened = SqliteStore::open(&path, Arc::new(SystemClock)).await;
+        let store = opened.expect("opens");
+        // A limit of this one connection, with which SQLite fails as on a full disk.
+        let mut connection = store.writer.acquire().await.expect("the writer");
+        sqlx::query("PRAGMA max_page_count = 1")
+            .execute(&mut *connection)
+            .await
+            .expect("a limit");
+        drop(connection);
+        let note = "x".repeat(1 << 20);
+        let full = store.create_subject(person(note), None).await;
+        let full = full.expect_err("there is no room");
+        let created = store.create_subject(person(String::new()), None).await;
+        let created = created.unwrap_or_else(|error| panic!("after '{full}': {error}"));
+        assert_eq!(created.display_name, "Ada");
+        store.keep_time().await.expect("writes work");
+    }
+}

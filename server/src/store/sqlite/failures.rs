@@ -1,0 +1,88 @@
+//! Failures of the driver, by what a caller can do about them.
+
+use crate::store::StoreError;
+
+/// Failures that pass by themselves, or as soon as an operator makes room (<https://sqlite.org/rescode.html>): BUSY,
+/// LOCKED, NOMEM, READONLY, IOERR, FULL, CANTOPEN, PROTOCOL. A disk beyond its quota says IOERR.
+const PASSING: [i32; 8] = [5, 6, 7, 8, 10, 13, 14, 15];
+/// A row contradicts another one: another call came first.
+const CONSTRAINT: i32 = 19;
+/// The part of a result code that names its kind; the bits above it name the case.
+const KIND: i32 = 0xff;
+
+/// The store's error for one of the driver while it was at `action`.
+pub fn of_driver(action: &'static str, error: sqlx::Error) -> StoreError {
+    let passing = matches!(
+        error,
+        sqlx::Error::PoolTimedOut | sqlx::Error::WorkerCrashed | sqlx::Error::Io(_)
+    );
+    let kind = kind(&error);
+    let cause = Box::new(error);
+    match kind {
+        _ if passing => StoreError::Unavailable { action, cause },
+        Some(kind) if PASSING.contains(&kind) => StoreError::Unavailable { action, cause },
+        Some(CONSTRAINT) => StoreError::Conflict { action, cause },
+        _ => StoreError::Database { action, cause },
+    }
+}
+
+/// The kind of SQLite's result code, if the error has one.
+fn kind(error: &sqlx::Error) -> Option<i32> {
+    let code = error.as_database_error()?.code()?;
+    Some(code.parse::<i32>().ok()? & KIND)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sqlx::sqlite::SqliteConnectOptions;
+    use sqlx::{ConnectOptions, Executor};
+    use std::time::Duration;
+
+    /// The class of the failure of the last of `statements`.
+    async fn failure(statements: &[&'static str]) -> StoreError {
+        let dir = tempfile::tempdir().expect("a folder");
+        let options = SqliteConnectOptions::new()
+            .filename(dir.path().join("a.db"))
+            .create_if_missing(true)
+            .busy_timeout(Duration::ZERO);
+        let mut other = options.connect().await.expect("opens");
+        other
+            .execute("CREATE TABLE t (a INTEGER UNIQUE)")
+            .await
+            .expect("a table");
+        if statements == ["BEGIN IMMEDIATE"] {
+            other.execute("BEGIN IMMEDIATE").await.expect("locks");
+        }
+        let mut connection = options.connect().await.expect("opens");
+        for statement in statements {
+            if let Err(error) = connection.execute(*statement).await {
+                return of_driver("testing", error);
+            }
+        }
+        panic!("{statements:?} did not fail")
+    }
+
+    #[tokio::test]
+    async fn what_passes_is_told_from_what_is_broken() {
+        let locked = failure(&["BEGIN IMMEDIATE"]).await;
+        assert!(matches!(locked, StoreError::Unavailable { .. }), "{locked}");
+        let full = failure(&[
+            "PRAGMA max_page_count = 1",
+            "CREATE TABLE u AS SELECT zeroblob(100000) AS b",
+        ])
+        .await;
+        assert!(matches!(full, StoreError::Unavailable { .. }), "{full}");
+        let read_only = failure(&["PRAGMA query_only = 1", "INSERT INTO t VALUES (1)"]).await;
+        assert!(
+            matches!(read_only, StoreError::Unavailable { .. }),
+            "{read_only}"
+        );
+        let twice = failure(&["INSERT INTO t VALUES (1)", "INSERT INTO t VALUES (1)"]).await;
+        assert!(matches!(twice, StoreError::Conflict { .. }), "{twice}");
+        let broken = failure(&["SELECT a FROM nothing"]).await;
+        assert!(matches!(broken, StoreError::Database { .. }), "{broken}");
+        let late = of_driver("testing", sqlx::Error::PoolTimedOut);
+        assert!(matches!(late, StoreError::Unavailable { .. }), "{late}");
+    }
+}

@@ -1,0 +1,152 @@
+//! A coordinator that gives no answer until a lease is over, and then does.
+
+use super::*;
+use object_store::memory::InMemory;
+use std::sync::Mutex;
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tonic::transport::Server;
+use tonic::transport::server::TcpIncoming;
+use tonic::{Request, Response};
+use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::v1::worker_service_server::{WorkerService, WorkerServiceServer};
+use yoto_proto::v1::{
+    CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse, HeartbeatRequest,
+    HeartbeatResponse, IngestSpec, InputFile, Inputs, Job, JobSpec, LeaseJobResponse,
+    PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerResponse, TakeRangeRequest,
+    TakeRangeResponse, job_spec,
+};
+
+/// Leases one job once, and answers nothing about it while its database is locked.
+struct Locked {
+    lease: Mutex<Option<Lease>>,
+    until: Mutex<Option<Instant>>,
+    lease_time: Duration,
+    ended: mpsc::UnboundedSender<Outcome>,
+}
+
+impl Locked {
+    fn check(&self) -> Result<(), Status> {
+        let until = self.until.lock().expect("no panic");
+        match *until {
+            Some(until) if Instant::now() > until => Ok(()),
+            _ => Err(Status::unavailable("the database is locked")),
+        }
+    }
+}
+
+type Answer<T> = Result<Response<T>, Status>;
+
+#[tonic::async_trait]
+impl WorkerService for Locked {
+    async fn register_worker(
+        &self,
+        _: Request<RegisterWorkerRequest>,
+    ) -> Answer<RegisterWorkerResponse> {
+        let worker = "workers/a".to_owned();
+        Ok(Response::new(RegisterWorkerResponse {
+            worker,
+            ..RegisterWorkerResponse::default()
+        }))
+    }
+
+    async fn lease_job(&self, _: Request<LeaseJobRequest>) -> Answer<LeaseJobResponse> {
+        let lease = self.lease.lock().expect("no panic").take();
+        if lease.is_some() {
+            let until = Instant::now() + self.lease_time;
+            *self.until.lock().expect("no panic") = Some(until);
+        }
+        Ok(Response::new(LeaseJobResponse { lease }))
+    }
+
+    async fn heartbeat(&self, _: Request<HeartbeatRequest>) -> Answer<HeartbeatResponse> {
+        self.check()?;
+        Ok(Response::new(HeartbeatResponse::default()))
+    }
+
+    async fn publish_checkpoint(
+        &self,
+        _: Request<PublishCheckpointRequest>,
+    ) -> Answer<PublishCheckpointResponse> {
+        Err(Status::unimplemented(""))
+    }
+
+    async fn commit_output(&self, _: Request<CommitOutputRequest>) -> Answer<CommitOutputResponse> {
+        Err(Status::unimplemented(""))
+    }
+
+    async fn take_range(&self, _: Request<TakeRangeRequest>) -> Answer<TakeRangeResponse> {
+        Err(Status::unimplemented(""))
+    }
+
+    async fn end_job(&self, request: Request<EndJobRequest>) -> Answer<EndJobResponse> {
+        self.check()?;
+        if let Some(outcome) = request.into_inner().outcome {
+            let _ = self.ended.send(outcome);
+        }
+        Ok(Response::new(EndJobResponse::default()))
+    }
+}
+
+/// The outcome that the coordinator learns of a job with a lease of `lease_time`, after that time.
+async fn outcome(kind: Option<job_spec::Kind>, inputs: Inputs, lease_time: Duration) -> Outcome {
+    let (ended, mut outcomes) = mpsc::unbounded_channel();
+    let lease = Lease {
+        job: Some(Job {
+            name: "jobs/1".into(),
+            spec: Some(JobSpec { kind }),
+            ..Job::default()
+        }),
+        token: 1,
+        lease_seconds: lease_time.as_secs_f64(),
+        inputs: Some(inputs),
+        helps: false,
+    };
+    let locked = Locked {
+        lease: Mutex::new(Some(lease)),
+        until: Mutex::new(None),
+        lease_time,
+        ended,
+    };
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
+    let address = listener.local_addr().expect("has an address");
+    let serving = Server::builder()
+        .add_service(WorkerServiceServer::new(locked))
+        .serve_with_incoming(TcpIncoming::from(listener));
+    let serving = tokio::spawn(serving);
+    let endpoint = tonic::transport::Endpoint::from_shared(format!("http://{address}"));
+    let channel = endpoint.expect("an address").connect_lazy();
+    let objects = Objects::over(Arc::new(InMemory::new()));
+    let config = WorkerConfig::default();
+    let worker = Worker::with_objects(channel, objects, yoto_device::pick(), config);
+    let working = tokio::spawn(worker.expect("a worker").run(std::future::pending()));
+    let told = timeout(Duration::from_secs(60), outcomes.recv()).await;
+    working.abort();
+    serving.abort();
+    told.expect("in time").expect("an outcome")
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_outcome_survives_a_coordinator_that_answers_nothing_for_a_lease() {
+    // A job without an order fails at once.
+    let told = outcome(None, Inputs::default(), Duration::from_millis(300)).await;
+    assert!(
+        matches!(&told, Outcome::Failed(error) if error.code == "INVALID_SPEC"),
+        "{told:?}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_stopped_for_want_of_an_answer_is_given_back() {
+    let spec = IngestSpec {
+        capture: "captures/c".into(),
+    };
+    let inputs = Inputs {
+        files: vec![InputFile::default()],
+        ..Inputs::default()
+    };
+    let kind = Some(job_spec::Kind::Ingest(spec));
+    // A lease that is over when it begins.
+    let told = outcome(kind, inputs, Duration::from_nanos(1)).await;
+    assert!(matches!(told, Outcome::Returned(_)), "{told:?}");
+}
