@@ -14,6 +14,7 @@ mod error;
 pub mod faults;
 mod in_memory;
 mod jobs;
+mod listen;
 mod lock;
 mod objects;
 mod rules;
@@ -24,6 +25,7 @@ mod uploads;
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
+pub use listen::tcp;
 pub use store::StoreError;
 pub use yoto_objects::ObjectsError;
 
