@@ -10,7 +10,7 @@ pub const ANSWER_BYTES: usize = 2 * MESSAGE_BYTES;
 /// Bytes on their way in a stream or connection before the receiver has read some of them.
 pub const WINDOW_BYTES: u32 = MESSAGE_BYTES as u32;
 /// Concurrent calls on one connection. A client that follows many jobs has one call for each.
-pub const STREAMS: u32 = 4096;
+pub const STREAMS: u32 = 1024;
 
 /// Bytes of an upload that are committed at once.
 pub const PART_BYTES: u64 = 8 << 20;

@@ -29,6 +29,7 @@ impl From<RequestError> for Status {
                 status(Code::ResourceExhausted, text, "DISK_FULL", &metadata)
             }
             RequestError::CorruptChunk { .. } => status(Code::DataLoss, text, "CORRUPT_CHUNK", &[]),
+            RequestError::Busy(_) => status(Code::Unavailable, text, "BUSY", &[]),
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),

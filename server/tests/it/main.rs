@@ -16,5 +16,6 @@ mod service;
 mod status;
 mod support;
 mod tradeoffs;
+mod traffic;
 mod uploads;
 mod watching;
