@@ -16,7 +16,7 @@ use yoto_proto::v1::Job;
 pub enum WatchedState {
     /// It was not read yet.
     Nothing,
-    /// Its newest state.
+    /// Its newest state, without its order.
     Job(Arc<Job>),
     /// It can't be read: each watcher reads it again to get the reason.
     Unreadable,
@@ -70,7 +70,7 @@ pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedSta
 async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
-        let seen = match context.store.job(&id).await {
+        let seen = match context.store.job_state(&id).await {
             Ok(job) => WatchedState::Job(Arc::new(job)),
             Err(_) => WatchedState::Unreadable,
         };

@@ -6,6 +6,8 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
 use crate::store::LeaseKey;
+use prost::Message;
+use yoto_proto::limits::RESULT_BYTES;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::other_models;
 use yoto_proto::v1::{
@@ -24,6 +26,7 @@ pub async fn check_result(
     spec: &JobSpec,
     result: &JobResult,
 ) -> Result<(), RequestError> {
+    check_length(result)?;
     match (&spec.kind, &result.kind) {
         (Some(job_spec::Kind::Ingest(spec)), Some(job_result::Kind::Ingest(result))) => {
             check_ingest(context, lease, &spec.capture, result).await
@@ -44,6 +47,22 @@ pub async fn check_result(
         }
         _ => Err(RequestError::invalid("result", "is not of the job's kind")),
     }
+}
+
+/// Checks that the result is short beside the files of a render: each watcher and each list of jobs gets it.
+fn check_length(result: &JobResult) -> Result<(), RequestError> {
+    let files: usize = match &result.kind {
+        Some(job_result::Kind::Render(render)) => {
+            render.files.iter().map(Message::encoded_len).sum()
+        }
+        _ => 0,
+    };
+    let bytes = result.encoded_len() - files;
+    if bytes > RESULT_BYTES {
+        let message = format!("{bytes} bytes beside files: at most {RESULT_BYTES} are allowed");
+        return Err(RequestError::invalid("result", message));
+    }
+    Ok(())
 }
 
 async fn check_ingest(
