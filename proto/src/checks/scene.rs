@@ -9,7 +9,8 @@ use std::ops::RangeInclusive;
 
 /// Actors of a scene.
 pub const ACTORS: RangeInclusive<usize> = 1..=16;
-/// Pictures of one render, and poses of one motion.
+/// Pictures of one render, and poses of one motion: 11 minutes at 15 frames per second. The files of a render with its
+/// order must fit into one answer.
 pub const MAX_PICTURES: u32 = 10_000;
 /// Longest side of a rendered picture, pixels.
 pub const MAX_SIDE: u32 = 4096;

@@ -9,7 +9,7 @@ mod leased;
 mod report;
 mod watchdog;
 
-use crate::retry::is_transient;
+use crate::retry::{is_transient, is_unreadable};
 use leased::Leased;
 use std::future::Future;
 use std::path::PathBuf;
@@ -244,6 +244,11 @@ impl Worker {
                 Err(status) if status.code() == Code::NotFound => name.clear(),
                 Err(status) if is_transient(status.code()) => {
                     tracing::debug!(%status, "asking for work failed, trying again");
+                }
+                // The next lease may be another one.
+                Err(status) if is_unreadable(status.code()) => {
+                    tracing::error!(%status, "a lease can't be read");
+                    call = Uuid::new_v4();
                 }
                 Err(status) => return Err(WorkerError::Refused(Box::new(status))),
             }

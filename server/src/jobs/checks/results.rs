@@ -7,12 +7,14 @@ use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
 use crate::store::LeaseKey;
 use prost::Message;
+use std::collections::HashSet;
+use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::limits::RESULT_BYTES;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::other_models;
 use yoto_proto::v1::{
     EvaluateResult, EvaluateSpec, ExportResult, ExportSpec, ExportedFile, IngestResult, JobResult,
-    JobSpec, ObjectRef, RenderResult, RenderSpec, Scores, job_result, job_spec,
+    JobSpec, ObjectRef, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
 };
 use yoto_proto::{keys, tiers};
 
@@ -201,7 +203,13 @@ async fn check_render(
         return Err(RequestError::invalid("result.render.choice", message));
     }
     check_others(spec, result)?;
+    let count = result.files.len();
+    if count > MAX_PICTURES as usize {
+        let message = format!("{count} files: at most {MAX_PICTURES} are allowed");
+        return Err(RequestError::invalid("result.render.files", message));
+    }
     let committed = context.store.outputs(&lease.job_id).await?;
+    let committed: HashSet<&RenderedFile> = committed.iter().collect();
     for (i, file) in result.files.iter().enumerate() {
         // Files of earlier leases were checked when they were committed.
         if committed.contains(file) {
