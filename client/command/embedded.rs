@@ -14,7 +14,6 @@ use std::time::Duration;
 use thiserror::Error;
 use tokio::net::TcpListener;
 use tokio::task::{JoinError, JoinHandle};
-use tokio_stream::wrappers::TcpListenerStream;
 use tokio_util::sync::CancellationToken;
 use url::Url;
 use yoto_avatar::loss::lpips::LpipsWeights;
@@ -282,7 +281,7 @@ async fn coordinate(
         match listener {
             Some(listener) => {
                 coordinator
-                    .serve(TcpListenerStream::new(listener), drain.cancelled())
+                    .serve(yoto_server::tcp(listener), drain.cancelled())
                     .await
             }
             None => Ok(()),

@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior, interval};
 use yoto_client::{ClientError, JobChange, YotoClient};
-use yoto_proto::v1::{Job, job, job_spec};
+use yoto_proto::v1::{Job, JobKind, job};
 use yoto_terminal::output;
 use yoto_terminal::progress::{ProgressDisplay, duration};
 
@@ -193,10 +193,9 @@ fn signal() -> std::io::Result<tokio::signal::windows::CtrlC> {
 
 /// How to come back to a job that nobody watches, in its `last` known state.
 fn left(name: &str, last: Option<&Job>) -> String {
-    let kind = last.and_then(|job| job.spec.as_ref()?.kind.as_ref());
-    let later = match kind {
+    let later = match last.map(Job::kind) {
         // An upload's job has no files.
-        Some(job_spec::Kind::Ingest(_)) => format!("`yoto job watch {name}`"),
+        Some(JobKind::Ingest) => format!("`yoto job watch {name}`"),
         _ => format!("`yoto job fetch {name} --out DIR`"),
     };
     format!(
@@ -208,14 +207,11 @@ fn left(name: &str, last: Option<&Job>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_proto::v1::{IngestSpec, JobSpec};
 
     #[test]
     fn the_way_back_depends_on_the_job() {
         let ingest = Job {
-            spec: Some(JobSpec {
-                kind: Some(job_spec::Kind::Ingest(IngestSpec::default())),
-            }),
+            kind: JobKind::Ingest.into(),
             ..Job::default()
         };
         assert!(left("jobs/1", Some(&ingest)).contains("`yoto job watch jobs/1`"));

@@ -20,6 +20,7 @@ pub mod pose_track;
 pub mod protocols;
 pub mod render_needs;
 pub mod smpl;
+pub mod text;
 pub mod tiers;
 
 /// Messages, clients and servers of package `yoto.v1`.

@@ -10,7 +10,7 @@ pub const ANSWER_BYTES: usize = 2 * MESSAGE_BYTES;
 /// Bytes on their way in a stream or connection before the receiver has read some of them.
 pub const WINDOW_BYTES: u32 = MESSAGE_BYTES as u32;
 /// Concurrent calls on one connection. A client that follows many jobs has one call for each.
-pub const STREAMS: u32 = 4096;
+pub const STREAMS: u32 = 1024;
 
 /// Bytes of an upload that are committed at once.
 pub const PART_BYTES: u64 = 8 << 20;
@@ -52,6 +52,12 @@ pub const PAGE_BYTES: usize = MESSAGE_BYTES / 2;
 pub const VIOLATIONS: usize = 100;
 /// Length of one text from a worker, such as a message of an error, bytes.
 pub const WORKER_TEXT_BYTES: usize = 4096;
+/// Length of one line from a worker, such as a note, bytes.
+pub const WORKER_LINE_BYTES: usize = 500;
+/// Lines of one list from a worker, such as the notes of a training.
+pub const WORKER_LINES: usize = 100;
+/// Bytes of a job's result beside its files.
+pub const RESULT_BYTES: usize = 1 << 20;
 
 /// The beginning of `text`, of at most `bytes` bytes, cut between characters.
 pub fn beginning(text: &str, bytes: usize) -> &str {

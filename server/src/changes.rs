@@ -17,7 +17,7 @@ use yoto_proto::v1::Job;
 pub enum WatchedState {
     /// It was not read yet.
     Nothing,
-    /// Its newest state.
+    /// Its newest state, without its order.
     Job(Arc<Job>),
     /// It can't be read: each watcher reads it again to get the reason.
     Unreadable,
@@ -71,7 +71,7 @@ pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedSta
 async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
-        let seen = match context.store.job(&id).await {
+        let seen = match context.store.job_state(&id).await {
             Ok(job) => Some(WatchedState::Job(Arc::new(job))),
             // A watch goes on with what it knows.
             Err(StoreError::Unavailable { .. }) => None,

@@ -4,6 +4,7 @@ use crate::checkpoints::retention::Retention;
 use crate::clock::{Clock, SystemClock};
 use crate::error::ServerError;
 use crate::faults::Faults;
+use crate::traffic::TrafficLimits;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -35,6 +36,8 @@ pub struct ServerConfig {
     pub upload: UploadLimits,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
+    /// What clients may hold.
+    pub traffic: TrafficLimits,
     /// Injected faults, for tests of the service.
     pub faults: Option<Arc<dyn Faults>>,
 }
@@ -129,6 +132,7 @@ impl ServerConfig {
                 expiry: Duration::from_secs(24 * 3600),
             },
             storage: StorageLimits::default(),
+            traffic: TrafficLimits::default(),
             faults: None,
         }
     }

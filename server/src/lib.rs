@@ -15,18 +15,23 @@ pub mod faults;
 mod health;
 mod in_memory;
 mod jobs;
+mod listen;
 mod lock;
+mod methods;
 mod objects;
 mod private;
 mod rules;
 mod serve;
 mod store;
+mod traffic;
 mod uploads;
 
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
+pub use listen::tcp;
 pub use store::StoreError;
+pub use traffic::TrafficLimits;
 pub use yoto_objects::ObjectsError;
 
 use changes::JobChanges;

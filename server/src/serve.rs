@@ -7,10 +7,10 @@ use crate::context::Context;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
 use crate::health;
-use futures::Stream;
+use crate::traffic::{Traffic, TrafficLayer};
+use futures::{Stream, StreamExt};
 use std::future::Future;
 use std::sync::Arc;
-use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_util::sync::CancellationToken;
 use tonic::service::Routes;
@@ -18,7 +18,7 @@ use tonic::transport::Server;
 use tonic::transport::server::Connected;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
-use yoto_proto::limits::{MESSAGE_BYTES, STREAMS, WINDOW_BYTES};
+use yoto_proto::limits::WINDOW_BYTES;
 use yoto_proto::v1::job_service_server::JobServiceServer;
 use yoto_proto::v1::model_service_server::ModelServiceServer;
 use yoto_proto::v1::object_service_server::ObjectServiceServer;
@@ -29,9 +29,6 @@ use yoto_proto::v1::subject_service_server::SubjectServiceServer;
 use yoto_proto::v1::upload_service_server::UploadServiceServer;
 use yoto_proto::v1::worker_service_server::WorkerServiceServer;
 
-/// Interval of keep-alive pings on idle connections.
-const KEEPALIVE: Duration = Duration::from_secs(20);
-
 /// All services, and the handle of the health service among them.
 async fn routes(
     context: &Arc<Context>,
@@ -39,7 +36,7 @@ async fn routes(
 ) -> Result<(Routes, HealthReporter), ServerError> {
     let context = || Arc::clone(context);
     let drain = || drain.clone();
-    let limit = MESSAGE_BYTES;
+    let limit = context().config.traffic.message_bytes;
     let (reporter, health_service) = tonic_health::server::health_reporter();
     health::set(&reporter, ServingStatus::Serving).await;
     let reflection = || {
@@ -101,12 +98,24 @@ where
         health::set(&reporter, ServingStatus::NotServing).await;
         drain.cancel();
     };
+    let limits = &context.config.traffic;
+    let traffic = Traffic::new(limits);
+    let admitting = Arc::clone(&traffic);
+    let incoming = incoming.filter_map(move |connection| {
+        let admitted = match connection {
+            Ok(io) => admitting.admit(io).map(Ok),
+            Err(error) => Some(Err(error)),
+        };
+        std::future::ready(admitted)
+    });
     let faults = context.config.faults.clone().map(FaultLayer::new);
     let serving = Server::builder()
         .initial_stream_window_size(WINDOW_BYTES)
         .initial_connection_window_size(WINDOW_BYTES)
-        .max_concurrent_streams(STREAMS)
-        .http2_keepalive_interval(Some(KEEPALIVE))
+        .max_concurrent_streams(limits.connection_calls)
+        .http2_keepalive_interval(Some(limits.ping))
+        .http2_keepalive_timeout(Some(limits.ping))
+        .layer(TrafficLayer::new(traffic))
         .layer(tower::util::option_layer(faults))
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);

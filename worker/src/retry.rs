@@ -26,6 +26,11 @@ pub(crate) fn is_transient(code: Code) -> bool {
     )
 }
 
+/// Whether an answer came that is too long for this program: it says nothing about the next one.
+pub(crate) fn is_unreadable(code: Code) -> bool {
+    code == Code::OutOfRange
+}
+
 /// Whether the coordinator reports that this lease is lost.
 pub(crate) fn is_stale_lease(status: &Status) -> bool {
     let details = status.get_error_details();
@@ -52,8 +57,10 @@ mod tests {
             Code::NotFound,
             Code::InvalidArgument,
         ] {
-            assert!(!is_transient(code), "{code:?}");
+            assert!(!is_transient(code) && !is_unreadable(code), "{code:?}");
         }
+        // Otherwise one job would end worker after worker.
+        assert!(is_unreadable(Code::OutOfRange));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use thiserror::Error;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 use yoto_proto::pose_track::describe;
+use yoto_proto::text::{LINE_CHARACTERS, one_line};
 use yoto_proto::v1::{Job, Violation, job};
 
 /// Errors of [`YotoClient`](super::YotoClient).
@@ -101,10 +102,10 @@ impl std::error::Error for Refusal {}
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.doing, self.status.message())?;
+        write!(f, "{}: {}", self.doing, shown(self.status.message()))?;
         let details = self.status.get_error_details();
         match details.error_info() {
-            Some(info) if !info.reason.is_empty() => write!(f, " [{}]", info.reason)?,
+            Some(info) if !info.reason.is_empty() => write!(f, " [{}]", shown(&info.reason))?,
             _ => write!(f, " [{:?}]", self.status.code())?,
         }
         for violation in details
@@ -115,7 +116,7 @@ impl fmt::Display for Refusal {
             let line = format!("{}: {}", violation.field, violation.description);
             // A single fault may be the message itself.
             if !self.status.message().contains(&line) {
-                write!(f, "\n  {line}")?;
+                write!(f, "\n  {}", shown(&line))?;
             }
         }
         // With an ErrorInfo, the service itself has answered.
@@ -132,6 +133,11 @@ fn capture(place: &str) -> String {
         "" => "the input".into(),
         place => format!("the capture {place}"),
     }
+}
+
+/// A text of the service or a worker, in one line.
+fn shown(text: &str) -> String {
+    one_line(text, LINE_CHARACTERS)
 }
 
 /// One indented line per violation.
@@ -151,8 +157,8 @@ fn job_ended(job: &Job) -> String {
         Some(error) => format!(
             "{} {state}: {} [{}]{}",
             job.name,
-            error.message,
-            error.code,
+            shown(&error.message),
+            shown(&error.code),
             match error.violations.as_slice() {
                 // A single fault may be the message itself.
                 [one] if error.message.contains(&one.message) => String::new(),
@@ -184,6 +190,24 @@ mod tests {
             error.to_string(),
             "creating a job: the job can't be created [BAD_SPEC]\n  spec.train.seconds: -1 is below 0"
         );
+    }
+
+    #[test]
+    fn what_others_wrote_stays_in_its_line() {
+        let text = "no\u{1b}]0;owned\u{7}\nerror: all is lost";
+        let error = ClientError::refused("reading")(Status::not_found(text)).to_string();
+        let expected = "reading: no\\u{1b}]0;owned\\u{7} error: all is lost [NotFound]";
+        assert_eq!(error, expected);
+        let job = Job {
+            error: Some(JobError {
+                message: text.repeat(1000),
+                ..JobError::default()
+            }),
+            ..Job::default()
+        };
+        let error = ClientError::JobEnded(Box::new(job)).to_string();
+        assert!(!error.contains(['\n', '\u{1b}']), "{error}");
+        assert!(error.chars().count() < 2 * LINE_CHARACTERS);
     }
 
     #[test]

@@ -14,7 +14,6 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
-use tokio_stream::wrappers::TcpListenerStream;
 use yoto_client::{FileSource, UploadFile, YotoClient};
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{GetUploadRequest, capture};
@@ -53,7 +52,7 @@ impl Service {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
         let address = listener.local_addr().expect("has an address");
         let (stop, stopped) = oneshot::channel();
-        let incoming = TcpListenerStream::new(listener);
+        let incoming = yoto_server::tcp(listener);
         let serving = coordinator.serve(incoming, async {
             // Without a sender it stops as well.
             let _ = stopped.await;

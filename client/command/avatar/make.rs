@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use yoto_ingest::IngestSettings;
 use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{Orbit, TrainResult, TrainSpec, render_spec};
+use yoto_terminal::output::others;
 
 /// Quality tier and variant of the model.
 const TIER: &str = DEFAULT_TIER;
@@ -86,7 +87,7 @@ pub(super) async fn make(
             tell!("note: pictures of the training are missing: {error:#}");
         }
         for note in &trained.notes {
-            detail!("note: {note}");
+            detail!("note: {}", others(note));
         }
         live.doing("trained; rendering the person from all around");
         let shots = Shots {

@@ -7,7 +7,7 @@ use anyhow::Context;
 use std::path::PathBuf;
 use yoto_client::YotoClient;
 use yoto_proto::v1::{EvaluateResult, Job, NamedObject, job_result};
-use yoto_terminal::output;
+use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::ProgressDisplay;
 use yoto_terminal::scores::scores_json;
 
@@ -46,7 +46,7 @@ async fn measured(
 ) -> anyhow::Result<Vec<PathBuf>> {
     folder.ensure_free(|name| name == SCORES || is_of_tradeoff(name))?;
     for note in &result.notes {
-        tell!("note: {note}");
+        tell!("note: {}", others(note));
     }
     let out = &folder.out;
     let mut paths = Vec::new();

@@ -15,7 +15,7 @@ use std::time::SystemTime;
 use yoto_client::{ClientError, YotoClient};
 use yoto_proto::pose_track;
 use yoto_proto::v1::{Job, job};
-use yoto_terminal::output;
+use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::ProgressDisplay;
 
 const SHOW_HELP: &str = "\
@@ -206,7 +206,7 @@ async fn show(which: &Which) -> anyhow::Result<()> {
         _ => {}
     }
     if !job.owner.is_empty() {
-        say!("owner    {}", job.owner);
+        say!("owner    {}", others(&job.owner));
     }
     if job.lost_workers > 0 {
         say!("lost     {} workers", job.lost_workers);
@@ -215,7 +215,11 @@ async fn show(which: &Which) -> anyhow::Result<()> {
         say!("attempt  {}", show::attempt_line(attempt));
     }
     if let Some(error) = &job.error {
-        say!("fault    {} [{}]", error.message, error.code);
+        say!(
+            "fault    {} [{}]",
+            others(&error.message),
+            others(&error.code)
+        );
         for violation in &error.violations {
             say!("         {}", pose_track::describe(violation));
         }

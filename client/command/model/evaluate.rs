@@ -8,7 +8,7 @@ use clap::Args;
 use yoto_proto::names;
 use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
 use yoto_proto::v1::{EvaluateSpec, job_result};
-use yoto_terminal::output;
+use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::ProgressDisplay;
 use yoto_terminal::scores::{scores_json, scores_table};
 
@@ -90,7 +90,7 @@ impl Evaluate {
         };
         display.finish(&show::evaluate_summary(&result));
         for note in &result.notes {
-            tell!("note: {note}");
+            tell!("note: {}", others(note));
         }
         let size = show::size_of(result.image_size);
         say!(

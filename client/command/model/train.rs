@@ -14,7 +14,7 @@ use yoto_client::YotoClient;
 use yoto_proto::checks::train::of_tier;
 use yoto_proto::tiers::DEFAULT_TIER;
 use yoto_proto::v1::{Model, TrainSpec, job_result};
-use yoto_terminal::output;
+use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::ProgressDisplay;
 
 const AFTER_HELP: &str = "\
@@ -161,7 +161,7 @@ pub(crate) async fn trained(
             display.clear();
             say!("{}", show::train_summary(&result));
             for note in &result.notes {
-                say!("{note}");
+                say!("{}", others(note));
             }
         }
         _ => display.finish("done"),

@@ -7,6 +7,7 @@ use yoto_proto::v1::{
     EvaluateResult, ExportResult, Job, JobAttempt, TrainResult, job, job_attempt::Outcome,
     job_result,
 };
+use yoto_terminal::output::others;
 use yoto_terminal::progress::{count, describe, duration};
 
 /// Result of a successful job, in one line.
@@ -21,7 +22,7 @@ pub(crate) fn job_outcome(job: &Job) -> String {
                 "{} files, {:.2} s per frame on {}",
                 it.files.len(),
                 it.seconds_per_frame,
-                it.device
+                others(&it.device)
             )
         }
         Some(job_result::Kind::Evaluate(it)) => evaluate_summary(it),
@@ -35,7 +36,7 @@ pub(crate) fn job_detail(job: &Job) -> String {
     match job.state() {
         job::State::Running => job.progress.as_ref().map(describe).unwrap_or_default(),
         job::State::Queued => match &job.waiting {
-            Some(cause) => format!("waits to be tried again: {}", cause.message),
+            Some(cause) => format!("waits to be tried again: {}", others(&cause.message)),
             None => format!("{} ahead in the queue", job.queue_position),
         },
         job::State::Succeeded => job_outcome(job),
@@ -43,7 +44,7 @@ pub(crate) fn job_detail(job: &Job) -> String {
             job.error
                 .as_ref()
                 .map_or_else(String::new, |error| match error.violations.as_slice() {
-                    [] => error.message.clone(),
+                    [] => others(&error.message),
                     [one] => pose_track::describe(one),
                     [first, more @ ..] => {
                         format!("{}, and {} more", pose_track::describe(first), more.len())
@@ -75,7 +76,7 @@ pub(crate) fn train_summary(result: &TrainResult) -> String {
         "{quality}{} steps in {} on {}, {:.2} M parameters, {} ({:.1} MB)",
         result.steps,
         duration(result.train_seconds),
-        result.device,
+        others(&result.device),
         result.parameters as f64 / 1e6,
         result.checkpoint,
         result.checkpoint_bytes as f64 / 1e6
@@ -123,11 +124,13 @@ pub(crate) fn attempt_line(attempt: &JobAttempt) -> String {
         format!(" for {}", span(end - begin))
     });
     let fault = attempt.error.as_ref();
-    let fault = fault.map_or_else(String::new, |it| format!(": {} [{}]", it.message, it.code));
+    let fault = fault.map_or_else(String::new, |it| {
+        format!(": {} [{}]", others(&it.message), others(&it.code))
+    });
     format!(
         "{} by {}{time}: {}{fault}",
         attempt.number,
-        attempt.worker_display_name,
+        others(&attempt.worker_display_name),
         word(attempt.outcome())
     )
 }

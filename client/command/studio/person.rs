@@ -5,6 +5,7 @@ use std::path::Path;
 use yoto_client::YotoClient;
 use yoto_import::capture_dir::CaptureDir;
 use yoto_proto::v1::{Subject, job_result};
+use yoto_terminal::output::others;
 use yoto_terminal::progress::{ProgressDisplay, count};
 
 /// Adds a person called `name`, uploads the capture folder and waits until it is ingested.
@@ -34,7 +35,7 @@ pub async fn upload(
     display.finish_in_detail(&format!("{} uploaded and ingested", count(frames, "frame")));
     if let Some(job_result::Kind::Ingest(ingest)) = job.result.and_then(|result| result.kind) {
         for note in ingest.notes.iter().chain(&ingest.warnings) {
-            detail!("note: {note}");
+            detail!("note: {}", others(note));
         }
     }
     Ok(subject)

@@ -13,7 +13,7 @@ use yoto_client::YotoClient;
 use yoto_import::capture_dir::CaptureDir;
 use yoto_import::{Format, TrackForm};
 use yoto_proto::v1::{Job, Subject, job_result, subject};
-use yoto_terminal::output;
+use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::ProgressDisplay;
 
 pub(super) const HELP: &str = "\
@@ -188,13 +188,13 @@ pub(super) fn say_ingested(job: &Job, name: &str, told: &[String], display: Prog
         return display.finish("ready");
     };
     for note in ingest.notes.iter().filter(|note| !told.contains(note)) {
-        tell!("{name}: {note}");
+        tell!("{name}: {}", others(note));
     }
     display.finish(&format!(
         "ready, {} frames of {}x{}",
         ingest.frames, ingest.width, ingest.height
     ));
     for warning in &ingest.warnings {
-        tell!("warning: {warning}");
+        tell!("warning: {}", others(warning));
     }
 }

@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use poses::SubjectPoses;
 use yoto_proto::pose_track::describe;
 use yoto_proto::v1::subject;
-use yoto_terminal::output;
+use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::count;
 
 const SHOW_HELP: &str = "\
@@ -81,7 +81,7 @@ async fn show(server: &Server, name: &str) -> anyhow::Result<()> {
     say!("person   {} ({})", subject.display_name, subject.name);
     say!("state    {}", subject.state().as_str_name());
     if !subject.consent_note.is_empty() {
-        say!("consent  {}", subject.consent_note);
+        say!("consent  {}", others(&subject.consent_note));
     }
     let mut captures = Vec::new();
     for name in &subject.captures {

@@ -1,6 +1,9 @@
 //! The command line's output: results on stdout, as text for people or as one JSON object for programs,
 //! and everything else on stderr.
 //!
+//! Characters that act on a terminal are shown in place of acting, whoever wrote them. A text of somebody else that is to
+//! stay in its line passes [`others`] as well.
+//!
 //! A reader that goes away, such as `head`, ends the program quietly; `println!` would panic.
 //!
 //! A command that says little keeps the rest in a log: see [`log`].
@@ -14,6 +17,7 @@ use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::sync::{LazyLock, Mutex, OnceLock, PoisonError};
+use yoto_proto::text::{LINE_CHARACTERS, one_line, visible};
 
 /// What a command shows.
 #[derive(Debug, Clone, Copy, Default)]
@@ -42,23 +46,30 @@ pub fn style() -> Style {
     STYLE.get().copied().unwrap_or_default()
 }
 
+/// A text that somebody else wrote, in one line: a note, an error, a name.
+pub fn others(text: &str) -> String {
+    one_line(text, LINE_CHARACTERS)
+}
+
 /// Prints a line of a result for people. [`crate::say`] formats it.
 pub fn line(text: Arguments<'_>) {
-    log::keep(text);
+    let text = text.to_string();
+    let text = visible(&text);
+    log::keep(&text);
     if !style().json {
-        write_out(text);
+        write_out(&text);
     }
 }
 
 /// Prints a note for people on stderr. [`crate::tell`] formats it.
 pub fn note(text: Arguments<'_>) {
-    log::keep(text);
+    log::keep(&visible(&text.to_string()));
     passing(text);
 }
 
 /// As [`note`], but a brief style keeps it off the terminal. [`crate::detail`] formats it.
 pub fn detail(text: Arguments<'_>) {
-    log::keep(text);
+    log::keep(&visible(&text.to_string()));
     if !style().brief {
         passing(text);
     }
@@ -68,15 +79,17 @@ pub fn detail(text: Arguments<'_>) {
 pub fn passing(text: Arguments<'_>) {
     if !style().quiet {
         // A failed write to stderr can't be reported.
-        let _ = writeln!(std::io::stderr().lock(), "{text}");
+        let _ = writeln!(std::io::stderr().lock(), "{}", visible(&text.to_string()));
     }
 }
 
 /// Prints an error on stderr, and adds it to the result for programs.
 pub fn error(text: Arguments<'_>) {
-    put("error", text.to_string());
-    log::keep(format_args!("error: {text}"));
-    let _ = writeln!(std::io::stderr().lock(), "error: {text}");
+    let text = text.to_string();
+    let shown = format!("error: {}", visible(&text));
+    log::keep(&shown);
+    let _ = writeln!(std::io::stderr().lock(), "{shown}");
+    put("error", text);
 }
 
 /// Adds a part of the result for programs, under `name`.
@@ -89,11 +102,11 @@ pub fn put(name: &str, value: impl Into<Value>) {
 pub fn finish() {
     if style().json {
         let results = RESULTS.lock().unwrap_or_else(PoisonError::into_inner);
-        write_out(format_args!("{:#}", Value::Object(results.clone())));
+        write_out(&format!("{:#}", Value::Object(results.clone())));
     }
 }
 
-fn write_out(text: Arguments<'_>) {
+fn write_out(text: &str) {
     let mut out = std::io::stdout().lock();
     if let Err(error) = writeln!(out, "{text}").and_then(|()| out.flush()) {
         if error.kind() == ErrorKind::BrokenPipe {

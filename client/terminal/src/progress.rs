@@ -4,10 +4,12 @@
 mod rate;
 
 use crate::output;
+use crate::output::others;
 use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rate::Rate;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
+use yoto_proto::text::visible;
 use yoto_proto::v1::{Job, Progress, job};
 
 /// Interval between plain lines; shorter activities have only their last line.
@@ -39,7 +41,7 @@ impl ProgressDisplay {
             {
                 bar.set_style(style);
             }
-            bar.set_prefix(label.clone());
+            bar.set_prefix(others(&label));
             bar.enable_steady_tick(Duration::from_millis(500));
             bar
         });
@@ -128,7 +130,7 @@ impl ProgressDisplay {
     pub fn note(&self, text: &str) {
         let line = format!("{}: {text}", self.label);
         match &self.bar {
-            Some(bar) => bar.println(line),
+            Some(bar) => bar.println(visible(&line)),
             None => tell!("{line}"),
         }
     }
@@ -177,7 +179,7 @@ fn queued(job: &Job) -> String {
         ahead => format!("{ahead} ahead in the queue"),
     };
     if let Some(cause) = &job.waiting {
-        return format!("waits to be tried again: {}", cause.message);
+        return format!("waits to be tried again: {}", others(&cause.message));
     }
     match job.lost_workers {
         0 => format!("queued, {position}"),
@@ -194,7 +196,7 @@ pub fn describe(progress: &Progress) -> String {
     let mut parts = vec![if progress.phase.is_empty() {
         "working".to_owned()
     } else {
-        progress.phase.clone()
+        others(&progress.phase)
     }];
     match (progress.step, progress.total_steps) {
         (0, 0) => {}
@@ -210,7 +212,7 @@ pub fn describe(progress: &Progress) -> String {
     if let Some(psnr) = progress.psnr {
         parts.push(format!("held-out {psnr:.2} dB"));
     }
-    parts.extend(progress.active_parts.iter().cloned());
+    parts.extend(progress.active_parts.iter().map(|it| others(it)));
     if progress.skipped_steps > 0 {
         parts.push(format!("{} steps skipped", progress.skipped_steps));
     }
@@ -262,6 +264,9 @@ mod tests {
             ..Progress::default()
         };
         assert_eq!(describe(&progress), "training · step 120");
+        progress.active_parts = vec!["a\u{1b}c\nb".into()];
+        assert_eq!(describe(&progress), "training · step 120 · a\\u{1b}c b");
+        progress.active_parts.clear();
         progress.total_steps = 400;
         progress.steps_per_second = 9.31;
         progress.loss = 0.0123;

@@ -1,7 +1,18 @@
 //! Plain tables.
 
-/// Rows of equal length as aligned columns under a header.
+use yoto_proto::text::one_line;
+
+/// Longest cell, characters.
+const CELL_CHARACTERS: usize = 200;
+
+/// Rows of equal length as aligned columns under a header. Each cell stays in its line, whoever wrote it.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let cells = |row: &Vec<String>| -> Vec<String> {
+        row.iter()
+            .map(|cell| one_line(cell, CELL_CHARACTERS))
+            .collect()
+    };
+    let rows: Vec<Vec<String>> = rows.iter().map(cells).collect();
     let width = |column: usize| {
         let cells = rows
             .iter()
@@ -31,6 +42,20 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_others_wrote_stays_in_its_cell() {
+        let rows = vec![
+            vec!["a\nb".into(), "\u{1b}[2J".into()],
+            vec!["x".repeat(10_000), "y".into()],
+        ];
+        let table = table(&["NAME", "CONSENT"], &rows);
+        let lines: Vec<&str> = table.lines().collect();
+        assert_eq!(lines.len(), 3, "{table}");
+        assert!(lines[1].starts_with("a b "), "{table}");
+        assert!(lines[1].ends_with("\\u{1b}[2J"), "{table}");
+        assert!(lines[2].chars().count() < 2 * CELL_CHARACTERS);
+    }
 
     #[test]
     fn columns_align() {

@@ -1,5 +1,6 @@
 //! Orders to render.
 
+use super::scene::MAX_PICTURES;
 use super::{Fault, Faults, scene};
 use crate::render_needs::{model_of, other_models};
 use crate::tiers;
@@ -84,6 +85,31 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
     }
 }
 
+/// The pictures that `what` shows of one person, as far as the order alone tells it: at most, and 0 where only the
+/// captures tell it.
+fn known_pictures(what: &What) -> u64 {
+    let count = match what {
+        What::Views(list) => list.views.len() as u64,
+        What::Orbit(orbit) => orbit.views.into(),
+        What::Clip(clip) => clip.poses.len() as u64,
+        // With an end, the count is only an upper limit.
+        What::Motion(motion) if motion.end_frame.is_none() => motion.frame_count.into(),
+        What::Motion(_) | What::Scene(_) => 0,
+    };
+    count.min(MAX_PICTURES.into())
+}
+
+/// Why a render of `pictures` of each of `people` is refused; `None` if it is not.
+pub fn too_many(pictures: u64, people: u64) -> Option<String> {
+    let all = pictures.saturating_mul(people);
+    (all > u64::from(MAX_PICTURES)).then(|| match people {
+        1 => format!("{all} pictures: at most {MAX_PICTURES} are allowed"),
+        _ => format!(
+            "{pictures} pictures of {people} people are {all}: at most {MAX_PICTURES} are allowed"
+        ),
+    })
+}
+
 /// Checks the models of a scene: at least one actor must use the render's.
 fn check_models(found: &mut Faults, render: &RenderSpec, scene: &Scene) {
     let mut models = scene.actors.iter().map(|actor| model_of(render, actor));
@@ -111,6 +137,10 @@ fn check_between(found: &mut Faults, render: &RenderSpec, between: &Between) {
     });
     for (i, share) in between.shares.iter().enumerate() {
         found.between(&format!("between.shares[{i}]"), *share, &(0.0..=1.0));
+    }
+    let pictures = render.what.as_ref().map_or(0, known_pictures);
+    if let Some(message) = too_many(pictures, shares as u64) {
+        found.add("between.shares", message);
     }
     let alone = !matches!(render.what, Some(What::Scene(_))) && !render.compare;
     found.unless(alone, "between", || {
@@ -281,6 +311,20 @@ mod tests {
         assert_eq!(fields(&with(&[0.5, 1.5], false)), ["between.shares[1]"]);
         assert_eq!(fields(&with(&[f32::NAN], false)), ["between.shares[0]"]);
         assert_eq!(fields(&with(&[0.5], true)), ["between"]);
+        // Each person is in all pictures.
+        let many = |views| RenderSpec {
+            what: Some(What::Orbit(Orbit {
+                frame: 0,
+                views,
+                size: 16,
+            })),
+            ..with(&[0.5; 100], false)
+        };
+        assert_eq!(faults(&many(100)), []);
+        let found = faults(&many(10_000));
+        assert_eq!(found[0].field, "between.shares");
+        let message = &found[0].message;
+        assert!(message.contains("1000000: at most 10000"), "{message}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod binary;
 mod check;
 mod file;
 
+use crate::text::{LINE_CHARACTERS, one_line};
 use crate::v1::Violation;
 use serde::{Deserialize, Serialize};
 
@@ -103,7 +104,7 @@ pub fn describe(violation: &Violation) -> String {
     if !violation.field.is_empty() {
         text += &format!(": {}", violation.field);
     }
-    format!("{text}: {}", violation.message)
+    one_line(&format!("{text}: {}", violation.message), LINE_CHARACTERS)
 }
 
 /// Whether a file's name says that it holds protocol buffers.

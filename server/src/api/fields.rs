@@ -5,6 +5,7 @@ use crate::store::{JobKind, NewJob, RequestKey};
 use prost::Message;
 use yoto_proto::limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES};
 use yoto_proto::names::Collection;
+use yoto_proto::text::is_hidden;
 use yoto_proto::v1::{JobPriority, JobSpec};
 
 /// The id in a resource name.
@@ -17,7 +18,7 @@ pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, Req
 /// A display name: one line, not empty, without the comma that separates names in lists.
 pub fn display_name(name: &str) -> Result<String, RequestError> {
     let name = name.trim();
-    if name.is_empty() || name.len() > DISPLAY_NAME_BYTES || name.chars().any(char::is_control) {
+    if name.is_empty() || name.len() > DISPLAY_NAME_BYTES || name.chars().any(is_hidden) {
         let message = format!("a display name is one line of 1 to {DISPLAY_NAME_BYTES} bytes");
         return Err(RequestError::invalid("display_name", message));
     }
@@ -31,11 +32,21 @@ pub fn display_name(name: &str) -> Result<String, RequestError> {
 /// A line for people, which may be empty.
 pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestError> {
     let text = text.trim();
-    if text.chars().count() > longest || text.chars().any(char::is_control) {
+    if text.chars().count() > longest || text.chars().any(is_hidden) {
         let message = format!("one line of at most {longest} characters is allowed");
         return Err(RequestError::invalid(field, message));
     }
     Ok(text.to_owned())
+}
+
+/// A text for people of several lines, which may be empty.
+pub fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError> {
+    let hidden = |it: char| is_hidden(it) && !matches!(it, '\n' | '\r' | '\t');
+    if text.len() > longest || text.chars().any(hidden) {
+        let message = format!("at most {longest} bytes of printable text are allowed");
+        return Err(RequestError::invalid(field, message));
+    }
+    Ok(())
 }
 
 /// Kinds of jobs. An unknown kind is refused: it would match no job.
@@ -68,7 +79,7 @@ pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, Requ
 
 /// A request id: printable, and not too long.
 pub fn request_id(request_id: &str) -> Result<(), RequestError> {
-    if request_id.len() > REQUEST_ID_BYTES || request_id.chars().any(char::is_control) {
+    if request_id.len() > REQUEST_ID_BYTES || request_id.chars().any(is_hidden) {
         let message = format!("a request id has at most {REQUEST_ID_BYTES} printable bytes");
         return Err(RequestError::invalid("request_id", message));
     }

@@ -143,7 +143,7 @@ impl JobService for JobApi {
         // An unknown job is answered at once, not as the first item of a stream.
         self.context
             .store
-            .job(&id)
+            .job_state(&id)
             .await
             .map_err(RequestError::from)?;
         let context = Arc::clone(&self.context);

@@ -9,9 +9,16 @@ use std::collections::HashMap;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
 use yoto_objects::ObjectsError;
+use yoto_proto::limits::beginning;
 
 /// The domain of every `ErrorInfo`.
 const DOMAIN: &str = "yoto.v1";
+
+/// Longest message of an error, bytes. An error travels in headers, of which gRPC's C core takes 8 KiB: its message in
+/// up to three bytes for one, and twice in details, with four bytes for three.
+const TEXT_BYTES: usize = 1024;
+/// Longest name of a field, or value that is told with an error, bytes.
+const FIELD_BYTES: usize = 256;
 
 impl From<RequestError> for Status {
     fn from(error: RequestError) -> Self {
@@ -29,6 +36,7 @@ impl From<RequestError> for Status {
                 status(Code::ResourceExhausted, text, "DISK_FULL", &metadata)
             }
             RequestError::CorruptChunk { .. } => status(Code::DataLoss, text, "CORRUPT_CHUNK", &[]),
+            RequestError::Busy(_) => status(Code::Unavailable, text, "BUSY", &[]),
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),
@@ -67,15 +75,24 @@ fn store(error: StoreError) -> Status {
     }
 }
 
+/// The beginning of `text`.
+fn brief(text: &str, bytes: usize) -> String {
+    match beginning(text, bytes) {
+        whole if whole.len() == text.len() => whole.to_owned(),
+        _ => format!("{}…", beginning(text, bytes - '…'.len_utf8())),
+    }
+}
+
 fn status(
     code: Code,
     text: String,
     reason: &'static str,
     metadata: &[(&'static str, String)],
 ) -> Status {
+    let text = brief(&text, TEXT_BYTES);
     let metadata: HashMap<String, String> = metadata
         .iter()
-        .map(|(key, value)| ((*key).to_owned(), value.clone()))
+        .map(|(key, value)| ((*key).to_owned(), brief(value, FIELD_BYTES)))
         .collect();
     Status::with_error_details(
         code,
@@ -85,6 +102,8 @@ fn status(
 }
 
 fn invalid(text: String, field: String, message: String) -> Status {
+    let (text, message) = (brief(&text, TEXT_BYTES), brief(&message, TEXT_BYTES));
+    let field = brief(&field, FIELD_BYTES);
     let metadata = HashMap::from([("field".to_owned(), field.clone())]);
     let mut details = ErrorDetails::with_error_info("INVALID_ARGUMENT", DOMAIN, metadata);
     details.add_bad_request_violation(field, message);
@@ -110,4 +129,33 @@ fn internal(error: &dyn std::error::Error) -> Status {
     tracing::error!(%error, "internal error in a request");
     let text = "internal error of the coordinator; see its log".to_owned();
     status(Code::Internal, text, "INTERNAL", &[])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What gRPC's C core takes by default.
+    const HEADER_BYTES: usize = 8 << 10;
+
+    #[test]
+    fn an_error_fits_into_headers_whatever_it_quotes() {
+        let number = || "1.2345678, ".repeat(5000);
+        let marks = || "é".repeat(50_000);
+        for error in [
+            RequestError::invalid("spec.render.background", number()),
+            RequestError::invalid(marks(), marks()),
+            RequestError::precondition("NO_SLOT", marks()),
+            RequestError::NotFound { name: marks() },
+        ] {
+            let response = Status::from(error).into_http::<()>();
+            let headers = response.headers().iter();
+            let bytes: usize = headers
+                .map(|(key, value)| key.as_str().len() + value.len())
+                .sum();
+            assert!(bytes < HEADER_BYTES, "{bytes} bytes");
+        }
+        let short = Status::from(RequestError::invalid("a", "b"));
+        assert_eq!(short.message(), "a: b");
+    }
 }

@@ -40,10 +40,8 @@ impl SubjectService for SubjectApi {
             let subject = store.subject(&id).await;
             return Ok(Response::new(subject.map_err(RequestError::from)?));
         }
-        if request.consent_note.len() > limits::CONSENT_NOTE_BYTES {
-            let message = format!("is longer than {} bytes", limits::CONSENT_NOTE_BYTES);
-            return Err(RequestError::invalid("consent_note", message).into());
-        }
+        let note = &request.consent_note;
+        fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES)?;
         let new = NewSubject {
             display_name: fields::display_name(&request.display_name)?,
             consent_note: request.consent_note,

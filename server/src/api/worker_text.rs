@@ -1,10 +1,25 @@
-//! Texts of workers, cut to what a database and a reader can use: a worker is not trusted to be brief.
+//! What workers tell, cut to what a database and a reader can use: a worker is not trusted to be brief.
 
-use yoto_proto::limits::{VIOLATIONS, WORKER_TEXT_BYTES, beginning};
-use yoto_proto::v1::{JobError, WorkerDevice};
+use yoto_proto::limits::{
+    VIOLATIONS, WORKER_LINE_BYTES, WORKER_LINES, WORKER_TEXT_BYTES, beginning,
+};
+use yoto_proto::v1::{JobError, JobResult, Progress, WorkerDevice, job_result};
 
 fn cut(text: &mut String) {
     text.truncate(beginning(text, WORKER_TEXT_BYTES).len());
+}
+
+/// Cuts short texts, such as the name of a device.
+fn cut_lines<'a>(lines: impl IntoIterator<Item = &'a mut String>) {
+    for line in lines {
+        line.truncate(beginning(line, WORKER_LINE_BYTES).len());
+    }
+}
+
+/// Cuts a list of lines for people.
+fn cut_list(lines: &mut Vec<String>) {
+    lines.truncate(WORKER_LINES);
+    cut_lines(lines);
 }
 
 /// The error of a job.
@@ -13,14 +28,12 @@ pub fn error(mut error: JobError) -> JobError {
     cut(&mut error.message);
     error.violations.truncate(VIOLATIONS);
     for violation in &mut error.violations {
-        for text in [
+        cut_lines([
             &mut violation.code,
             &mut violation.file,
             &mut violation.field,
             &mut violation.message,
-        ] {
-            cut(text);
-        }
+        ]);
     }
     error
 }
@@ -32,10 +45,60 @@ pub fn device(mut device: WorkerDevice) -> WorkerDevice {
     device
 }
 
+/// The progress of a job. Figures that are not finite are unknown.
+pub fn progress(mut progress: Progress) -> Progress {
+    cut_lines([
+        &mut progress.phase,
+        &mut progress.objective,
+        &mut progress.device,
+    ]);
+    cut_list(&mut progress.active_parts);
+    for figure in [
+        &mut progress.fraction,
+        &mut progress.steps_per_second,
+        &mut progress.loss,
+        &mut progress.seconds_left,
+        &mut progress.live_fraction,
+        &mut progress.train_seconds,
+    ] {
+        if !figure.is_finite() {
+            *figure = 0.0;
+        }
+    }
+    for figure in [&mut progress.psnr, &mut progress.ssim] {
+        *figure = figure.filter(|it| it.is_finite());
+    }
+    progress
+}
+
+/// The texts for people in a job's result. Names of resources and files are checked elsewhere.
+pub fn result(mut result: JobResult) -> JobResult {
+    match &mut result.kind {
+        Some(job_result::Kind::Ingest(it)) => {
+            cut_list(&mut it.warnings);
+            cut_list(&mut it.notes);
+        }
+        Some(job_result::Kind::Train(it)) => {
+            cut_lines([&mut it.device, &mut it.objective]);
+            cut_list(&mut it.active_parts);
+            cut_list(&mut it.notes);
+        }
+        Some(job_result::Kind::Render(it)) => cut_lines([&mut it.device]),
+        Some(job_result::Kind::Evaluate(it)) => {
+            cut_lines([&mut it.device, &mut it.protocol]);
+            cut_list(&mut it.notes);
+        }
+        Some(job_result::Kind::Export(it)) => cut_lines([&mut it.device]),
+        None => {}
+    }
+    result
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_proto::v1::Violation;
+    use prost::Message;
+    use yoto_proto::v1::{TrainResult, Violation};
 
     #[test]
     fn long_reports_are_cut_and_short_ones_are_not_changed() {
@@ -51,7 +114,32 @@ mod tests {
         });
         assert_eq!(cut.message.len(), WORKER_TEXT_BYTES);
         assert_eq!(cut.violations.len(), VIOLATIONS);
-        assert_eq!(cut.violations[0].message.len(), WORKER_TEXT_BYTES);
+        assert_eq!(cut.violations[0].message.len(), WORKER_LINE_BYTES);
         assert_eq!(error(cut.clone()), cut);
+    }
+
+    #[test]
+    fn progress_and_results_are_short_however_much_is_told() {
+        let many = || vec!["x".repeat(1000); 100_000];
+        let told = progress(Progress {
+            phase: "y".repeat(1 << 20),
+            active_parts: many(),
+            seconds_left: f64::NAN,
+            psnr: Some(f64::INFINITY),
+            loss: 0.5,
+            ..Progress::default()
+        });
+        assert!(told.encoded_len() < 64 << 10);
+        assert_eq!((told.seconds_left, told.psnr, told.loss), (0.0, None, 0.5));
+        assert_eq!(progress(told.clone()), told);
+        let told = result(JobResult {
+            kind: Some(job_result::Kind::Train(TrainResult {
+                notes: many(),
+                active_parts: many(),
+                ..TrainResult::default()
+            })),
+        });
+        assert!(told.encoded_len() < 128 << 10);
+        assert_eq!(result(told.clone()), told);
     }
 }

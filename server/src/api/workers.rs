@@ -44,7 +44,7 @@ fn ending(outcome: Option<Outcome>) -> Result<Ending, RequestError> {
         Ok(worker_text::error(error))
     };
     match outcome {
-        Some(Outcome::Succeeded(result)) => Ok(Ending::Succeeded(result)),
+        Some(Outcome::Succeeded(result)) => Ok(Ending::Succeeded(worker_text::result(result))),
         Some(Outcome::Failed(error)) => Ok(Ending::Failed(coded("failed", error)?)),
         Some(Outcome::Cancelled(_)) => Ok(Ending::Cancelled),
         Some(Outcome::Returned(_)) => Ok(Ending::Returned),
@@ -100,7 +100,8 @@ impl WorkerService for WorkerApi {
     ) -> Result<Response<HeartbeatResponse>, Status> {
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
-        let cancel = report::heartbeat(&self.context, &key, request.progress).await?;
+        let progress = request.progress.map(worker_text::progress);
+        let cancel = report::heartbeat(&self.context, &key, progress).await?;
         let lease_seconds = self.context.config.lease_seconds;
         Ok(Response::new(HeartbeatResponse {
             cancel,

@@ -1,10 +1,9 @@
 //! Delivers calls as the [`Faults`] decide.
 
 use super::{CURRENT, Current, Delivery, Faults, Moment, reached};
+use crate::methods::unary_paths;
 use futures::future::BoxFuture;
 use http_body_util::{BodyExt, Full};
-use prost::Message;
-use prost_types::FileDescriptorSet;
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -28,26 +27,6 @@ impl FaultLayer {
             unary: Arc::new(unary_paths()),
         }
     }
-}
-
-/// Paths such as `/yoto.v1.JobService/GetJob`.
-fn unary_paths() -> HashSet<String> {
-    let files = FileDescriptorSet::decode(yoto_proto::DESCRIPTORS).unwrap_or_default();
-    let mut paths = HashSet::new();
-    for file in &files.file {
-        for service in &file.service {
-            let unary = service
-                .method
-                .iter()
-                .filter(|method| !method.client_streaming() && !method.server_streaming());
-            paths.extend(
-                unary.map(|method| {
-                    format!("/{}.{}/{}", file.package(), service.name(), method.name())
-                }),
-            );
-        }
-    }
-    paths
 }
 
 impl<S> Layer<S> for FaultLayer {
@@ -138,18 +117,5 @@ where
     match delivery.answered {
         true => Ok(answer),
         false => Ok(Status::unavailable("the answer was lost on purpose").into_http()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn calls_with_streams_are_left_alone() {
-        let paths = unary_paths();
-        assert!(paths.contains("/yoto.v1.WorkerService/EndJob"), "{paths:?}");
-        assert!(!paths.contains("/yoto.v1.JobService/WatchJob"), "{paths:?}");
-        assert!(!paths.contains("/yoto.v1.ObjectService/DownloadObject"));
     }
 }

@@ -2,8 +2,14 @@
 
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{LeasedJob, NewWorker};
-use yoto_proto::v1::Lease;
+use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker};
+use prost::Message;
+use yoto_proto::limits::ANSWER_BYTES;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{JobError, Lease};
+
+/// Bytes of an answer around its lease.
+const MARGIN: usize = 64;
 
 /// Adds a worker and returns its id.
 ///
@@ -24,7 +30,7 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
 
 /// Leases the first queued job that the worker may run, with its inputs. If there is none, and `help` is set,
 /// leases a part of a running render. A repeated `request_id` gets the same lease again. A job whose inputs
-/// can't be found FAILS.
+/// can't be found, or are too many for an answer, FAILS.
 ///
 /// # Errors
 /// When the worker is unknown or the store fails.
@@ -53,19 +59,57 @@ pub async fn lease(
         inputs,
         helps,
     } = leased;
-    context.changes.announce(&job.name);
-    tracing::info!(
-        job = job.name,
-        token,
-        worker = worker_id,
-        helps,
-        "job leased"
-    );
-    Ok(Some(Lease {
+    let name = job.name.clone();
+    context.changes.announce(&name);
+    let lease = Lease {
         job: Some(job),
         token,
         lease_seconds,
         inputs: Some(inputs),
         helps,
-    }))
+    };
+    let bytes = lease.encoded_len();
+    if bytes > ANSWER_BYTES - MARGIN {
+        let job_id = Collection::Jobs.parse(&name).unwrap_or_default();
+        let key = LeaseKey {
+            job_id: job_id.to_owned(),
+            worker_id: worker_id.to_owned(),
+            token,
+        };
+        end_unreadable(context, &key, bytes, helps).await?;
+        return Ok(None);
+    }
+    tracing::info!(job = name, token, worker = worker_id, helps, "job leased");
+    Ok(Some(lease))
+}
+
+/// Ends a lease of `bytes` bytes, which no worker can read: each would fail at it in turn.
+async fn end_unreadable(
+    context: &Context,
+    lease: &LeaseKey,
+    bytes: usize,
+    helps: bool,
+) -> Result<(), RequestError> {
+    let message = format!(
+        "the order with its files has {bytes} bytes: a worker takes at most {ANSWER_BYTES}; divide it into \
+         several orders"
+    );
+    tracing::warn!(
+        job = lease.job_id,
+        bytes,
+        "a lease is too long for a worker"
+    );
+    let ending = match helps {
+        // The job is the other worker's.
+        true => Ending::Returned,
+        false => Ending::Failed(JobError {
+            code: "TOO_LARGE".to_owned(),
+            message,
+            ..JobError::default()
+        }),
+    };
+    context.store.end_job(lease, ending).await?;
+    let job = Collection::Jobs.name(&lease.job_id);
+    context.changes.announce(&job);
+    Ok(())
 }

@@ -29,7 +29,7 @@ struct Watcher {
     ended: bool,
 }
 
-/// The job's states newer than `after_sequence`, up to a terminal one. Changes faster than the
+/// The job's states, without its order, newer than `after_sequence`, up to a terminal one. Changes faster than the
 /// reads may be left out.
 ///
 /// For a caller that has the terminal state already (the same sequence number), the stream ends
@@ -68,7 +68,7 @@ impl Watcher {
             // Reads the job itself instead of the last state sent to other watchers: the caller may know a
             // newer one.
             self.began = true;
-            let job = self.context.store.job(&self.id).await?;
+            let job = self.context.store.job_state(&self.id).await?;
             let known = self.known == job.sequence;
             self.known = job.sequence;
             if !known {
@@ -86,7 +86,7 @@ impl Watcher {
                     return Ok(Some(Job::clone(&job)));
                 }
                 // Reads again to get the reason, or the state if reading works again.
-                WatchedState::Unreadable => drop(self.context.store.job(&self.id).await?),
+                WatchedState::Unreadable => drop(self.context.store.job_state(&self.id).await?),
                 WatchedState::Job(_) | WatchedState::Nothing => {}
             }
             tokio::select! {

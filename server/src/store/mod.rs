@@ -140,6 +140,8 @@ pub trait Store: Send + Sync + 'static {
     -> Result<Job, StoreError>;
     /// A job by id.
     async fn job(&self, id: &str) -> Result<Job, StoreError>;
+    /// A job by id, without its order, which may be long and never changes.
+    async fn job_state(&self, id: &str) -> Result<Job, StoreError>;
     /// A job by id, with its attempts.
     async fn job_history(&self, id: &str) -> Result<Job, StoreError>;
     /// Jobs that match the filter, newest first; with their orders if `full`.

@@ -388,3 +388,26 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
         .expect("joins again");
     assert_eq!(again.into_inner().slot, 2, "numbers are not used again");
 }
+
+#[tokio::test]
+async fn texts_that_act_on_a_terminal_are_refused() {
+    let service = Service::start().await;
+    let create = |display_name: &str, consent_note: &str| {
+        let (mut subjects, request) = (
+            service.subjects(),
+            CreateSubjectRequest {
+                display_name: display_name.into(),
+                consent_note: consent_note.into(),
+                ..<_>::default()
+            },
+        );
+        async move { subjects.create_subject(request).await }
+    };
+    let clipboard = "signed \u{1b}]52;c;aGk=\u{7}";
+    assert_invalid(create("Ada", clipboard).await, "consent_note");
+    assert_invalid(create("Ada", &"x".repeat(10_001)).await, "consent_note");
+    assert_invalid(create("\u{202e}adA", "").await, "display_name");
+    create("Ada", "signed on paper,\nkept in the safe")
+        .await
+        .expect("lines may break");
+}

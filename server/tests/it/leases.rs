@@ -1,6 +1,8 @@
 //! Leases: guarded writes, lost workers, ends of jobs. The clock is the tests' own.
 
-use crate::support::{Service, assert_invalid, assert_refused, claim, job_error, job_name};
+use crate::support::{
+    Service, assert_invalid, assert_refused, claim, id, job_error, job_name, sql,
+};
 use std::sync::Arc;
 use tonic::{Code, Status};
 use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
@@ -409,4 +411,31 @@ async fn a_fault_of_a_resource_is_told_while_the_job_waits() {
     assert_eq!((running.waiting, running.retry_time), (None, None));
     let ended = [Ended::Postponed, Ended::Running];
     assert_eq!(history(&service, &job.name).await, ended);
+}
+
+#[tokio::test]
+async fn a_lease_that_no_worker_can_read_ends_its_job() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train", "render"]).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    service.publish(&training, 1).await.expect("publishes");
+    let [long, next] = [(); 2].map(|()| service.render(&model, &subject, ""));
+    let (long, next) = (long.await, next.await);
+    // As an earlier version left it behind: 60,000 files with names of 600 bytes.
+    let files = format!(
+        "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 60000)
+         INSERT INTO job_outputs (job, file, key, bytes, sha256)
+         SELECT '{}', printf('%0600d', i), 'key', 1, '' FROM n",
+        id(&long.name)
+    );
+    sql(&service.dir.path().join("yoto.db"), &files).await;
+    assert!(service.lease(&worker).await.is_none());
+    let ended = service.get_job(&long.name).await;
+    assert_eq!(ended.state(), job::State::Failed);
+    assert_eq!(ended.error.expect("has a reason").code, "TOO_LARGE");
+    let lease = service.lease(&worker).await.expect("the next one waits");
+    assert_eq!(job_name(&lease), next.name);
 }

@@ -17,5 +17,6 @@ mod service;
 mod status;
 mod support;
 mod tradeoffs;
+mod traffic;
 mod uploads;
 mod watching;

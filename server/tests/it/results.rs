@@ -218,3 +218,23 @@ async fn the_checkpoint_before_serves_refined_poses_when_a_bit_is_flipped() {
     std::fs::write(service.path(&format!("{folder}/manifest.json")), b"{").expect("tears");
     assert_refused(poses().await, Code::DataLoss, "OBJECT_ALTERED");
 }
+
+#[tokio::test]
+async fn a_result_names_no_more_files_than_a_render_may_have() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train", "render"]).await;
+    let training = service.lease(&worker).await.expect("the training waits");
+    service.publish(&training, 1).await.expect("publishes");
+    service.render(&model, &subject, "").await;
+    let lease = service.lease(&worker).await.expect("the render waits");
+    let result = RenderResult {
+        files: vec![RenderedFile::default(); 10_001],
+        ..<_>::default()
+    };
+    let refused = service.complete(&lease, job_result::Kind::Render(result));
+    assert_invalid(refused.await, "result.render.files");
+    service.complete_render(&lease).await;
+}

@@ -8,7 +8,6 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_stream::StreamExt;
-use tokio_stream::wrappers::TcpListenerStream;
 use tonic::Code;
 use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
@@ -177,7 +176,7 @@ async fn one_coordinator_serves_tcp_beside_memory_and_drains_alone() {
     let serving = tokio::spawn(
         service
             .coordinator
-            .serve(TcpListenerStream::new(listener), shutdown),
+            .serve(yoto_server::tcp(listener), shutdown),
     );
     let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("an address");
     let channel = endpoint.connect().await.expect("connects");

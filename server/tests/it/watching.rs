@@ -1,12 +1,14 @@
 //! Watches of jobs: in order, resumable, and ended by the terminal state.
 
-use crate::support::{Service, assert_refused, claim, job_error};
+use crate::support::{Service, assert_invalid, assert_refused, claim, job_error};
 use futures::{StreamExt, TryStreamExt};
+use prost::Message;
 use std::time::Duration;
 use tonic::{Code, Streaming};
 use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::{
-    CancelJobRequest, HeartbeatRequest, Job, Progress, WatchJobRequest, WatchJobResponse, job,
+    CancelJobRequest, HeartbeatRequest, Job, Progress, TrainResult, WatchJobRequest,
+    WatchJobResponse, job, job_result,
 };
 
 async fn watch(service: &Service, name: &str, after_sequence: u64) -> Streaming<WatchJobResponse> {
@@ -31,6 +33,11 @@ async fn next(stream: &mut Streaming<WatchJobResponse>) -> Job {
     answer.job.expect("has a job")
 }
 
+/// As watchers see it.
+fn without_order(job: Job) -> Job {
+    Job { spec: None, ..job }
+}
+
 async fn rest(stream: Streaming<WatchJobResponse>) -> Vec<Job> {
     let all = stream
         .map_ok(|answer| answer.job.expect("has a job"))
@@ -47,7 +54,9 @@ async fn a_watcher_sees_each_change_in_order_and_the_end() {
     let subject = service.ready_subject("Ada").await;
     let job = service.train(&service.model_of(&subject).await).await;
     let mut stream = watch(&service, &job.name, 0).await;
-    assert_eq!(next(&mut stream).await, job, "the current state first");
+    let seen = next(&mut stream).await;
+    assert!(job.spec.is_some());
+    assert_eq!(seen, without_order(job.clone()), "the current state first");
     let worker = service.worker(&["train"]).await;
     let lease = service.lease(&worker).await.expect("the training waits");
     let running = next(&mut stream).await;
@@ -129,7 +138,43 @@ async fn a_watcher_that_knows_the_job_waits_for_the_next_change() {
         .await
         .expect("is heard")
         .into_inner();
-    assert_eq!(rest(stream).await, [cancelled]);
+    assert_eq!(rest(stream).await, [without_order(cancelled)]);
+}
+
+#[tokio::test]
+async fn what_a_worker_tells_is_bounded() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let job = service.train(&service.model_of(&subject).await).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let lines = || vec!["x".repeat(12); 500_000];
+    let request = HeartbeatRequest {
+        claim: Some(claim(&lease)),
+        progress: Some(Progress {
+            active_parts: lines(),
+            ..<_>::default()
+        }),
+    };
+    let told = service.workers().heartbeat(request).await;
+    told.expect("holds the lease");
+    let told = service.get_job(&job.name).await.progress;
+    assert!(told.expect("is stored").encoded_len() < 64 << 10);
+    let checkpoint = service.publish(&lease, 1).await.expect("publishes");
+    let result = |notes, checkpoint| {
+        job_result::Kind::Train(TrainResult {
+            notes,
+            checkpoint,
+            ..<_>::default()
+        })
+    };
+    let long = "x".repeat(2 << 20);
+    let refused = service.complete(&lease, result(Vec::new(), long)).await;
+    assert_invalid(refused, "result");
+    let ended = service.complete(&lease, result(lines(), checkpoint.name));
+    ended.await.expect("is cut");
+    let told = service.get_job(&job.name).await.result;
+    assert!(told.expect("is stored").encoded_len() < 64 << 10);
 }
 
 #[tokio::test]

@@ -10,6 +10,7 @@ use crate::truth::Truth;
 use crate::{clip, light, motion, orbit, views};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
+use yoto_proto::checks::render::too_many;
 use yoto_proto::v1::RenderSpec;
 use yoto_proto::v1::render_spec::What;
 
@@ -41,9 +42,11 @@ pub(crate) fn plan(
         truth: None,
         fps: FPS,
     };
+    let count = people.len();
     for slots in people {
         let bones = slots.first().and_then(|slot| model.skeletons.get(slot));
-        let shots = shots(spec, what, model, captures, bones.unwrap_or(skeleton))?;
+        let skeleton = bones.unwrap_or(skeleton);
+        let shots = shots(spec, what, count, model, captures, skeleton)?;
         let light = light::on_one_person(spec, world(spec, what), model, captures)?;
         plan.views
             .extend(views_of(spec, &shots.shots, slots, light));
@@ -62,10 +65,11 @@ pub(crate) fn world<'a>(spec: &'a RenderSpec, what: &'a What) -> &'a str {
     }
 }
 
-/// The poses and cameras of `what`, on `skeleton`.
+/// The poses and cameras of `what`, on `skeleton`: those of one of `people`.
 fn shots(
     spec: &RenderSpec,
     what: &What,
+    people: usize,
     model: &ModelBodies,
     captures: &Captures,
     skeleton: &Skeleton,
@@ -79,6 +83,10 @@ fn shots(
         What::Motion(transfer) => {
             let track = captures.track(&model.name, &transfer.driver)?;
             let positions = motion::positions(transfer, track, "motion")?;
+            // The order alone does not tell their number.
+            if let Some(message) = too_many(positions.len() as u64, people as u64) {
+                return Err(PlanError::invalid("motion.frame_count", message));
+            }
             let natural = motion::natural_fps(&positions, track);
             fps = wanted_fps(spec).or(natural).unwrap_or(FPS).min(MAX_FPS);
             let shots = motion::shots(transfer, &positions, track, skeleton)?;

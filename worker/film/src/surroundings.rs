@@ -1,5 +1,6 @@
 //! What is behind the people of a scene.
 
+use crate::backdrop;
 use crate::error::PlanError;
 use image::DynamicImage;
 use yoto_proto::v1::Scene;
@@ -17,13 +18,13 @@ impl Surroundings {
     /// The surroundings of `scene`; `None` if the `colour` alone is behind everybody.
     ///
     /// # Errors
-    /// If the backdrop is no picture.
+    /// If the backdrop is no picture, or too large.
     pub(crate) fn new(scene: &Scene, colour: [f32; 3]) -> Result<Option<Self>, PlanError> {
         let backdrop = match scene.backdrop.as_slice() {
             [] => None,
             bytes => Some(
-                image::load_from_memory(bytes)
-                    .map_err(|error| PlanError::invalid("scene.backdrop", error.to_string()))?,
+                backdrop::decode(bytes)
+                    .map_err(|message| PlanError::invalid("scene.backdrop", message))?,
             ),
         };
         let any = backdrop.is_some() || scene.shadow;

@@ -11,7 +11,7 @@ mod report;
 mod silence_tests;
 mod watchdog;
 
-use crate::retry::is_transient;
+use crate::retry::{is_transient, is_unreadable};
 use leased::Leased;
 use std::future::Future;
 use std::path::PathBuf;
@@ -246,6 +246,11 @@ impl Worker {
                 Err(status) if status.code() == Code::NotFound => name.clear(),
                 Err(status) if is_transient(status.code()) => {
                     tracing::debug!(%status, "asking for work failed, trying again");
+                }
+                // The next lease may be another one.
+                Err(status) if is_unreadable(status.code()) => {
+                    tracing::error!(%status, "a lease can't be read");
+                    call = Uuid::new_v4();
                 }
                 Err(status) => return Err(WorkerError::Refused(Box::new(status))),
             }

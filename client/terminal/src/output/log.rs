@@ -1,6 +1,5 @@
 //! A file with everything that a command says, of which its terminal may show a part.
 
-use std::fmt::Arguments;
 use std::fs::File;
 use std::io::{Result, Write};
 use std::path::Path;
@@ -19,7 +18,7 @@ pub fn start(path: &Path) -> Result<()> {
 }
 
 /// Writes a line to the log, if there is one.
-pub(super) fn keep(text: Arguments<'_>) {
+pub(super) fn keep(text: &str) {
     let mut log = LOG.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(file) = &mut *log {
         // The command's work does not depend on its log.
@@ -39,11 +38,11 @@ mod tests {
         crate::tell!("before the log");
         start(&first).expect("a log");
         crate::tell!("a note");
-        crate::detail!("a detail");
+        crate::detail!("a detail \u{1b}[2J");
         std::fs::rename(&first, &moved).expect("moved");
         crate::say!("a result");
         passing(format_args!("half of it"));
         let kept = std::fs::read_to_string(&moved).expect("a log");
-        assert_eq!(kept, "a note\na detail\na result\n");
+        assert_eq!(kept, "a note\na detail \\u{1b}[2J\na result\n");
     }
 }

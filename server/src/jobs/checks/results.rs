@@ -6,11 +6,15 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
 use crate::store::LeaseKey;
+use prost::Message;
+use std::collections::HashSet;
+use yoto_proto::checks::scene::MAX_PICTURES;
+use yoto_proto::limits::RESULT_BYTES;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::other_models;
 use yoto_proto::v1::{
     EvaluateResult, EvaluateSpec, ExportResult, ExportSpec, ExportedFile, IngestResult, JobResult,
-    JobSpec, ObjectRef, RenderResult, RenderSpec, Scores, job_result, job_spec,
+    JobSpec, ObjectRef, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
 };
 use yoto_proto::{keys, tiers};
 
@@ -24,6 +28,7 @@ pub async fn check_result(
     spec: &JobSpec,
     result: &JobResult,
 ) -> Result<(), RequestError> {
+    check_length(result)?;
     match (&spec.kind, &result.kind) {
         (Some(job_spec::Kind::Ingest(spec)), Some(job_result::Kind::Ingest(result))) => {
             check_ingest(context, lease, &spec.capture, result).await
@@ -44,6 +49,22 @@ pub async fn check_result(
         }
         _ => Err(RequestError::invalid("result", "is not of the job's kind")),
     }
+}
+
+/// Checks that the result is short beside the files of a render: each watcher and each list of jobs gets it.
+fn check_length(result: &JobResult) -> Result<(), RequestError> {
+    let files: usize = match &result.kind {
+        Some(job_result::Kind::Render(render)) => {
+            render.files.iter().map(Message::encoded_len).sum()
+        }
+        _ => 0,
+    };
+    let bytes = result.encoded_len() - files;
+    if bytes > RESULT_BYTES {
+        let message = format!("{bytes} bytes beside files: at most {RESULT_BYTES} are allowed");
+        return Err(RequestError::invalid("result", message));
+    }
+    Ok(())
 }
 
 async fn check_ingest(
@@ -182,7 +203,13 @@ async fn check_render(
         return Err(RequestError::invalid("result.render.choice", message));
     }
     check_others(spec, result)?;
+    let count = result.files.len();
+    if count > MAX_PICTURES as usize {
+        let message = format!("{count} files: at most {MAX_PICTURES} are allowed");
+        return Err(RequestError::invalid("result.render.files", message));
+    }
     let committed = context.store.outputs(&lease.job_id).await?;
+    let committed: HashSet<&RenderedFile> = committed.iter().collect();
     for (i, file) in result.files.iter().enumerate() {
         // Files of earlier leases were checked when they were committed.
         if committed.contains(file) {

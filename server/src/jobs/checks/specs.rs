@@ -7,10 +7,13 @@ use super::parse;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::StoreError;
+use yoto_proto::checks::render::too_many;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
+use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    Checkpoint, EvaluateSpec, ExportSpec, JobSpec, Model, RenderSpec, TrainSpec, job_spec,
+    Checkpoint, EvaluateSpec, ExportSpec, JobSpec, Model, MotionTransfer, RenderSpec, SubjectShard,
+    TrainSpec, job_spec,
 };
 use yoto_proto::{checks, exports, tiers};
 
@@ -88,6 +91,7 @@ async fn check_only<'a>(
 async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
     let own = model(context, "spec.render.model", &render.model).await?;
     let used = check_shown(context, render, &own, "").await?;
+    check_pictures(context, render).await?;
     for (field, name) in other_models(render) {
         let path = format!("spec.render.{field}");
         let id = parse(Collection::Models, &path, name)?;
@@ -107,6 +111,39 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
         return Err(RequestError::precondition("NO_TRADEOFF", message));
     }
     Ok(())
+}
+
+/// Checks the number of pictures of a capture's motion, where the catalogue knows it: of a capture with gaps, only the
+/// worker does.
+async fn check_pictures(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
+    let Some(What::Motion(motion)) = &render.what else {
+        return Ok(());
+    };
+    let field = "spec.render.motion.frame_count";
+    let shard = require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
+    let people = render.between.as_ref().map_or(1, |it| it.shares.len());
+    let refusal = motion_pictures(&shard, motion).and_then(|it| too_many(it, people as u64));
+    match refusal {
+        Some(message) => Err(RequestError::invalid(field, message)),
+        None => Ok(()),
+    }
+}
+
+/// The pictures of a motion of the capture of `shard`; `None` if its frames have gaps.
+fn motion_pictures(shard: &SubjectShard, motion: &MotionTransfer) -> Option<u64> {
+    let first = u64::from(shard.first_frame?);
+    let end = u64::from(shard.last_frame?) + 1;
+    if end.checked_sub(first)? != u64::from(shard.frames) {
+        return None;
+    }
+    let from = motion.first_frame.map_or(first, u64::from);
+    let until = motion.end_frame.map_or(end, |it| end.min(it.into()));
+    let frames = until.saturating_sub(from);
+    let all = frames.div_ceil(u64::from(motion.frame_step.max(1)));
+    Some(match motion.frame_count {
+        0 => all,
+        most => all.min(most.into()),
+    })
 }
 
 /// Checks that a render can use one of its models: its own, or the one that the field `actor` of its scene
@@ -167,4 +204,48 @@ async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<()
     }
     require_checkpoint(context, "spec.evaluate", &model, &evaluate.checkpoint).await?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pictures_of_a_motion_are_known_without_gaps() {
+        let shard = |frames, last| SubjectShard {
+            frames,
+            first_frame: Some(10),
+            last_frame: Some(last),
+            ..SubjectShard::default()
+        };
+        let whole = shard(100, 109);
+        let all = MotionTransfer {
+            frame_step: 1,
+            ..MotionTransfer::default()
+        };
+        assert_eq!(motion_pictures(&whole, &all), Some(100));
+        assert_eq!(motion_pictures(&shard(99, 109), &all), None);
+        let cases = [
+            (Some(60), 0, 1, None, 50),
+            (Some(60), 0, 3, None, 17),
+            (Some(60), 7, 3, None, 7),
+            (Some(60), 0, 1, Some(70), 10),
+            (None, 0, 1, Some(9_000_000), 100),
+            (None, 5, 0, Some(20), 5),
+        ];
+        for (first_frame, frame_count, frame_step, end_frame, expected) in cases {
+            let motion = MotionTransfer {
+                first_frame,
+                frame_count,
+                frame_step,
+                end_frame,
+                ..MotionTransfer::default()
+            };
+            assert_eq!(
+                motion_pictures(&whole, &motion),
+                Some(expected),
+                "{motion:?}"
+            );
+        }
+    }
 }

@@ -177,19 +177,24 @@ fn not_found(id: &str) -> StoreError {
     }
 }
 
-/// A job by id, with its order.
-pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreError> {
+/// A job by id, without its order.
+pub async fn without_order(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreError> {
     let row = sqlx::query(select_jobs!("WHERE j.id = ?1"))
         .bind(id)
         .fetch_optional(&mut *conn)
         .await
         .during("reading a job")?;
-    let Some(row) = row else {
-        return Err(not_found(id));
-    };
+    match row {
+        Some(row) => read(&row),
+        None => Err(not_found(id)),
+    }
+}
+
+/// A job by id, with its order.
+pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreError> {
     Ok(Job {
         spec: Some(spec(conn, id).await?),
-        ..read(&row)?
+        ..without_order(conn, id).await?
     })
 }
 

@@ -323,6 +323,10 @@ impl Store for SqliteStore {
         jobs::get(&mut *self.read().await?, id).await
     }
 
+    async fn job_state(&self, id: &str) -> Result<Job, StoreError> {
+        jobs::without_order(&mut *self.read().await?, id).await
+    }
+
     async fn job_history(&self, id: &str) -> Result<Job, StoreError> {
         jobs::with_attempts(&mut *self.read().await?, id).await
     }

@@ -13,7 +13,6 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio_stream::wrappers::TcpListenerStream;
 use yoto_server::clock::{Clock, SystemClock};
 use yoto_server::faults::{Delivery, Faults, Moment};
 use yoto_server::{Coordinator, ServerConfig};
@@ -58,7 +57,7 @@ pub async fn run(
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await;
     let listener = listener.with_context(|| format!("port {port}"))?;
     let coordinator = Coordinator::open(config).await.context("opening")?;
-    let incoming = TcpListenerStream::new(listener);
+    let incoming = yoto_server::tcp(listener);
     let filling = tokio::spawn(disk::follow(disk_controls));
     let served = coordinator.serve(incoming, asked_to_stop()).await;
     filling.abort();

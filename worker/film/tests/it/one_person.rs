@@ -3,6 +3,7 @@
 use crate::people::{ANN, BEN, FIELDS, FRAMES, People, SIDE, SPLATS};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_film::{Captures, Layer, Light, PlanError, plan};
+use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     self, BodyPose, MotionClip, MotionTransfer, Orbit, RenderSpec, View, ViewList, light,
@@ -243,4 +244,19 @@ fn what_a_checkpoint_or_the_caller_lacks_is_named() {
     };
     assert_eq!(code, "NO_CHECKPOINT");
     assert!(message.contains("does not know ann"), "{message}");
+}
+
+#[test]
+fn a_motion_with_too_many_pictures_is_refused_before_they_are_planned() {
+    let mut people = People::of(&[FIELDS]);
+    let spec = spec(FIELDS, motion(BEN));
+    people.bodies.unfilmed = vec![vec![3]; MAX_PICTURES as usize / (FRAMES / 2)];
+    assert!(people.plan(&spec).is_ok());
+    people.bodies.unfilmed.push(vec![3]);
+    let Err(PlanError::Invalid(violations)) = people.plan(&spec) else {
+        panic!("too many");
+    };
+    assert_eq!(violations[0].field, "motion.frame_count");
+    let message = &violations[0].message;
+    assert!(message.contains("at most 10000"), "{message}");
 }

@@ -25,7 +25,7 @@ pub fn encode(kind: Pixels, width: u32, height: u32, pixels: &[u8]) -> Result<Ve
 /// # Errors
 /// When the bytes are no picture.
 pub fn decode(kind: Pixels, bytes: &[u8]) -> Result<(u32, u32, Vec<u8>), PngError> {
-    let picture = image::load_from_memory(bytes)?;
+    let picture = image::load_from_memory_with_format(bytes, image::ImageFormat::Png)?;
     let (width, height) = (picture.width(), picture.height());
     let pixels = match kind {
         Pixels::Rgb => picture.into_rgb8().into_raw(),

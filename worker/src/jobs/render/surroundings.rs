@@ -1,7 +1,7 @@
 //! Draws what is behind and below the people of a scene: a picture and their shadow.
 
-use image::RgbImage;
 use image::imageops::FilterType;
+use image::{DynamicImage, RgbImage};
 use std::cell::RefCell;
 use yoto_avatar::render::Rendered;
 use yoto_capture::camera::Camera;
@@ -45,8 +45,7 @@ impl<'a> Background<'a> {
         if let Some(backdrop) = &self.surroundings.backdrop
             && fitted.as_ref().map(RgbImage::dimensions) != Some((width, height))
         {
-            let filled = backdrop.resize_to_fill(width, height, FilterType::Triangle);
-            *fitted = Some(filled.to_rgb8());
+            *fitted = Some(filling(backdrop, width, height));
         }
         let pixels = frame.rgb.as_chunks_mut::<3>().0.iter_mut();
         for (index, (rgb, alpha)) in pixels.zip(&mut frame.alpha).enumerate() {
@@ -66,6 +65,22 @@ impl<'a> Background<'a> {
             }
         }
     }
+}
+
+/// The middle of `picture`, in the shape of `width` and `height` and scaled to them. It is cut before it is scaled: a
+/// picture of 1,000,000 x 1 pixels that is scaled as a whole to cover a square is 10^6 times as large as that.
+fn filling(picture: &DynamicImage, width: u32, height: u32) -> RgbImage {
+    let across = u64::from(picture.width());
+    let down = u64::from(picture.height());
+    let (width_, height_) = (u64::from(width), u64::from(height));
+    // The largest part of that shape, at least a pixel.
+    let wide = (down * width_ / height_).clamp(1, across) as u32;
+    let high = (across * height_ / width_).clamp(1, down) as u32;
+    let left = (picture.width() - wide) / 2;
+    let top = (picture.height() - high) / 2;
+    let part = picture.crop_imm(left, top, wide, high);
+    part.resize_exact(width, height, FilterType::Triangle)
+        .to_rgb8()
 }
 
 /// Shadow on the ground of a scene.
@@ -177,6 +192,23 @@ mod tests {
         // The sky has no shadow.
         let camera = Camera::look_at(eye, [2.0, 3.0, -2.0], [0.0, 1.0, 0.0], 300.0, 64, 64);
         assert_eq!(shadow.seen_at(&camera, 32, 32), 0.0);
+    }
+
+    #[test]
+    fn the_middle_of_a_backdrop_covers_the_picture() {
+        // Columns of their own brightness.
+        let wide = RgbImage::from_fn(40, 10, |x, _| image::Rgb([x as u8 * 6; 3]));
+        let filled = filling(&wide.into(), 20, 20);
+        assert_eq!(filled.dimensions(), (20, 20));
+        // The middle ten columns are 15 to 24.
+        assert!(filled.get_pixel(0, 0).0[0].abs_diff(15 * 6) <= 2);
+        assert!(filled.get_pixel(19, 19).0[0].abs_diff(24 * 6) <= 2);
+        for (width, height) in [(8192, 1), (1, 8192)] {
+            let line = RgbImage::from_pixel(width, height, image::Rgb([9; 3]));
+            let filled = filling(&line.into(), 64, 48);
+            assert_eq!(filled.dimensions(), (64, 48));
+            assert_eq!(filled.get_pixel(63, 47).0, [9; 3]);
+        }
     }
 
     #[test]

@@ -1,0 +1,102 @@
+//! Texts that somebody else wrote, as a terminal may show them.
+//!
+//! A terminal obeys what it prints: the escape character begins commands, of which one writes the clipboard, and marks
+//! of direction let a name read differently from what it is.
+
+use std::borrow::Cow;
+use std::fmt::Write;
+
+/// Longest line that is made of a text, characters: some twelve lines of a terminal.
+pub const LINE_CHARACTERS: usize = 1000;
+
+/// Whether `character` acts on a terminal or a reader in place of being seen: control characters, marks of direction,
+/// separators of lines, and characters without width. Those that join letters and emoji are none of them.
+pub fn is_hidden(character: char) -> bool {
+    character.is_control()
+        || matches!(
+            character,
+            '\u{61c}'
+                | '\u{180e}'
+                | '\u{200b}'
+                | '\u{200e}'..='\u{200f}'
+                | '\u{2028}'..='\u{202e}'
+                | '\u{2060}'..='\u{206f}'
+                | '\u{feff}'
+                | '\u{fff9}'..='\u{fffb}'
+                | '\u{e0000}'..='\u{e007f}'
+        )
+}
+
+/// `text` with hidden characters as `\u{1b}`. Line breaks and tabs stay.
+pub fn visible(text: &str) -> Cow<'_, str> {
+    let stays = |it: char| matches!(it, '\n' | '\t') || !is_hidden(it);
+    if text.chars().all(stays) {
+        return Cow::Borrowed(text);
+    }
+    Cow::Owned(escaped(text.chars(), stays))
+}
+
+/// `text` in one line of at most `characters` characters, with hidden ones as `\u{1b}`. Line breaks become spaces.
+pub fn one_line(text: &str, characters: usize) -> String {
+    let text = text.trim();
+    let broken = |it: char| matches!(it, '\n' | '\r' | '\t');
+    let shown = text.chars().map(|it| if broken(it) { ' ' } else { it });
+    let mut line = escaped(shown.take(characters.saturating_add(1)), |it| {
+        !is_hidden(it)
+    });
+    if let Some((end, _)) = line.char_indices().nth(characters) {
+        let cut = line.char_indices().nth(characters.saturating_sub(1));
+        line.truncate(cut.map_or(end, |(at, _)| at));
+        line.push('…');
+    }
+    line
+}
+
+fn escaped(text: impl Iterator<Item = char>, stays: impl Fn(char) -> bool) -> String {
+    let mut out = String::new();
+    for character in text {
+        if stays(character) {
+            out.push(character);
+        } else {
+            // Writing to a string does not fail.
+            let _ = write!(out, "\\u{{{:x}}}", u32::from(character));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_act_is_shown() {
+        let clipboard = "\u{1b}]52;c;aGk=\u{7}";
+        assert_eq!(visible(clipboard), "\\u{1b}]52;c;aGk=\\u{7}");
+        assert_eq!(visible("gpj.\u{202e}exe"), "gpj.\\u{202e}exe");
+        assert_eq!(visible("\u{9b}2J"), "\\u{9b}2J");
+        assert_eq!(visible("a\r\u{200b}b"), "a\\u{d}\\u{200b}b");
+    }
+
+    #[test]
+    fn what_people_write_stays() {
+        for text in [
+            "größe 身長",
+            "a\n\tb",
+            "👩\u{200d}🚀",
+            "می\u{200c}خواهم",
+            "",
+        ] {
+            assert!(matches!(visible(text), Cow::Borrowed(it) if it == text));
+        }
+    }
+
+    #[test]
+    fn a_line_stays_a_line_and_short() {
+        assert_eq!(one_line(" a\nb\r\nc ", 80), "a b  c");
+        assert_eq!(one_line("abcdef", 6), "abcdef");
+        assert_eq!(one_line("abcdefg", 6), "abcde…");
+        assert_eq!(one_line("a\u{1b}b", 80), "a\\u{1b}b");
+        assert_eq!(one_line(&"\u{1b}".repeat(9000), 6), "\\u{1b…");
+    }
+}

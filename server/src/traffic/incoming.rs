@@ -1,0 +1,349 @@
+//! Messages on their way in. They are passed on when they are whole.
+//!
+//! A gRPC message begins with its length, which tonic believes: it takes that much memory at once. So what has arrived
+//! is kept here, in a buffer that grows with it, and its bytes count as held by the client until the call is answered
+//! or asks for another message.
+
+use super::{Client, Traffic, busy};
+use crate::error::RequestError;
+use bytes::{Buf, Bytes, BytesMut};
+use futures::{Stream, stream};
+use http_body::Frame;
+use http_body_util::{BodyExt, StreamBody};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::Instant;
+use tonic::Status;
+use tonic::body::Body;
+
+/// Bytes before each message: a flag, and its length.
+const HEADER_BYTES: usize = 5;
+
+/// The bytes that a call holds.
+#[derive(Debug, Default)]
+pub(super) struct Held {
+    permits: Mutex<Vec<OwnedSemaphorePermit>>,
+}
+
+impl Held {
+    /// Counts `count` more bytes of `of`. Returns false if there are not as many.
+    fn take(&self, of: &Arc<Semaphore>, count: u32) -> bool {
+        let Ok(permit) = Arc::clone(of).try_acquire_many_owned(count) else {
+            return false;
+        };
+        let mut permits = self.permits.lock().unwrap_or_else(PoisonError::into_inner);
+        let same = |held: &&mut OwnedSemaphorePermit| Arc::ptr_eq(held.semaphore(), of);
+        match permits.iter_mut().find(same) {
+            Some(held) => held.merge(permit),
+            None => permits.push(permit),
+        }
+        true
+    }
+
+    fn clear(&self) {
+        let permits = self.permits.lock();
+        permits.unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
+/// The messages of a call.
+pub(super) struct Incoming {
+    pub(super) body: Body,
+    pub(super) traffic: Arc<Traffic>,
+    /// None if the transport does not know its client.
+    pub(super) client: Option<Arc<Client>>,
+    pub(super) held: Arc<Held>,
+    /// Whether there is only one message: its bytes are held until the call is answered.
+    pub(super) single: bool,
+    arrived: BytesMut,
+    /// Bytes at the front of `arrived` that are whole messages.
+    whole: usize,
+    /// When the first message that is not whole began.
+    begun: Option<Instant>,
+}
+
+impl Incoming {
+    pub(super) fn new(
+        body: Body,
+        traffic: Arc<Traffic>,
+        client: Option<Arc<Client>>,
+        held: Arc<Held>,
+        single: bool,
+    ) -> Self {
+        Self {
+            body,
+            traffic,
+            client,
+            held,
+            single,
+            arrived: BytesMut::new(),
+            whole: 0,
+            begun: None,
+        }
+    }
+
+    /// The same messages, each passed on when it is whole.
+    pub(super) fn into_body(self) -> Body {
+        Body::new(StreamBody::new(self.frames()))
+    }
+
+    fn frames(self) -> impl Stream<Item = Result<Frame<Bytes>, Status>> {
+        stream::unfold(Some(self), |incoming| async {
+            let mut incoming = incoming?;
+            match incoming.next().await {
+                Ok(Some(bytes)) => Some((Ok(Frame::data(bytes)), Some(incoming))),
+                Ok(None) => None,
+                Err(status) => Some((Err(status), None)),
+            }
+        })
+    }
+
+    /// The next whole messages; `None` after the last.
+    async fn next(&mut self) -> Result<Option<Bytes>, Status> {
+        // Whoever asks has done with the messages before.
+        if !self.single {
+            self.held.clear();
+        }
+        while self.whole == 0 {
+            let Some(frame) = self.frame().await? else {
+                if self.arrived.is_empty() {
+                    return Ok(None);
+                }
+                return Err(Status::invalid_argument("the message breaks off"));
+            };
+            // Requests have no trailers in gRPC.
+            let Ok(data) = frame.into_data() else {
+                continue;
+            };
+            self.keep(&data)?;
+        }
+        let whole = self.arrived.split_to(self.whole).freeze();
+        self.whole = 0;
+        Ok(Some(whole))
+    }
+
+    /// The next bytes, within the time that clients have for them.
+    async fn frame(&mut self) -> Result<Option<Frame<Bytes>>, Status> {
+        let limits = &self.traffic.limits;
+        let mut until = Instant::now() + limits.stalled;
+        if let Some(begun) = self.begun {
+            until = until.min(begun + limits.message);
+        }
+        let late = |limit: Duration| {
+            let message = format!("the message did not come within {} s", limit.as_secs_f64());
+            Status::deadline_exceeded(message)
+        };
+        match tokio::time::timeout_at(until, self.body.frame()).await {
+            Err(_)
+                if self
+                    .begun
+                    .is_none_or(|begun| until < begun + limits.message) =>
+            {
+                Err(late(limits.stalled))
+            }
+            Err(_) => Err(late(limits.message)),
+            Ok(frame) => frame.transpose(),
+        }
+    }
+
+    /// Keeps `data`, and sees how much of what has arrived is whole.
+    fn keep(&mut self, data: &[u8]) -> Result<(), Status> {
+        let before = self.arrived.len();
+        self.count(before, data.len())?;
+        self.arrived.extend_from_slice(data);
+        loop {
+            let mut rest = &self.arrived[self.whole..];
+            if rest.is_empty() {
+                self.begun = None;
+                return Ok(());
+            }
+            self.begun.get_or_insert_with(Instant::now);
+            if rest.len() < HEADER_BYTES {
+                return Ok(());
+            }
+            rest.advance(1);
+            let length = rest.get_u32() as usize;
+            let limit = self.traffic.limits.message_bytes;
+            if length > limit {
+                let message = format!("a message of {length} bytes: at most {limit} are taken");
+                return Err(Status::out_of_range(message));
+            }
+            if rest.len() < length {
+                return Ok(());
+            }
+            self.whole += HEADER_BYTES + length;
+            self.begun = None;
+        }
+    }
+
+    /// Counts `coming` bytes after the first `before` ones.
+    fn count(&self, before: usize, coming: usize) -> Result<(), RequestError> {
+        let limits = &self.traffic.limits;
+        let counted = |bytes: usize| bytes.saturating_sub(limits.free_bytes);
+        let more = counted(before + coming) - counted(before);
+        let Some(more) = u32::try_from(more).ok().filter(|more| *more > 0) else {
+            return Ok(());
+        };
+        if let Some(client) = &self.client
+            && !self.held.take(&client.bytes, more)
+        {
+            let limit = limits.connection_bytes;
+            return Err(busy(format!(
+                "the messages of this connection have more than {limit} bytes together"
+            )));
+        }
+        if !self.held.take(&self.traffic.bytes, more) {
+            let limit = limits.bytes;
+            return Err(busy(format!(
+                "messages of {limit} bytes are on their way already"
+            )));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::TrafficLimits;
+    use super::*;
+    use futures::channel::mpsc;
+    use futures::{FutureExt, StreamExt};
+    use std::pin::Pin;
+    use tonic::Code;
+
+    type Frames = Pin<Box<dyn Stream<Item = Result<Frame<Bytes>, Status>>>>;
+
+    struct Sender(mpsc::UnboundedSender<Result<Frame<Bytes>, Status>>);
+
+    impl Sender {
+        fn send(&self, bytes: &[u8]) {
+            let frame = Frame::data(Bytes::copy_from_slice(bytes));
+            self.0.unbounded_send(Ok(frame)).expect("is read");
+        }
+    }
+
+    fn call(traffic: &Arc<Traffic>, client: &Arc<Client>, single: bool) -> (Sender, Frames) {
+        let (sender, receiver) = mpsc::unbounded();
+        let body = Body::new(StreamBody::new(receiver));
+        let client = Some(Arc::clone(client));
+        let held = Arc::default();
+        let incoming = Incoming::new(body, Arc::clone(traffic), client, held, single);
+        (Sender(sender), Box::pin(incoming.frames()))
+    }
+
+    fn message(bytes: &[u8]) -> Vec<u8> {
+        let length = u32::try_from(bytes.len()).expect("is short");
+        [&[0][..], &length.to_be_bytes(), bytes].concat()
+    }
+
+    fn passed(frames: &mut Frames) -> Option<Vec<u8>> {
+        let next = frames.next().now_or_never()?;
+        let frame = next.expect("goes on").expect("is good");
+        Some(frame.into_data().expect("is data").to_vec())
+    }
+
+    async fn refused(frames: &mut Frames) -> Status {
+        let next = frames.next().await.expect("an answer");
+        next.expect_err("is refused")
+    }
+
+    #[tokio::test]
+    async fn a_message_is_passed_on_when_it_is_whole() {
+        let traffic = Traffic::new(&TrafficLimits::default());
+        let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
+        let [first, second] = [message(b"hello"), message(b"")];
+        sender.send(&first[..7]);
+        assert_eq!(passed(&mut frames), None, "nobody learns its length yet");
+        sender.send(&[&first[7..], &second[..3]].concat());
+        assert_eq!(passed(&mut frames), Some(first.clone()));
+        sender.send(&[&second[3..], &first[..]].concat());
+        assert_eq!(passed(&mut frames), Some([second, first.clone()].concat()));
+        sender.send(&first[..6]);
+        drop(sender);
+        assert_eq!(refused(&mut frames).await.code(), Code::InvalidArgument);
+        assert!(frames.next().await.is_none());
+    }
+
+    #[tokio::test]
+    async fn an_announced_length_takes_no_memory() {
+        let traffic = Traffic::new(&TrafficLimits::default());
+        let body = Body::new(StreamBody::new(stream::pending::<Result<_, Status>>()));
+        let mut incoming = Incoming::new(body, traffic, None, Arc::default(), true);
+        let length = u32::try_from(incoming.traffic.limits.message_bytes).expect("fits");
+        incoming.keep(&[0]).expect("is kept");
+        incoming.keep(&length.to_be_bytes()).expect("is kept");
+        assert!(incoming.arrived.capacity() < 1024);
+        assert_eq!(incoming.whole, 0);
+        let mut longer = message(b"");
+        longer[1..].copy_from_slice(&(length + 1).to_be_bytes());
+        incoming.arrived.clear();
+        let status = incoming.keep(&longer).expect_err("is too long");
+        assert_eq!(status.code(), Code::OutOfRange);
+    }
+
+    #[tokio::test]
+    async fn bytes_beyond_the_limits_are_refused_and_small_calls_pass() {
+        let traffic = Traffic::new(&TrafficLimits {
+            free_bytes: 10,
+            connection_bytes: 100,
+            bytes: 150,
+            ..TrafficLimits::default()
+        });
+        let clients = [(); 2].map(|()| Arc::new(traffic.client()));
+        let (large, small) = (message(&[1; 85]), message(b"small"));
+        // 80 of them count.
+        let (sender, mut first) = call(&traffic, &clients[0], true);
+        sender.send(&large);
+        assert!(passed(&mut first).is_some());
+        // Of the same client, and of another one.
+        for client in &clients {
+            let (sender, mut frames) = call(&traffic, client, true);
+            sender.send(&large);
+            assert_eq!(refused(&mut frames).await.code(), Code::Unavailable);
+            let (sender, mut frames) = call(&traffic, client, true);
+            sender.send(&small);
+            assert!(passed(&mut frames).is_some());
+        }
+        // What is answered counts no more.
+        drop(first);
+        let (sender, mut frames) = call(&traffic, &clients[1], true);
+        sender.send(&large);
+        assert!(passed(&mut frames).is_some());
+    }
+
+    #[tokio::test]
+    async fn the_messages_of_a_stream_count_one_by_one() {
+        let traffic = Traffic::new(&TrafficLimits {
+            free_bytes: 0,
+            connection_bytes: 100,
+            ..TrafficLimits::default()
+        });
+        let client = Arc::new(traffic.client());
+        let (sender, mut frames) = call(&traffic, &client, false);
+        for _ in 0..5 {
+            sender.send(&message(&[1; 80]));
+            assert!(passed(&mut frames).is_some());
+        }
+    }
+
+    #[tokio::test]
+    async fn a_message_that_stalls_or_trickles_ends() {
+        let short = Duration::from_millis(5);
+        let traffic = Traffic::new(&TrafficLimits {
+            stalled: short,
+            ..TrafficLimits::default()
+        });
+        let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
+        assert_eq!(refused(&mut frames).await.code(), Code::DeadlineExceeded);
+        drop(sender);
+        let traffic = Traffic::new(&TrafficLimits {
+            message: short,
+            ..TrafficLimits::default()
+        });
+        let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
+        sender.send(&message(b"hello")[..7]);
+        assert_eq!(refused(&mut frames).await.code(), Code::DeadlineExceeded);
+        drop(sender);
+    }
+}

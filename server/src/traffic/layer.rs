@@ -1,0 +1,135 @@
+//! Counts the calls, and passes their messages on within the limits.
+
+use super::incoming::{Held, Incoming};
+use super::{Client, Traffic, busy};
+use crate::methods::unary_paths;
+use futures::future::BoxFuture;
+use http_body_util::BodyExt;
+use std::collections::HashSet;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
+use std::task::{Context, Poll};
+use std::time::Instant;
+use tokio::sync::OwnedSemaphorePermit;
+use tonic::Status;
+use tonic::body::Body;
+use tonic::codegen::http::{Request, Response};
+use tower::{Layer, Service};
+
+/// Wraps the services of a listener.
+#[derive(Debug, Clone)]
+pub struct TrafficLayer {
+    traffic: Arc<Traffic>,
+    /// Paths of the calls with one request and one answer.
+    unary: Arc<HashSet<String>>,
+}
+
+impl TrafficLayer {
+    pub fn new(traffic: Arc<Traffic>) -> Self {
+        Self {
+            traffic,
+            unary: Arc::new(unary_paths()),
+        }
+    }
+}
+
+impl<S> Layer<S> for TrafficLayer {
+    type Service = Limited<S>;
+
+    fn layer(&self, inner: S) -> Limited<S> {
+        Limited {
+            inner,
+            layer: self.clone(),
+        }
+    }
+}
+
+/// Services whose calls are counted.
+#[derive(Debug, Clone)]
+pub struct Limited<S> {
+    inner: S,
+    layer: TrafficLayer,
+}
+
+/// A call, from its beginning to the end of its answer.
+struct Call {
+    client: Option<Arc<Client>>,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Call {
+    fn begin(client: Option<Arc<Client>>, place: OwnedSemaphorePermit) -> Self {
+        if let Some(client) = &client {
+            client.calls.fetch_add(1, Ordering::SeqCst);
+        }
+        Self {
+            client,
+            _place: place,
+        }
+    }
+}
+
+impl Drop for Call {
+    fn drop(&mut self) {
+        if let Some(client) = &self.client {
+            let since = client.quiet_since.lock();
+            *since.unwrap_or_else(PoisonError::into_inner) = Instant::now();
+            client.calls.fetch_sub(1, Ordering::SeqCst);
+        }
+    }
+}
+
+impl<S> Service<Request<Body>> for Limited<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+    S::Future: Send + 'static,
+    S::Error: Send + 'static,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = BoxFuture<'static, Result<Response<Body>, S::Error>>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Self::Future {
+        let traffic = Arc::clone(&self.layer.traffic);
+        let limits = &traffic.limits;
+        let Ok(place) = Arc::clone(&traffic.calls).try_acquire_owned() else {
+            let refused = busy(format!("{} calls are open already", limits.calls));
+            let refused = Status::from(refused).into_http();
+            return Box::pin(std::future::ready(Ok(refused)));
+        };
+        let client = request.extensions().get::<Arc<Client>>().cloned();
+        let call = Call::begin(client.clone(), place);
+        let longest = limits.call;
+        let unary = self.layer.unary.contains(request.uri().path());
+        let held = Arc::<Held>::default();
+        let (parts, body) = request.into_parts();
+        let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary);
+        let request = Request::from_parts(parts, incoming.into_body());
+        let answer = self.inner.call(request);
+        Box::pin(async move {
+            let answer = if unary {
+                match tokio::time::timeout(longest, answer).await {
+                    Ok(answer) => answer?,
+                    Err(_) => {
+                        let message = format!("the call took longer than {} s", longest.as_secs());
+                        return Ok(Status::deadline_exceeded(message).into_http());
+                    }
+                }
+            } else {
+                answer.await?
+            };
+            drop(held);
+            // Streams of answers go on, and count until they end.
+            Ok(answer.map(|body| {
+                Body::new(body.map_frame(move |frame| {
+                    let _open = &call;
+                    frame
+                }))
+            }))
+        })
+    }
+}
