@@ -142,6 +142,20 @@ async fn resumed(
     Ok(second)
 }
 
+/// The token of the first lease of `job`, from the folder of its checkpoints: the service tells it to the worker alone.
+fn first_token(service: &Service, model: &str, job: &str) -> anyhow::Result<u64> {
+    let objects = service.objects.trim_start_matches("file://");
+    let own = format!("{}-", job.trim_start_matches("jobs/"));
+    let mut tokens = Vec::new();
+    for folder in std::fs::read_dir(Path::new(objects).join(model))? {
+        let name = folder?.file_name();
+        if let Some(token) = name.to_string_lossy().strip_prefix(&own) {
+            tokens.push(token.parse::<u64>()?);
+        }
+    }
+    tokens.into_iter().min().context("it has published")
+}
+
 /// Calls with the token of the dead worker.
 async fn late_calls_are_refused(
     service: &Service,
@@ -153,7 +167,7 @@ async fn late_calls_are_refused(
     let claim = Claim {
         job: orphan.name.clone(),
         worker: orphan.worker.clone(),
-        token: 1,
+        token: first_token(service, model, &orphan.name)?,
     };
     let heartbeat = HeartbeatRequest {
         claim: Some(claim.clone()),

@@ -42,7 +42,8 @@ pub struct ModelApi {
 }
 
 impl ModelApi {
-    /// All checkpoints of a model, newest first, with the best one marked and why each is kept.
+    /// All checkpoints of a model, newest first, with the best one marked and why each is kept. Their manifests are for
+    /// workers alone: the keys have the tokens of leases.
     async fn explained(&self, model_id: &str) -> Result<Vec<Checkpoint>, RequestError> {
         let default = self.context.config.storage.retention();
         let mut checkpoints = self
@@ -52,6 +53,7 @@ impl ModelApi {
             .await?;
         let best = best_first(checkpoints.clone()).into_iter().next();
         for checkpoint in &mut checkpoints {
+            checkpoint.manifest = None;
             checkpoint.best = best.as_ref().is_some_and(|it| it.name == checkpoint.name);
         }
         Ok(checkpoints)

@@ -281,7 +281,7 @@ async fn a_job_is_refused_while_the_catalogue_cannot_serve_it() {
     service.train(&model).await;
     let worker = service.worker(&["train"]).await;
     let lease = service.lease(&worker).await.expect("the training waits");
-    let published = service.publish(&lease, 7).await.expect("publishes");
+    service.publish(&lease, 7).await.expect("publishes");
     let request = ListCheckpointsRequest {
         model: model.name.clone(),
         ..<_>::default()
@@ -293,7 +293,7 @@ async fn a_job_is_refused_while_the_catalogue_cannot_serve_it() {
         .expect("lists")
         .into_inner();
     assert_eq!(listed.checkpoints.len(), 1);
-    assert_eq!(listed.checkpoints[0].manifest, published.manifest);
+    assert_eq!(listed.checkpoints[0].manifest, None, "keys have tokens");
     client
         .create_render(render(&ada.name))
         .await

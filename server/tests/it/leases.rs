@@ -5,6 +5,7 @@ use crate::support::{
 };
 use std::sync::Arc;
 use tonic::{Code, Status};
+use yoto_proto::names::{Collection, parse_checkpoint};
 use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
 use yoto_proto::v1::job_attempt::Outcome as Ended;
 use yoto_proto::v1::{
@@ -101,7 +102,7 @@ async fn a_training_is_leased_reported_and_completed() {
 
     let trainer = service.worker(&["train", "render"]).await;
     let lease = service.lease(&trainer).await.expect("the training waits");
-    assert_eq!((job_name(&lease), lease.token), (job.name.clone(), 1));
+    assert_eq!(job_name(&lease), job.name);
     let inputs = lease.inputs.clone().expect("has inputs");
     assert_eq!(inputs.model, Some(model));
     assert_eq!(inputs.shards.len(), 1);
@@ -163,7 +164,8 @@ async fn a_lost_lease_is_taken_over_and_every_late_write_refused() {
     let progress = waiting.progress.expect("what it had reached");
     assert_eq!((progress.step, progress.steps_per_second), (5, 0.0));
     let new = service.lease(&heir).await.expect("waits again");
-    assert_eq!((job_name(&new), new.token), (job.name.clone(), 2));
+    assert_eq!(job_name(&new), job.name);
+    assert!(new.token > old.token);
     let resume = new.inputs.clone().expect("has inputs").checkpoints;
     let steps: Vec<u64> = resume.iter().map(|found| found.step).collect();
     assert_eq!(steps, [5]);
@@ -271,9 +273,11 @@ async fn a_job_that_loses_too_many_workers_fails_and_its_capture_can_be_read_aga
     let subject = service.subject("Ada").await;
     let uploaded = service.upload_good(&subject.name).await;
     let worker = service.worker(&["ingest"]).await;
-    for token in 1..=3 {
+    let mut last = 0;
+    for _ in 1..=3 {
         let lease = service.lease(&worker).await.expect("it waits");
-        assert_eq!(lease.token, token);
+        assert!(lease.token > last);
+        last = lease.token;
         pass(&service, &clock, 1.1 * LEASE).await;
     }
     let job = service.get_job(&uploaded.ingest_job).await;
@@ -438,4 +442,30 @@ async fn a_lease_that_no_worker_can_read_ends_its_job() {
     assert_eq!(ended.error.expect("has a reason").code, "TOO_LARGE");
     let lease = service.lease(&worker).await.expect("the next one waits");
     assert_eq!(job_name(&lease), next.name);
+}
+
+#[tokio::test]
+async fn what_everybody_reads_of_a_job_is_no_claim_on_it() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let job = service.train(&service.model_of(&subject).await).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let checkpoint = service.publish(&lease, 1).await.expect("publishes");
+    let seen = service.get_job(&job.name).await;
+    let attempt = seen.attempts.last().expect("has one");
+    assert_eq!((attempt.number, &attempt.worker), (1, &worker));
+    let (model, _) = parse_checkpoint(&checkpoint.name).expect("a name");
+    let listed = service.checkpoints(&Collection::Models.name(model)).await;
+    let token = lease.token.to_string();
+    for text in [format!("{seen:?}"), format!("{listed:?}")] {
+        assert!(!text.contains(&token), "{text}");
+    }
+    let mut guessed = lease.clone();
+    guessed.token = attempt.number;
+    let outcome = Outcome::Failed(job_error("X", "owned"));
+    let refused = service.end(&guessed, outcome).await;
+    assert_refused(refused, Code::FailedPrecondition, "STALE_LEASE");
+    let again = service.get_job(&job.name).await;
+    assert_eq!(again.state(), job::State::Running);
 }

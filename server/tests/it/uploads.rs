@@ -446,7 +446,7 @@ async fn an_ingest_that_failed_for_want_of_the_store_is_tried_again_and_rejects_
     assert_eq!(waiting.state(), capture::State::Ingesting);
     assert_eq!(service.lease(&worker).await, None, "not at once");
     let again = eventually("the next try", || service.lease(&worker)).await;
-    assert_eq!(again.token, lease.token + 1);
+    assert!(again.token > lease.token);
     service.complete_ingest(&again).await;
     let done = service.get_capture(&capture).await;
     assert_eq!(done.state(), capture::State::Ready);

@@ -160,7 +160,16 @@ impl Breaker {
 
     async fn late(&self, job: &str) -> Result<()> {
         match self.calls.job(job).await {
-            Ok(job) => write_late(&self.calls, &self.history, &job, &self.stranger).await,
+            Ok(job) => {
+                write_late(
+                    &self.calls,
+                    &self.history,
+                    &self.fleet.records(),
+                    &job,
+                    &self.stranger,
+                )
+                .await
+            }
             Err(status) if status.code() == tonic::Code::NotFound => Ok(()),
             Err(status) => Err(status.into()),
         }
@@ -394,7 +403,8 @@ impl Breaker {
         }
         let newest = checkpoints.iter().max_by_key(|it| it.step);
         let newest = newest.context("a checkpoint")?;
-        let manifest = newest.manifest.as_ref().context("a manifest")?;
+        let manifest = self.fleet.records().manifest(&newest.name).await?;
+        let manifest = manifest.context("a manifest")?;
         let objects = self.fleet.objects();
         let bytes = std::fs::read(objects.join(&manifest.key))?;
         let objects_of = Manifest::from_json(&bytes)?.objects;

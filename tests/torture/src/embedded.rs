@@ -8,6 +8,7 @@ use super::history::{Event, History};
 use super::observer::newest_attempt;
 use super::processes::{Fleet, free_port};
 use super::proxy::Proxy;
+use super::records::Records;
 use super::workload::{Workload, train};
 use anyhow::{Context, Result, ensure};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -84,7 +85,10 @@ pub async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
 
 async fn check(calls: &Calls, workload: &Workload, objects: &Path, own: &History) -> Result<()> {
     let (events, mut end) = (own.events(), Final::default());
-    ending::collect(calls, objects, &events, &mut end).await?;
+    let records = Records {
+        database: objects.with_file_name("yoto.db"),
+    };
+    ending::collect(calls, &records, objects, &events, &mut end).await?;
     ending::repeat(calls, workload, &mut end).await?;
     let found = super::checker::check(&events, &end);
     ensure!(found.is_clean(), "embedded: {:?}", found.broken());

@@ -3,6 +3,7 @@
 use super::calls::Calls;
 use super::checker::{Final, FinalJob};
 use super::history::Event;
+use super::records::Records;
 use super::workload::{Workload, is_ended};
 use anyhow::{Context, Result};
 use std::collections::BTreeSet;
@@ -31,6 +32,7 @@ pub async fn settle(calls: &Calls, limit: Duration) -> Result<()> {
 /// When the service gives no definite answer.
 pub async fn collect(
     calls: &Calls,
+    records: &Records,
     folder: &Path,
     events: &[Event],
     end: &mut Final,
@@ -61,7 +63,8 @@ pub async fn collect(
         let spare = checkpoints.iter().filter(|it| it.kept_for.is_empty());
         end.spare.insert(model, spare.count());
         for checkpoint in checkpoints {
-            let manifest = checkpoint.manifest.context("a checkpoint has a manifest")?;
+            let manifest = records.manifest(&checkpoint.name).await?;
+            let manifest = manifest.context("a checkpoint has a manifest")?;
             let Some(bytes) = check(folder, &manifest, end) else {
                 continue;
             };

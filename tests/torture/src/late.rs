@@ -2,14 +2,15 @@
 
 use super::calls::{Calls, answered};
 use super::history::{Event, History};
+use super::records::Records;
 use anyhow::{Context, Result};
 use tonic::Status;
 use tonic_types::StatusExt;
 use yoto_proto::v1::end_job_request::{Outcome, Returned};
 use yoto_proto::v1::{
-    Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobKind,
-    JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile, TakeRangeRequest,
-    WorkerDevice, job_attempt,
+    Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobAttempt,
+    JobKind, JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile,
+    TakeRangeRequest, WorkerDevice, job_attempt,
 };
 
 /// Registers a worker that never gets a job.
@@ -34,9 +35,21 @@ pub async fn register_stranger(calls: &Calls) -> Result<String> {
 ///
 /// # Errors
 /// When there is no definite answer.
-pub async fn write_late(calls: &Calls, history: &History, job: &Job, stranger: &str) -> Result<()> {
+pub async fn write_late(
+    calls: &Calls,
+    history: &History,
+    records: &Records,
+    job: &Job,
+    stranger: &str,
+) -> Result<()> {
     let Some(newest) = job.attempts.last() else {
         return Ok(());
+    };
+    let tokens = records.tokens(&job.name).await?;
+    let token_of = |attempt: &JobAttempt| {
+        let index = usize::try_from(attempt.number)?.checked_sub(1);
+        let token = index.and_then(|index| tokens.get(index).copied());
+        token.with_context(|| format!("{} has no attempt {}", job.name, attempt.number))
     };
     let claim = |worker: &str, token| Claim {
         job: job.name.clone(),
@@ -45,14 +58,14 @@ pub async fn write_late(calls: &Calls, history: &History, job: &Job, stranger: &
     };
     let mut claims = vec![(
         "a worker that never had the job",
-        claim(stranger, newest.number),
+        claim(stranger, token_of(newest)?),
     )];
     let lost = job_attempt::Outcome::Lost;
     for attempt in job.attempts.iter().filter(|it| it.outcome() == lost) {
-        let (old, token) = (&attempt.worker, attempt.number);
+        let (old, token) = (&attempt.worker, token_of(attempt)?);
         claims.push(("the worker that lost it", claim(old, token)));
         // The newest holder, with a token from before its time.
-        if newest.number != token && *old != newest.worker {
+        if newest.number != attempt.number && *old != newest.worker {
             claims.push(("an old token", claim(&newest.worker, token)));
         }
     }

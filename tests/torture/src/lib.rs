@@ -26,6 +26,7 @@ mod parts;
 mod plan;
 mod processes;
 mod proxy;
+mod records;
 mod report;
 mod workload;
 
@@ -200,11 +201,19 @@ impl Torture {
         ending::settle(&self.calls, SETTLE).await?;
         for it in self.calls.list_jobs(&[]).await? {
             if let Ok(job) = self.calls.job(&it.name).await {
-                late::write_late(&self.calls, &self.history, &job, &breaker.stranger).await?;
+                late::write_late(
+                    &self.calls,
+                    &self.history,
+                    &self.fleet.records(),
+                    &job,
+                    &breaker.stranger,
+                )
+                .await?;
             }
         }
         let events = self.history.events();
-        ending::collect(&self.calls, &self.fleet.objects(), &events, end).await?;
+        let records = self.fleet.records();
+        ending::collect(&self.calls, &records, &self.fleet.objects(), &events, end).await?;
         ending::repeat(&self.calls, &workload, end).await
     }
 

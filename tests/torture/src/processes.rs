@@ -2,6 +2,7 @@
 
 use super::parts::Controls;
 use super::proxy::Proxy;
+use super::records::Records;
 use anyhow::{Context, Result};
 use nix::sys::signal::{self, Signal};
 use nix::unistd::Pid;
@@ -64,6 +65,13 @@ impl Fleet {
     /// What goes wrong in the processes.
     pub fn controls(&self) -> &Controls {
         &self.controls
+    }
+
+    /// What the coordinator tells nobody.
+    pub fn records(&self) -> Records {
+        Records {
+            database: self.folder.join("data/yoto.db"),
+        }
     }
 
     /// Folder of all data and logs.

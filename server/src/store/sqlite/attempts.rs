@@ -74,14 +74,15 @@ pub async fn outcome(
     row.map(|row| parse(&row.text("outcome")?)).transpose()
 }
 
-/// The newest attempts of a job, oldest first.
+/// The newest attempts of a job, oldest first. Their numbers count them: tokens are for the workers alone.
 pub async fn list(
     conn: &mut SqliteConnection,
     job_id: &str,
 ) -> Result<Vec<JobAttempt>, StoreError> {
     let rows = sqlx::query(
         "SELECT * FROM (
-             SELECT a.*, w.display_name FROM job_attempts a JOIN workers w ON w.id = a.worker
+             SELECT a.*, w.display_name, row_number() OVER (ORDER BY a.lease) AS ordinal
+             FROM job_attempts a JOIN workers w ON w.id = a.worker
              WHERE a.job = ?1 ORDER BY a.lease DESC LIMIT ?2)
          ORDER BY lease",
     )
@@ -93,7 +94,7 @@ pub async fn list(
     rows.iter()
         .map(|row| {
             Ok(JobAttempt {
-                number: row.number("lease")?,
+                number: row.number("ordinal")?,
                 worker: Collection::Workers.name(&row.text("worker")?),
                 worker_display_name: row.text("display_name")?,
                 begin_time: row.time("begin_time")?,

@@ -2,7 +2,7 @@
 //!
 //! Such a lease is an attempt with a deadline. Its end never ends the job: its ranges go to others.
 
-use super::leases::{Ask, refusal};
+use super::leases::{Ask, gap, refusal};
 use super::rows::{Columns, During};
 use super::{attempts, jobs, outcome};
 use crate::store::{Ending, LeaseKey, StoreError};
@@ -17,10 +17,11 @@ pub async fn begin(
     job_id: &str,
 ) -> Result<LeaseKey, StoreError> {
     let row = sqlx::query(
-        "UPDATE jobs SET last_token = last_token + 1, sequence = sequence + 1
+        "UPDATE jobs SET last_token = last_token + ?2, sequence = sequence + 1
          WHERE id = ?1 RETURNING last_token",
     )
     .bind(job_id)
+    .bind(gap())
     .fetch_one(&mut *conn)
     .await
     .during("leasing a part of a render")?;

@@ -120,6 +120,15 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOu
     })
 }
 
+/// Bits of the distance between the tokens of two leases. The database's 63 bits hold four million of them.
+const GAP_BITS: u32 = 40;
+
+/// The distance from the last token of a job to the next: nobody can guess a token from others that they have seen.
+pub fn gap() -> i64 {
+    let random = uuid::Uuid::new_v4().as_u128() & ((1 << GAP_BITS) - 1);
+    random as i64 + 1
+}
+
 /// Gives a queued job to the worker.
 async fn begin(
     conn: &mut SqliteConnection,
@@ -128,8 +137,8 @@ async fn begin(
 ) -> Result<LeaseKey, StoreError> {
     start_lease_clock(conn, ask.now).await?;
     let row = sqlx::query(
-        "UPDATE jobs SET state = 'RUNNING', lease = last_token + 1, last_token = last_token + 1, worker = ?2, lease_request = ?3,
-             lease_deadline = ?4 + ?5, sequence = sequence + 1, waiting_error = NULL,
+        "UPDATE jobs SET state = 'RUNNING', lease = last_token + ?6, last_token = last_token + ?6,
+             worker = ?2, lease_request = ?3, lease_deadline = ?4 + ?5, sequence = sequence + 1, waiting_error = NULL,
              not_before = NULL, start_time = coalesce(start_time, ?4)
          WHERE id = ?1 RETURNING lease",
     )
@@ -138,6 +147,7 @@ async fn begin(
     .bind((!ask.request_id.is_empty()).then_some(ask.request_id))
     .bind(ask.now)
     .bind(ask.lease_seconds)
+    .bind(gap())
     .fetch_one(&mut *conn)
     .await
     .during("leasing a job")?;

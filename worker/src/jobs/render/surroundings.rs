@@ -205,9 +205,9 @@ mod tests {
         assert!(filled.get_pixel(19, 19).0[0].abs_diff(24 * 6) <= 2);
         for (width, height) in [(8192, 1), (1, 8192)] {
             let line = RgbImage::from_pixel(width, height, image::Rgb([9; 3]));
-            let filled = filling(&line.into(), 64, 48);
-            assert_eq!(filled.dimensions(), (64, 48));
-            assert_eq!(filled.get_pixel(63, 47).0, [9; 3]);
+            let filled = filling(&line.into(), 2048, 2048);
+            assert_eq!(filled.dimensions(), (2048, 2048));
+            assert_eq!(filled.get_pixel(2047, 2047).0, [9; 3]);
         }
     }
 

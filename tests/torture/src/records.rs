@@ -1,0 +1,62 @@
+//! What the service tells nobody but workers, read from the coordinator's database: tokens of leases, and where the
+//! manifests of checkpoints are.
+
+use anyhow::{Context, Result};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Row, SqliteConnection};
+use std::path::PathBuf;
+use yoto_proto::names::{Collection, parse_checkpoint};
+use yoto_proto::v1::ObjectRef;
+
+/// The records of a coordinator.
+#[derive(Debug, Clone)]
+pub struct Records {
+    /// Its database.
+    pub database: PathBuf,
+}
+
+impl Records {
+    async fn open(&self) -> Result<SqliteConnection> {
+        let options = SqliteConnectOptions::new()
+            .filename(&self.database)
+            .read_only(true);
+        options.connect().await.context("reading the database")
+    }
+
+    /// The tokens of all leases of `jobs/{id}`, oldest first: of the attempt with the number n, the n-th.
+    ///
+    /// # Errors
+    /// When the database can't be read.
+    pub async fn tokens(&self, job: &str) -> Result<Vec<u64>> {
+        let rows = sqlx::query("SELECT lease FROM job_attempts WHERE job = ?1 ORDER BY lease")
+            .bind(Collection::Jobs.parse(job)?)
+            .fetch_all(&mut self.open().await?)
+            .await?;
+        let token = |row| Ok(u64::try_from(Row::try_get::<i64, _>(row, "lease")?)?);
+        rows.iter().map(token).collect()
+    }
+
+    /// The manifest of a checkpoint; `None` if it was removed meanwhile.
+    ///
+    /// # Errors
+    /// When the database can't be read.
+    pub async fn manifest(&self, checkpoint: &str) -> Result<Option<ObjectRef>> {
+        let (model, step) = parse_checkpoint(checkpoint)?;
+        let row = sqlx::query(
+            "SELECT manifest_key, manifest_bytes, manifest_sha256 FROM checkpoints
+             WHERE model = ?1 AND step = ?2",
+        )
+        .bind(model)
+        .bind(i64::try_from(step)?)
+        .fetch_optional(&mut self.open().await?)
+        .await?;
+        let Some(row) = row else {
+            return Ok(None);
+        };
+        Ok(Some(ObjectRef {
+            key: row.try_get("manifest_key")?,
+            bytes: u64::try_from(row.try_get::<i64, _>("manifest_bytes")?)?,
+            sha256: row.try_get("manifest_sha256")?,
+        }))
+    }
+}
