@@ -29,6 +29,7 @@ impl Faults for First {
 async fn calls_that_may_be_repeated_are() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut config = ServerConfig::new(folder.path());
+    config.storage.min_free_bytes = 0;
     let faults = Arc::new(First::default());
     config.faults = Some(Arc::clone(&faults) as Arc<dyn Faults>);
     let coordinator = Coordinator::open(config).await.expect("opens");
