@@ -190,10 +190,7 @@ fn a_room_around_the_person_is_taken_off_by_masks_alpha_or_a_clean_picture() -> 
     let said = add(&service, "masked", &ada, &[])?;
     assert!(said.contains("background: a scene"), "{said}");
     let masked = psnr(&shard(&data)?, &truth);
-    assert!(
-        masked > 35.0,
-        "only edges keep some of the room: {masked:.1} dB"
-    );
+    assert!(said.contains("edges: solved from colours"), "{said}");
 
     let said = add(&service, "keyed", &ada, &["--masks", "clean.png"])?;
     assert!(said.contains("difference key against clean.png"), "{said}");
@@ -215,7 +212,12 @@ fn a_room_around_the_person_is_taken_off_by_masks_alpha_or_a_clean_picture() -> 
     assert!(said.contains("alpha channel"), "{said}");
     let cut_out = shard(&data)?;
     assert_eq!(cut_out.image(2).mask, truth[2].mask);
-    assert!((psnr(&cut_out, &truth) - masked).abs() < 0.5);
+    // Its edges keep some of the room; those of masks are solved.
+    let cut_out = psnr(&cut_out, &truth);
+    assert!(
+        cut_out > 35.0 && masked > cut_out,
+        "{cut_out:.1} dB, {masked:.1} dB with masks"
+    );
     Ok(())
 }
 

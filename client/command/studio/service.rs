@@ -2,7 +2,7 @@
 
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_client::YotoClient;
 use yoto_ingest::IngestSettings;
@@ -18,6 +18,7 @@ pub async fn with_service<T>(
     lpips: Option<LpipsWeights>,
     work: impl AsyncFnOnce(&YotoClient) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
+    close_to_others(&data)?;
     let mut service = Embedded::start(EmbeddedOptions {
         data,
         listen: None,
@@ -49,4 +50,15 @@ pub async fn with_service<T>(
     let done = outcome?;
     stopped?;
     Ok(done)
+}
+
+/// Makes a command's own data folder its user's alone, as the service makes the folders that it makes itself.
+fn close_to_others(data: &Path) -> anyhow::Result<()> {
+    #[cfg(unix)]
+    if data.is_dir() {
+        let own = std::os::unix::fs::PermissionsExt::from_mode(0o700);
+        std::fs::set_permissions(data, own)
+            .with_context(|| format!("closing {} to other users", data.display()))?;
+    }
+    Ok(())
 }

@@ -52,10 +52,16 @@ pub(super) fn learned(
         return Edges::Given;
     };
     let mut builder: Option<BackgroundBuilder> = None;
-    for &at in &some {
+    for (done, &at) in some.iter().enumerate() {
         let (Some(frame), Some(&mask)) = (track.frames.get(at), capture.masks.get(at)) else {
             continue;
         };
+        tell(Progress {
+            file: reader.file_of(frame.index).to_owned(),
+            frame: Some(frame.index),
+            done,
+            total: some.len(),
+        });
         let Ok((picture, mask)) = reader.filmed(frame, mask, track.image_size) else {
             return Edges::Given;
         };
