@@ -121,7 +121,7 @@ impl AvatarSplats<'_> {
             rotations: splats.turns.val(),
             scales: splats.scales.val(),
             opacities: splats.opacities.val(),
-            colours: splats.colours.val(),
+            colours: splats.learning_colours(),
             harmonics: splats.harmonics.as_ref().map(Param::val),
             light: splats.light.val(),
         }

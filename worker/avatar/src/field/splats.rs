@@ -21,6 +21,8 @@ pub struct Splats {
     pub opacities: Param<Tensor<1>>,
     /// `[N, 3]`.
     pub colours: Param<Tensor<2>>,
+    /// `[N]`, 1 where a colour is guessed and does not learn, else 0; late in a run, and never trained itself.
+    pub held: Option<Param<Tensor<1>>>,
     /// `[N, 3 K]`, where colours depend on the view.
     pub harmonics: Option<Param<Tensor<2>>>,
     /// `[3, 8]`.
@@ -74,6 +76,11 @@ fn harmonics_path(slot: usize, degree: usize) -> String {
     format!("splats.{slot}.harmonics.{degree}")
 }
 
+/// Path of the flags of held colours; a checkpoint late in a run has it.
+pub(crate) fn held_path(slot: usize) -> String {
+    format!("splats.{slot}.held")
+}
+
 impl Splats {
     /// Whether none is hidden.
     pub(crate) fn shows_all(&self) -> Result<bool, ReadError> {
@@ -89,6 +96,25 @@ impl Splats {
         let clear = (-opacity.clone() + 1.0).clamp_min(f32::EPSILON);
         let logit = (opacity / clear).log();
         self.opacities = Param::initialized(ParamId::new(), logit);
+    }
+
+    /// The colours `[N, 3]`, of which those that are held have no gradient.
+    pub(crate) fn learning_colours(&self) -> Tensor<2> {
+        let colours = self.colours.val();
+        let Some(held) = &self.held else {
+            return colours;
+        };
+        let held = held.val().detach().unsqueeze_dim::<2>(1);
+        // Exact: each factor is 0 or 1.
+        colours.clone() * (-held.clone() + 1.0) + colours.detach() * held
+    }
+
+    /// Holds the colours of the splats that `held` `[N]` names; with `None`, all learn.
+    pub(crate) fn hold(&mut self, init: &Initial, slot: usize, held: Option<&[bool]>) {
+        self.held = held.map(|held| {
+            let flags: Vec<f32> = held.iter().map(|it| f32::from(u8::from(*it))).collect();
+            init.given(&held_path(slot), [flags.len()], &flags)
+        });
     }
 
     /// Degree of the harmonics by which colours depend on the view.
@@ -198,6 +224,7 @@ impl Splats {
             scales: init.given(&path("scales"), [count, 3], &first.scales),
             opacities: init.given(&path("opacities"), [count], &first.opacities),
             colours: init.given(&path("colours"), [count, 3], &first.colours),
+            held: None,
             harmonics: (degree > 0).then(|| {
                 let numbers = 3 * harmonics::count(degree);
                 init.zeros(&harmonics_path(slot, degree), [count, numbers])

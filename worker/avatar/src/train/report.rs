@@ -182,7 +182,6 @@ impl Trainer {
             model,
             known,
             best: _,
-            settled: _,
         } = self;
         let mut state = ModelState::new(
             model.config.clone(),

@@ -183,7 +183,6 @@ impl Trainer {
             run: Run::new(&saved, options, goes_on, progress),
             known,
             best: None,
-            settled: None,
         })
     }
 }

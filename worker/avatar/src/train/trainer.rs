@@ -17,7 +17,7 @@ use crate::train::poses::fit::{fit_pose, pose};
 use crate::train::run::best::Best;
 use crate::train::run::{Moment, Run};
 use crate::train::splats::placing::grow;
-use crate::train::splats::unseen::{Settled, guess_unseen};
+use crate::train::splats::unseen::{guess_at_the_end, settle};
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -33,8 +33,6 @@ pub struct Trainer {
     /// The best state that a validation has measured; none of models with a field, whose parts take part by the
     /// progress of the run.
     pub(super) best: Option<Best>,
-    /// What is guessed of sides that no frame shows, late in the run.
-    pub(super) settled: Option<Vec<Settled>>,
 }
 
 /// What a step learns by.
@@ -65,6 +63,9 @@ impl Trainer {
         let slot = subject.slot;
         fit_pose(&mut self.model, subject, frame, now, &mut rng)?;
         grow(&mut self.model, subject, now)?;
+        if !self.run.options().leave_unseen {
+            settle(&mut self.model, self.data.subjects(), now)?;
+        }
         let pose = pose(&self.model.state, subject, frame);
         let weight = self.model.state.weight(slot, frame);
         let learned = match self.model.appearance() {
@@ -98,9 +99,6 @@ impl Trainer {
         if self.run.is_over() {
             let notes = self.guess_unseen()?;
             self.run.note(notes);
-        } else if !self.run.options().leave_unseen {
-            let subjects = self.data.subjects();
-            Settled::hold(&mut self.settled, &mut self.model, subjects, now)?;
         }
         Ok(())
     }
@@ -111,8 +109,7 @@ impl Trainer {
             return Ok(Vec::new());
         }
         let opened = self.run.opened();
-        let (_, notes) = guess_unseen(&mut self.model, self.data.subjects(), opened)?;
-        Ok(notes)
+        guess_at_the_end(&mut self.model, self.data.subjects(), opened)
     }
 
     /// The loss of a whole frame, of which the model has the `picture` `[H W, 4]`.

@@ -3,6 +3,7 @@
 
 use crate::avatar::Avatar;
 use crate::config::{FieldConfig, ModelConfig};
+use crate::field::splats::held_path;
 use crate::identity::own;
 use crate::motion::body::Body;
 use crate::motion::prior::canonical_grid;
@@ -299,6 +300,7 @@ pub(crate) fn load_avatar(
     let path = dir.join(files::WEIGHTS);
     let grown = slots.max(state.slots.len());
     let mut avatar = Avatar::new(&state.config, grown, state.joints, state.seed, device);
+    expect_held(&mut avatar, &path)?;
     let mut store = SafetensorsStore::from_file(&path).allow_partial(true);
     let found = avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
     // The file lacks what is of somebody who is new, or who was removed.
@@ -309,6 +311,21 @@ pub(crate) fn load_avatar(
         Some(name) => Err(failed(&path, format!("missing tensor: {name}"))),
         None => Ok(avatar),
     }
+}
+
+/// Makes room in `avatar` for the flags of held colours, which only a checkpoint late in a run has.
+fn expect_held(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> {
+    let bytes = std::fs::read(weights).map_err(|e| failed(weights, e))?;
+    let file = SafeTensors::deserialize(&bytes).map_err(|e| failed(weights, e))?;
+    for slot in 0..avatar.splats.len() {
+        if let Ok(flags) = file.tensor(&held_path(slot)) {
+            let count = flags.shape().iter().product();
+            avatar
+                .hold_splats(slot, Some(&vec![false; count]))
+                .map_err(|e| failed(weights, e))?;
+        }
+    }
+    Ok(())
 }
 
 /// The optimiser in `dir`. The whole file is read: Burn's `load` reads a tensor at its first use,

@@ -1,5 +1,5 @@
-//! Sides of a person that no frame shows. Nothing teaches the splats there, which keep what chance gave them. At the
-//! end of a run they take colours from where the person was seen ([`guess`]), and a note says so.
+//! Sides of a person that no frame shows. Nothing teaches the splats there, which keep what chance gave them. Late in a run
+//! ([`settle`]) and at its end they take colours from where the person was seen ([`guess`]), and a note says so.
 
 mod guess;
 mod settle;
@@ -13,7 +13,7 @@ use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
 use burn::module::Module;
 use guess::{Guessed, Surface};
-pub(crate) use settle::Settled;
+pub(crate) use settle::settle;
 use sighted::sighted;
 use std::cmp::Ordering;
 use tracing::trace_span;
@@ -28,31 +28,50 @@ const NOTED: f64 = 2.0;
 
 /// Guesses the colours of each person's splats that no training frame shows, in a model after the completed
 /// fraction `opened` of its run. Returns the guesses, and notes for people.
-pub(crate) fn guess_unseen(
+fn guess_unseen(
     model: &mut Model,
     subjects: &[TrainSubject],
     opened: f64,
-) -> Result<(Vec<Settled>, Vec<String>), TrainError> {
+) -> Result<(Vec<Unseen>, Vec<String>), TrainError> {
     let _span = trace_span!("unseen").entered();
-    let (mut settled, mut notes) = (Vec::new(), Vec::new());
+    let (mut unseen, mut notes) = (Vec::new(), Vec::new());
     for subject in subjects {
         let avatar = model.state.avatar().clone().no_grad();
         let splats = match avatar.appearance(&model.config) {
             AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
-            _ => return Ok((settled, notes)),
+            _ => return Ok((unseen, notes)),
         };
         let guessed = guess(model, subject, splats, opened)?;
         notes.extend(guessed.note(&subject.name));
         let own = Avatar::own_slot(&model.config, subject.slot);
         let avatar = model.state.avatar_mut();
         avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
-        settled.push(Settled {
+        unseen.push(Unseen {
             slot: own,
-            colours: guessed.colours,
             anew: guessed.anew,
         });
     }
-    Ok((settled, notes))
+    Ok((unseen, notes))
+}
+
+/// The splats of a person that no frame shows.
+pub(crate) struct Unseen {
+    /// The person's splats in the model.
+    slot: usize,
+    /// `[N]`.
+    anew: Vec<bool>,
+}
+
+/// The guess at the end of a run, after which all colours learn again. Returns notes for people.
+pub(crate) fn guess_at_the_end(
+    model: &mut Model,
+    subjects: &[TrainSubject],
+    opened: f64,
+) -> Result<Vec<String>, TrainError> {
+    let (unseen, notes) = guess_unseen(model, subjects, opened)?;
+    let slots: Vec<usize> = unseen.iter().map(|it| it.slot).collect();
+    settle::release(model, &slots)?;
+    Ok(notes)
 }
 
 /// The colours of a person's splats, with guesses where no frame shows them.

@@ -1,63 +1,46 @@
 //! Guesses before the end of a run. Splats of the back look out around the outline in training frames, so that a
-//! guess changes what those show; the rest of the run learns to do without the old colours.
+//! guess changes what those show. The rest of the run learns to do without the old colours, while the guessed ones are held:
+//! their flags are part of the model, so that a resumed training goes on with them.
 
 use super::guess_unseen;
+use crate::avatar::Avatar;
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
 use crate::train::run::Moment;
 
-/// Share of a run after which guesses hold (docs/splats.md, "Sides that no frame shows").
+/// Share of a run after which guesses are held (docs/splats.md, "Sides that no frame shows").
 const FROM: f64 = 0.6;
-/// Steps after which guessed colours are restored. A colour moves by less than a tenth between.
-const EVERY: u64 = 10;
 
-/// The guessed colours of a person's splats.
-pub(crate) struct Settled {
-    /// The person's splats in the model.
-    pub(super) slot: usize,
-    /// `[N, 3]`.
-    pub(super) colours: Vec<f32>,
-    /// Whether the splat's is guessed.
-    pub(super) anew: Vec<bool>,
+/// Guesses once what no frame shows of the `subjects` and holds it, if the step at `now` is late in the run; before that,
+/// everything learns.
+pub(crate) fn settle(
+    model: &mut Model,
+    subjects: &[TrainSubject],
+    now: Moment,
+) -> Result<(), TrainError> {
+    let own = |subject: &TrainSubject| Avatar::own_slot(&model.config, subject.slot);
+    let slots: Vec<usize> = subjects.iter().map(own).collect();
+    let held = |slot: &usize| model.state.avatar().holds_splats(*slot);
+    if now.fraction < FROM {
+        let early: Vec<usize> = slots.into_iter().filter(held).collect();
+        return release(model, &early);
+    }
+    if slots.iter().all(held) {
+        return Ok(());
+    }
+    let (guesses, _) = guess_unseen(model, subjects, now.opened)?;
+    for guess in guesses {
+        let avatar = model.state.avatar_mut();
+        avatar.hold_splats(guess.slot, Some(&guess.anew))?;
+    }
+    Ok(())
 }
 
-impl Settled {
-    /// Holds what is guessed about each person, after a step.
-    pub fn hold(
-        settled: &mut Option<Vec<Self>>,
-        model: &mut Model,
-        subjects: &[TrainSubject],
-        now: Moment,
-    ) -> Result<(), TrainError> {
-        if now.fraction < FROM {
-            return Ok(());
-        }
-        match settled {
-            Some(settled) if now.step.is_multiple_of(EVERY) => {
-                settled.iter().try_for_each(|it| it.restore(model))
-            }
-            Some(_) => Ok(()),
-            None => {
-                let (guessed, _) = guess_unseen(model, subjects, now.opened)?;
-                *settled = Some(guessed);
-                Ok(())
-            }
-        }
+/// Lets all colours of the splats in `slots` learn again.
+pub(super) fn release(model: &mut Model, slots: &[usize]) -> Result<(), TrainError> {
+    for slot in slots {
+        model.state.avatar_mut().hold_splats(*slot, None)?;
     }
-
-    /// Restores the guessed colours.
-    fn restore(&self, model: &mut Model) -> Result<(), TrainError> {
-        let avatar = model.state.avatar_mut();
-        let mut colours = avatar.splat_values(self.slot)?.colours;
-        let pairs = colours.as_chunks_mut::<3>().0.iter_mut();
-        let guessed = self.colours.as_chunks::<3>().0.iter().zip(&self.anew);
-        for (own, (guessed, anew)) in pairs.zip(guessed) {
-            if *anew {
-                *own = *guessed;
-            }
-        }
-        avatar.paint_splats(self.slot, &colours, &self.anew)?;
-        Ok(())
-    }
+    Ok(())
 }
