@@ -1,6 +1,6 @@
 //! Opens a capture's files: its plan, its pose track, and the sources of its pictures.
 
-use super::edges;
+use super::edges::Edges;
 use super::failure::ReadFailure;
 use super::order::Progress;
 use super::reader::Reader;
@@ -76,17 +76,18 @@ impl Capture {
         })
     }
 
-    /// Opens the pictures of the frames at `positions`, which must be ascending.
+    /// Opens the pictures of the frames at `positions`, which must be ascending. The masks' edges are treated as `edges`
+    /// says.
     ///
     /// # Errors
     /// The frames without a picture or mask, up to a limit; a video that can't be read.
     pub(super) fn reader(
         &self,
         positions: &[usize],
+        edges: Edges,
         ffmpeg: &Ffmpeg,
         tell: &mut dyn FnMut(Progress),
     ) -> Result<Reader, ReadFailure> {
-        let edges = edges::learned(self, positions, ffmpeg, tell);
         let mut reader = Reader::open(self, positions, ffmpeg, tell)?;
         reader.solve(edges);
         Ok(reader)

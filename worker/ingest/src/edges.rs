@@ -3,6 +3,7 @@
 use super::capture::Capture;
 use super::order::Progress;
 use super::reader::Reader;
+use std::sync::Arc;
 use yoto_media::edge::{BackgroundBuilder, KnownBackground};
 use yoto_media::video::Ffmpeg;
 use yoto_proto::media_plan::{Background, EdgeSetting, MaskSource};
@@ -11,12 +12,12 @@ use yoto_proto::media_plan::{Background, EdgeSetting, MaskSource};
 const FRAMES: usize = 24;
 
 /// Treatment of the masks' edges.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) enum Edges {
     /// As the masks have them.
     Given,
     /// Solved from colours, before this background.
-    Solved(KnownBackground),
+    Solved(Arc<KnownBackground>),
 }
 
 impl Edges {
@@ -33,21 +34,15 @@ impl Edges {
     }
 }
 
-/// How to treat the edges of `capture`'s masks, from some of the frames at `positions`. Faults are left to the pass that reads
-/// all frames.
-pub(super) fn learned(
-    capture: &Capture,
-    positions: &[usize],
-    ffmpeg: &Ffmpeg,
-    tell: &mut dyn FnMut(Progress),
-) -> Edges {
+/// How to treat the edges of `capture`'s masks, from some of its frames. Faults are left to the pass that reads all frames.
+pub(super) fn learned(capture: &Capture, ffmpeg: &Ffmpeg, tell: &mut dyn FnMut(Progress)) -> Edges {
     let from_pictures = matches!(capture.sources.masks, MaskSource::Pictures(_));
     if capture.plan.edges == EdgeSetting::Given || !from_pictures {
         return Edges::Given;
     }
-    let step = positions.len().div_ceil(FRAMES).max(1);
-    let some: Vec<usize> = positions.iter().copied().step_by(step).collect();
     let track = &capture.track;
+    let step = track.frames.len().div_ceil(FRAMES).max(1);
+    let some: Vec<usize> = (0..track.frames.len()).step_by(step).collect();
     let Ok(mut reader) = Reader::open(capture, &some, ffmpeg, tell) else {
         return Edges::Given;
     };
@@ -72,5 +67,5 @@ pub(super) fn learned(
             .get_or_insert_with(|| BackgroundBuilder::new(picture.width, picture.height))
             .add(&picture, &mask);
     }
-    builder.map_or(Edges::Given, |it| Edges::Solved(it.finish()))
+    builder.map_or(Edges::Given, |it| Edges::Solved(Arc::new(it.finish())))
 }

@@ -2,9 +2,11 @@
 //! the same data as training.
 
 use super::capture::Capture;
+use super::edges::{self, Edges};
 use super::failure::ReadFailure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use tempfile::TempDir;
 use yoto_capture::FrameImage;
 use yoto_media::Limits;
@@ -16,6 +18,8 @@ use yoto_proto::pose_track::PoseTrack;
 pub struct LocalCapture {
     capture: Capture,
     ffmpeg: Ffmpeg,
+    /// Treatment of the masks' edges, once frames were asked for.
+    edges: OnceLock<Edges>,
     /// Folder of unpacked archives.
     _folder: TempDir,
 }
@@ -37,6 +41,7 @@ impl LocalCapture {
         Ok(Self {
             capture: Capture::read(folder.path(), files, &Limits::default())?,
             ffmpeg: Ffmpeg::find(ffmpeg),
+            edges: OnceLock::new(),
             _folder: folder,
         })
     }
@@ -62,7 +67,9 @@ impl LocalCapture {
         mut each: impl FnMut(usize, FrameImage),
     ) -> Result<(), ReadFailure> {
         let Capture { track, masks, .. } = &self.capture;
-        let mut reader = self.capture.reader(positions, &self.ffmpeg, &mut |_| {})?;
+        let learned = || edges::learned(&self.capture, &self.ffmpeg, &mut |_| {});
+        let edges = self.edges.get_or_init(learned).clone();
+        let mut reader = (self.capture).reader(positions, edges, &self.ffmpeg, &mut |_| {})?;
         for &position in positions {
             if let (Some(frame), Some(&mask)) = (track.frames.get(position), masks.get(position)) {
                 each(position, reader.frame(frame, mask, track.image_size)?);

@@ -2,6 +2,7 @@
 
 use super::MAX_VIOLATIONS;
 use super::capture::Capture;
+use super::edges;
 use super::failure::ReadFailure;
 use super::order::{Order, Prepared, Progress};
 use super::reader::Reader;
@@ -32,7 +33,8 @@ pub(super) fn prepare(
     let capture = Capture::read(&order.folder, &order.files, &order.limits)?;
     let total = capture.track.frames.len();
     let positions: Vec<usize> = (0..total).collect();
-    let mut reader = capture.reader(&positions, ffmpeg, tell)?;
+    let edges = edges::learned(&capture, ffmpeg, tell);
+    let mut reader = capture.reader(&positions, edges, ffmpeg, tell)?;
     let pixels = order.folder.join("pixels.bin");
     let sink = File::options()
         .create(true)

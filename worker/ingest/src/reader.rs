@@ -160,7 +160,7 @@ impl Reader {
         let background = self.background(&picture, &mask);
         let (width, height) = (picture.width, picture.height);
         let rgb = match (&self.edges, background) {
-            (Edges::Solved(known), Background::Scene) => edge::refine(&picture, &mut mask, known),
+            (Edges::Solved(known), Background::Scene) => edge::refine(picture, &mut mask, known),
             _ => compose::over_black(picture, &mask, background),
         };
         Ok(FrameImage {

@@ -17,8 +17,8 @@ pub(super) struct PixelGrid {
     pub pixels: Vec<usize>,
     /// Weights of the blur, symmetric about the middle one; their sum is 1.
     taps: Vec<f64>,
-    /// Longer side of the box, before the margin, pixels.
-    pub longer: f64,
+    /// Standard deviation of the blur, pixels.
+    pub spread: f64,
 }
 
 impl PixelGrid {
@@ -41,10 +41,7 @@ impl PixelGrid {
         let limits = [image.width, image.height];
         let low = low.map(|c| c.saturating_sub(margin));
         let high: [usize; 2] = std::array::from_fn(|a| (high[a] + margin).min(limits[a] - 1));
-        Some(Self {
-            longer,
-            ..Self::over(image.width, [low, high], PIXELS, blur, offset)
-        })
+        Some(Self::over(image.width, [low, high], PIXELS, blur, offset))
     }
 
     /// A grid of at most some `most` pixels over a box of a picture of `width` pixels, from its first to its last pixel, for a
@@ -56,8 +53,7 @@ impl PixelGrid {
         blur: f64,
         offset: [f64; 2],
     ) -> Self {
-        let sides = [0, 1].map(|a| (high[a] - low[a] + 1) as f64);
-        let area = sides[0] * sides[1];
+        let area: f64 = (0..2).map(|a| (high[a] - low[a] + 1) as f64).product();
         let stride = (0.75 * blur).max((area / most).sqrt()).round().max(1.0) as usize;
         let line = |a: usize| {
             let first = low[a] + (offset[a] * stride as f64) as usize;
@@ -71,7 +67,7 @@ impl PixelGrid {
             rows: line(1).count(),
             pixels,
             taps: taps(blur / stride as f64),
-            longer: sides[0].max(sides[1]),
+            spread: blur,
         }
     }
 

@@ -130,11 +130,11 @@ impl PoseFitter<'_> {
             grids.push((grid, weights));
         }
         if self.config.appearance.splats().is_some() {
-            let longer = grids[0].0.longer;
+            let spread = grids[0].0.spread;
             for part in parts::boxes(&self.body.skeleton, pose, picture.camera) {
                 let offset = std::array::from_fn(|_| rng.random());
                 let width = picture.image.width;
-                let grid = PixelGrid::over(width, part, parts::PIXELS, blur * longer, offset);
+                let grid = PixelGrid::over(width, part, parts::PIXELS, spread, offset);
                 grids.push((grid, BRIGHTNESS));
             }
         }

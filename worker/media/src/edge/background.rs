@@ -22,12 +22,9 @@ pub struct BackgroundBuilder {
     seen: Vec<u8>,
 }
 
-/// Colours of a background, where they are known.
+/// Colours of a background, where they are known, pixel by pixel.
 #[derive(Debug)]
-pub struct KnownBackground {
-    colours: Vec<Rgb>,
-    known: Vec<bool>,
-}
+pub struct KnownBackground(Vec<Option<[u8; 3]>>);
 
 impl BackgroundBuilder {
     /// Nothing is known of a background of `width` by `height` pixels.
@@ -72,26 +69,24 @@ impl BackgroundBuilder {
 
     /// What the frames agree on.
     pub fn finish(self) -> KnownBackground {
-        let agreed = |(&votes, &seen): (&u8, &u8)| {
-            seen >= FEWEST && f32::from(votes) >= AGREE * f32::from(seen)
+        let counts = self.votes.iter().zip(&self.seen);
+        let colour = |(colour, (&votes, &seen)): (&Rgb, (&u8, &u8))| {
+            let agreed = seen >= FEWEST && f32::from(votes) >= AGREE * f32::from(seen);
+            agreed.then(|| colour.map(|it| it.round() as u8))
         };
-        KnownBackground {
-            known: self.votes.iter().zip(&self.seen).map(agreed).collect(),
-            colours: self.colours,
-        }
+        KnownBackground(self.colours.iter().zip(counts).map(colour).collect())
     }
 }
 
 impl KnownBackground {
     /// The colour at a pixel of the picture, if it is known.
-    pub(super) fn at(&self, pixel: usize) -> Option<Rgb> {
-        let known = *self.known.get(pixel)?;
-        known.then(|| self.colours.get(pixel).copied())?
+    pub(super) fn at(&self, pixel: usize) -> Option<[u8; 3]> {
+        self.0.get(pixel).copied().flatten()
     }
 
     /// Share of the pixels that are known.
     pub fn share(&self) -> f64 {
-        let known = self.known.iter().filter(|it| **it).count();
-        known as f64 / self.known.len().max(1) as f64
+        let known = self.0.iter().flatten().count();
+        known as f64 / self.0.len().max(1) as f64
     }
 }

@@ -11,8 +11,9 @@ mod solve;
 
 pub use background::{BackgroundBuilder, KnownBackground};
 
-use crate::Picture;
+use crate::{Picture, compose};
 use band::Band;
+use yoto_proto::media_plan::Background;
 
 /// Colours of a picture as numbers.
 type Rgb = [f32; 3];
@@ -22,34 +23,20 @@ type Rgb = [f32; 3];
 ///
 /// # Panics
 /// If the sizes of `picture`, `mask` and `known` differ.
-pub fn refine(picture: &Picture, mask: &mut [u8], known: &KnownBackground) -> Vec<u8> {
-    let (width, height) = (picture.width, picture.height);
-    assert_eq!(mask.len(), width * height, "a mask of another size");
-    let pixels = picture.rgb.as_chunks::<3>().0;
-    let band = Band::around(mask, width);
-    let solved = band.map(|band| {
-        let solved = solve::solve(&band, pixels, mask, known);
+pub fn refine(picture: Picture, mask: &mut [u8], known: &KnownBackground) -> Vec<u8> {
+    assert_eq!(mask.len(), picture.pixels(), "a mask of another size");
+    let mut solved = Vec::new();
+    if let Some(band) = Band::around(mask, picture.width) {
+        solved = solve::solve(&band, picture.rgb.as_chunks().0, mask, known);
         band.settle(mask);
-        solved
-    });
-    let solved = solved.unwrap_or_default();
+    }
     for it in &solved {
         mask[it.pixel] = (it.alpha * 255.0 + 0.5) as u8;
     }
-    let mut rgb = vec![0; picture.rgb.len()];
-    let out = rgb.as_chunks_mut::<3>().0;
-    for ((out, pixel), &coverage) in out.iter_mut().zip(pixels).zip(&*mask) {
-        match coverage {
-            0 => (),
-            255 => *out = *pixel,
-            _ => *out = pixel.map(|value| (u32::from(value) * u32::from(coverage) / 255) as u8),
-        }
-    }
+    let mut rgb = compose::over_black(picture, mask, Background::Scene);
+    let pixels = rgb.as_chunks_mut::<3>().0;
     for it in &solved {
-        out[it.pixel] = std::array::from_fn(|c| {
-            let own = f32::from(pixels[it.pixel][c]) - (1.0 - it.alpha) * it.background[c];
-            (own.clamp(0.0, 255.0 * it.alpha) + 0.5) as u8
-        });
+        pixels[it.pixel] = it.own;
     }
     rgb
 }

@@ -53,8 +53,8 @@ pub(super) struct Solved {
     pub pixel: usize,
     /// Coverage, 0 to 1.
     pub alpha: f32,
-    /// The background behind it.
-    pub background: Rgb,
+    /// The person's share of its colour, premultiplied by the coverage.
+    pub own: [u8; 3],
 }
 
 /// The uncertain pixels of the `band` in a picture of `pixels`, solved.
@@ -67,7 +67,7 @@ pub(super) fn solve(
     let gain = exposure(band, pixels, known);
     let plate = |pixel: usize| -> Option<Rgb> {
         let colour = known.at(pixel)?;
-        Some(std::array::from_fn(|c| gain[c] * colour[c]))
+        Some(std::array::from_fn(|c| gain[c] * f32::from(colour[c])))
     };
     let foreground = Continued::of(band, |at, pixel| {
         (band.zones[at] == Zone::Foreground).then(|| pixels[pixel].map(f32::from))
@@ -110,14 +110,18 @@ pub(super) fn solve(
     let trust = trust(&said);
     said.iter_mut().for_each(|it| it.given_weight *= trust);
     let alphas = smoothed(band, &uncertain, &colours, &said);
-    let solved = uncertain.into_iter().zip(alphas).zip(backgrounds);
-    solved
-        .map(|((at, alpha), background)| Solved {
+    let mut solved = Vec::with_capacity(uncertain.len());
+    for (index, (at, alpha)) in uncertain.into_iter().zip(alphas).enumerate() {
+        let (colour, background) = (colours[index], backgrounds[index]);
+        // α F = I − (1 − α) B
+        let own = |c: usize| colour[c] - (1.0 - alpha) * background[c];
+        solved.push(Solved {
             pixel: band.pixel(at),
             alpha,
-            background,
-        })
-        .collect()
+            own: std::array::from_fn(|c| (own(c).clamp(0.0, 255.0 * alpha) + 0.5) as u8),
+        });
+    }
+    solved
 }
 
 /// The one of `candidates` that is most like `colour`.

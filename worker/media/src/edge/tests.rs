@@ -85,7 +85,7 @@ fn before_and_after(mask: &[u8], known: &KnownBackground) -> [[f32; 2]; 2] {
     let scene = yoto_proto::media_plan::Background::Scene;
     let given = crate::compose::over_black(picture.clone(), mask, scene);
     let mut solved = mask.to_vec();
-    let rgb = refine(&picture, &mut solved, known);
+    let rgb = refine(picture, &mut solved, known);
     [errors(&given, mask, &truth), errors(&rgb, &solved, &truth)]
 }
 
@@ -124,7 +124,10 @@ fn what_passes_by_is_no_background() {
     let middle = 80 * SIDE + 60;
     for at in [middle, 80 * SIDE + 5] {
         let colour = passed.at(at).expect("is known");
-        assert!((colour[0] - wall(at)[0]).abs() < 4.0, "{colour:?}");
+        assert!(
+            (f32::from(colour[0]) - wall(at)[0]).abs() < 4.0,
+            "{colour:?}"
+        );
     }
 }
 
@@ -134,16 +137,16 @@ fn nobody_and_slivers_are_no_trouble() {
     let known = learned();
     for coverage in [0, 100] {
         let mut mask = vec![coverage; SIDE * SIDE];
-        let rgb = refine(&picture, &mut mask, &known);
+        let rgb = refine(picture.clone(), &mut mask, &known);
         assert_eq!(mask[0], coverage);
         assert_eq!(rgb[0] == 0, coverage == 0);
     }
     let mut mask = vec![0; SIDE * SIDE];
     mask[SIDE - 1] = 255;
     mask[SIDE * SIDE - 1] = 255;
-    refine(&picture, &mut mask, &known);
+    refine(picture.clone(), &mut mask, &known);
     let mut all = vec![255; SIDE * SIDE];
-    let rgb = refine(&picture, &mut all, &known);
+    let rgb = refine(picture.clone(), &mut all, &known);
     assert!(all.iter().all(|it| *it == 255));
     assert_eq!(rgb, picture.rgb);
 }
