@@ -3,8 +3,8 @@
 //! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! files of an export, the checks of orders, pauses between attempts, and the names of tiers, variants and
-//! evaluation protocols.
+//! files of an export, the checks of orders, the reasons of refusals, pauses between attempts, text that is safe to
+//! print, and the names of tiers, variants and evaluation protocols.
 
 pub mod backoff;
 pub mod checks;
@@ -18,6 +18,7 @@ pub mod media_plan;
 pub mod names;
 pub mod pose_track;
 pub mod protocols;
+pub mod reasons;
 pub mod render_needs;
 pub mod smpl;
 pub mod text;

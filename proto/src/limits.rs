@@ -52,11 +52,11 @@ pub const PAGE_BYTES: usize = MESSAGE_BYTES / 2;
 pub const VIOLATIONS: usize = 100;
 /// Length of one text from a worker, such as a message of an error, bytes.
 pub const WORKER_TEXT_BYTES: usize = 4096;
-/// Length of one line from a worker, such as a note, bytes.
+/// Maximum length of one line from a worker, such as a note, bytes.
 pub const WORKER_LINE_BYTES: usize = 500;
-/// Lines of one list from a worker, such as the notes of a training.
+/// Maximum number of lines in a list from a worker, such as the notes of a training.
 pub const WORKER_LINES: usize = 100;
-/// Bytes of a job's result beside its files.
+/// Maximum length of a job's result without its files, bytes.
 pub const RESULT_BYTES: usize = 1 << 20;
 
 /// The beginning of `text`, of at most `bytes` bytes, cut between characters.

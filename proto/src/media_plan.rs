@@ -120,10 +120,10 @@ pub enum BackgroundSetting {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EdgeSetting {
-    /// Before a scene, coverage near the edges and the person's colours there are solved from the pictures.
+    /// If the background is the scene, coverage and the person's colours near the edges are estimated from the frames.
     #[default]
     Auto,
-    /// As the masks have them.
+    /// The masks are used as they are.
     Given,
 }
 

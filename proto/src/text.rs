@@ -1,16 +1,17 @@
-//! Texts that somebody else wrote, as a terminal may show them.
+//! Makes untrusted text safe to print, by escaping its hidden characters.
 //!
-//! A terminal obeys what it prints: the escape character begins commands, of which one writes the clipboard, and marks
-//! of direction let a name read differently from what it is.
+//! A terminal executes the escape sequences in its output: one of them writes to the clipboard. Bidirectional controls
+//! can make a file name look like another one.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
-/// Longest line that is made of a text, characters: some twelve lines of a terminal.
+/// Maximum length of one line from untrusted text, characters: about twelve rows of a terminal.
 pub const LINE_CHARACTERS: usize = 1000;
 
-/// Whether `character` acts on a terminal or a reader in place of being seen: control characters, marks of direction,
-/// separators of lines, and characters without width. Those that join letters and emoji are none of them.
+/// Whether `character` is invisible and can change how the text around it is shown: control characters, bidirectional
+/// controls, line and paragraph separators, tags, and zero-width characters. The zero-width joiner and non-joiner
+/// (U+200D, U+200C) do not count: emoji and several scripts need them.
 pub fn is_hidden(character: char) -> bool {
     character.is_control()
         || matches!(
@@ -27,7 +28,7 @@ pub fn is_hidden(character: char) -> bool {
         )
 }
 
-/// `text` with hidden characters as `\u{1b}`. Line breaks and tabs stay.
+/// `text` with each hidden character escaped, such as `\u{1b}`. Line feeds and tabs are kept.
 pub fn visible(text: &str) -> Cow<'_, str> {
     let stays = |it: char| matches!(it, '\n' | '\t') || !is_hidden(it);
     if text.chars().all(stays) {
@@ -36,7 +37,8 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(escaped(text.chars(), stays))
 }
 
-/// `text` in one line of at most `characters` characters, with hidden ones as `\u{1b}`. Line breaks become spaces.
+/// `text` as one line of at most `characters` characters. Line breaks and tabs become spaces; other hidden characters
+/// are escaped.
 pub fn one_line(text: &str, characters: usize) -> String {
     let text = text.trim();
     let broken = |it: char| matches!(it, '\n' | '\r' | '\t');
@@ -58,7 +60,7 @@ fn escaped(text: impl Iterator<Item = char>, stays: impl Fn(char) -> bool) -> St
         if stays(character) {
             out.push(character);
         } else {
-            // Writing to a string does not fail.
+            // Writing to a String can't fail.
             let _ = write!(out, "\\u{{{:x}}}", u32::from(character));
         }
     }
@@ -70,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_would_act_is_shown() {
+    fn hidden_characters_are_escaped() {
         let clipboard = "\u{1b}]52;c;aGk=\u{7}";
         assert_eq!(visible(clipboard), "\\u{1b}]52;c;aGk=\\u{7}");
         assert_eq!(visible("gpj.\u{202e}exe"), "gpj.\\u{202e}exe");
@@ -79,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn what_people_write_stays() {
+    fn visible_text_is_kept() {
         for text in [
             "größe 身長",
             "a\n\tb",
@@ -92,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_stays_a_line_and_short() {
+    fn a_line_is_short_and_has_no_breaks() {
         assert_eq!(one_line(" a\nb\r\nc ", 80), "a b  c");
         assert_eq!(one_line("abcdef", 6), "abcdef");
         assert_eq!(one_line("abcdefg", 6), "abcde…");

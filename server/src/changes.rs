@@ -73,7 +73,7 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     loop {
         let seen = match context.store.job_state(&id).await {
             Ok(job) => Some(WatchedState::Job(Arc::new(job))),
-            // A watch goes on with what it knows.
+            // The watch continues with the last known state.
             Err(StoreError::Unavailable { .. }) => None,
             Err(_) => Some(WatchedState::Unreadable),
         };
@@ -88,8 +88,8 @@ async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
     }
 }
 
-/// Sends a changed state, if one was `seen`, to the watchers of a job. Returns false, and forgets the job, once nobody
-/// watches it.
+/// Sends the state that was `seen`, if any and if it is new, to the watchers of a job. Returns false, and forgets the
+/// job, once nobody watches it.
 fn told(changes: &JobChanges, name: &str, seen: Option<WatchedState>) -> bool {
     let mut all = changes.lock();
     let Some(watched) = all.get(name) else {
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_read_that_failed_for_a_moment_ends_no_watch() {
+    fn a_watch_survives_a_failed_read() {
         let (changes, seen) = (
             JobChanges::default(),
             watch::Sender::new(WatchedState::Nothing),

@@ -1,34 +1,37 @@
-//! The clock of the service: always the coordinator's, never a worker's or the database's.
+//! The clock of the service. All times come from the coordinator, never from a worker or the database.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A clock; seconds since 1970. Nothing else in the service reads the time of day.
+/// A clock, in seconds since 1970. Nothing else in the service reads the system's time.
 pub trait Clock: Debug + Send + Sync {
-    /// The time now. The clock may be set meanwhile.
+    /// The current time. It can jump: the system's clock can be set.
     fn now(&self) -> f64;
 
-    /// Seconds since a moment of this process, on a clock that nobody can set.
+    /// Seconds since some moment of this process, on a monotonic clock.
     fn steady(&self) -> f64;
 
-    /// [`Clock::now`] in the type of the standard library.
+    /// [`Clock::now`] as a [`SystemTime`].
     fn time(&self) -> SystemTime {
-        // Before 1970 there is no service.
+        // Times before 1970 become 1970.
         let since = Duration::try_from_secs_f64(self.now()).unwrap_or_default();
         UNIX_EPOCH + since
     }
 }
 
-/// The system's clock. It may be set, and it goes on while the machine sleeps; the steady one stands still then.
+/// The system's clock. `now` can be set, and advances while the machine sleeps; `steady` stops then.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SystemClock;
 
 impl Clock for SystemClock {
-    #[expect(clippy::disallowed_methods, reason = "the one place that may")]
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "the only place that reads the system's time"
+    )]
     fn now(&self) -> f64 {
         let since = SystemTime::now().duration_since(UNIX_EPOCH);
-        // Before 1970 there were no leases.
+        // Times before 1970 become 1970.
         since.map_or(0.0, |since| since.as_secs_f64())
     }
 
@@ -38,7 +41,7 @@ impl Clock for SystemClock {
     }
 }
 
-/// A clock that moves only on request, so that tests need not wait.
+/// A clock for tests, which moves only when it is told to.
 #[derive(Debug)]
 pub struct ManualClock(Mutex<Hands>);
 
@@ -49,17 +52,17 @@ struct Hands {
 }
 
 impl ManualClock {
-    /// A clock that shows `now`.
+    /// A clock at `now`.
     pub fn at(now: f64) -> Self {
         Self(Mutex::new(Hands { now, steady: 0.0 }))
     }
 
-    /// Lets time pass.
+    /// Lets `seconds` pass on both clocks.
     pub fn advance(&self, seconds: f64) {
         self.moved(seconds, seconds);
     }
 
-    /// Sets the clock ahead, or back with seconds below 0, while no time passes.
+    /// Sets the clock ahead by `seconds`, or back if they are negative. No time passes.
     pub fn set_ahead(&self, seconds: f64) {
         self.moved(seconds, 0.0);
     }

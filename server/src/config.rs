@@ -28,7 +28,7 @@ pub struct ServerConfig {
     pub clock: Arc<dyn Clock>,
     /// Interval between reads of a watched job without announced changes.
     pub watch_poll: Duration,
-    /// Interval between checks that the database can be written; health follows them.
+    /// Interval of the health checks, each of which writes to the database.
     pub health_interval: Duration,
     /// Longest time for open connections to end after the start of a shutdown.
     pub shutdown_grace: Duration,
@@ -36,7 +36,7 @@ pub struct ServerConfig {
     pub upload: UploadLimits,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
-    /// What clients may hold.
+    /// Limits of connections, calls and requests.
     pub traffic: TrafficLimits,
     /// Injected faults, for tests of the service.
     pub faults: Option<Arc<dyn Faults>>,

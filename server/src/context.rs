@@ -35,7 +35,7 @@ pub struct Context {
     pub roster: Roster,
     /// When the coordinator started.
     pub started: SystemTime,
-    /// Whether the database took the last write of the health check.
+    /// Whether the last write of the health check succeeded.
     pub writable: watch::Sender<bool>,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,

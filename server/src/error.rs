@@ -92,7 +92,7 @@ pub enum RequestError {
         /// Bytes that must be free, including the announced ones.
         needed: u64,
     },
-    /// Clients hold as much as they may; a later call may succeed.
+    /// A limit of traffic is reached; a later call may succeed.
     #[error("too much at once: {0}")]
     Busy(String),
     /// The coordinator is shutting down; a later call may succeed.

@@ -1,6 +1,6 @@
-//! Health of the service: SERVING while the database takes writes.
+//! Health of the service: SERVING while writes to the database succeed.
 //!
-//! Reads go on with a full disk or a locked file, and hide that nothing else does. The write is that of the time.
+//! With a full disk or a locked file, reads still succeed, so each check writes: it records the time.
 
 use crate::api::{
     JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
@@ -22,7 +22,7 @@ use yoto_proto::v1::subject_service_server::SubjectServiceServer;
 use yoto_proto::v1::upload_service_server::UploadServiceServer;
 use yoto_proto::v1::worker_service_server::WorkerServiceServer;
 
-/// The names under which health is told; the empty one is the service as a whole.
+/// Names of the services whose health is reported. The empty name is the server as a whole.
 const NAMES: [&str; 10] = [
     "",
     <SubjectServiceServer<SubjectApi> as NamedService>::NAME,
@@ -37,7 +37,7 @@ const NAMES: [&str; 10] = [
 ];
 /// Longest interval between two checks while writes fail.
 const RECHECK: Duration = Duration::from_secs(1);
-/// Time that a write may take, as a number of intervals between checks.
+/// Time limit of a write, in intervals between checks.
 const PATIENCE: u32 = 2;
 
 /// Sets the status of every service.
@@ -47,8 +47,8 @@ pub async fn set(reporter: &HealthReporter, status: ServingStatus) {
     }
 }
 
-/// Records the time at each [`crate::ServerConfig::health_interval`], and whether that could be written, until the
-/// coordinator stops.
+/// Writes the time to the database at each [`crate::ServerConfig::health_interval`], and records whether that
+/// succeeded, until the coordinator stops.
 pub async fn run(context: Arc<Context>) {
     let every = context.config.health_interval;
     loop {
@@ -57,7 +57,7 @@ pub async fn run(context: Arc<Context>) {
             () = context.stop.cancelled() => return,
             () = sleep(if worked { every } else { every.min(RECHECK) }) => {}
         }
-        // Never dropped half-way: it would not know whether it had recorded a step of the clock.
+        // Not cancelled at the limit: whether a step of the clock was recorded would be unknown.
         let write = context.store.keep_time();
         tokio::pin!(write);
         let written = match timeout(every * PATIENCE, &mut write).await {
@@ -67,14 +67,14 @@ pub async fn run(context: Arc<Context>) {
                 write.await
             }
         };
-        match &written {
+        match written {
             Ok(_) => found(&context, None),
-            Err(error) => found(&context, Some(error)),
+            Err(error) => found(&context, Some(&error)),
         }
     }
 }
 
-/// Tells services and log of a check, if it ended otherwise than the one before it.
+/// Records the outcome of a check. A change is logged, and reaches all listeners.
 fn found(context: &Context, fault: Option<&dyn std::error::Error>) {
     let works = fault.is_none();
     let news = context.writable.send_if_modified(|known| {
@@ -91,7 +91,7 @@ fn found(context: &Context, fault: Option<&dyn std::error::Error>) {
     }
 }
 
-/// Sets the status of every service by what [`run`] finds, for ever.
+/// Sets the status of every service to what [`run`] finds. Never returns.
 pub async fn follow(context: &Context, reporter: &HealthReporter) {
     let mut writable = context.writable.subscribe();
     loop {
@@ -101,7 +101,7 @@ pub async fn follow(context: &Context, reporter: &HealthReporter) {
         };
         set(reporter, status).await;
         if writable.changed().await.is_err() {
-            // The sender lives in the context.
+            // Unreachable: the context owns the sender.
             std::future::pending::<()>().await;
         }
     }

@@ -1,11 +1,19 @@
-//! The methods of the contract.
+//! Tells unary calls from streams by the contract's descriptors, for the layers that treat them differently.
 
 use prost::Message;
 use prost_types::FileDescriptorSet;
 use std::collections::HashSet;
+use std::sync::LazyLock;
 
-/// Paths of the calls with one request and one answer, such as `/yoto.v1.JobService/GetJob`.
-pub fn unary_paths() -> HashSet<String> {
+/// Paths of all unary methods.
+static UNARY: LazyLock<HashSet<String>> = LazyLock::new(unary_paths);
+
+/// Whether `path`, such as `/yoto.v1.JobService/GetJob`, is that of a unary method: one request, one response.
+pub fn is_unary(path: &str) -> bool {
+    UNARY.contains(path)
+}
+
+fn unary_paths() -> HashSet<String> {
     let files = FileDescriptorSet::decode(yoto_proto::DESCRIPTORS).unwrap_or_default();
     let mut paths = HashSet::new();
     for file in &files.file {
@@ -29,10 +37,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn calls_with_streams_are_not_among_them() {
-        let paths = unary_paths();
-        assert!(paths.contains("/yoto.v1.WorkerService/EndJob"), "{paths:?}");
-        assert!(!paths.contains("/yoto.v1.JobService/WatchJob"), "{paths:?}");
-        assert!(!paths.contains("/yoto.v1.ObjectService/DownloadObject"));
+    fn methods_with_streams_are_not_unary() {
+        assert!(is_unary("/yoto.v1.WorkerService/EndJob"), "{UNARY:?}");
+        assert!(!is_unary("/yoto.v1.JobService/WatchJob"), "{UNARY:?}");
+        assert!(!is_unary("/yoto.v1.ObjectService/DownloadObject"));
     }
 }

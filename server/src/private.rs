@@ -1,13 +1,13 @@
-//! Folders and files that only the service's user can read: they hold films of people. The umask decides nothing.
+//! Creates folders and files that only the service's user can access, whatever the umask: they hold films of people.
 
 use std::fs::{DirBuilder, Metadata, OpenOptions};
 use std::io;
 use std::path::Path;
 
-/// Creates `folder` and missing folders above it. One that exists keeps its mode.
+/// Creates `folder` and its missing parents with mode 0700. Existing folders keep their mode.
 ///
 /// # Errors
-/// When the disk refuses.
+/// When a folder can't be created.
 pub fn create_dir_all(folder: &Path) -> io::Result<()> {
     let mut builder = DirBuilder::new();
     builder.recursive(true);
@@ -16,7 +16,7 @@ pub fn create_dir_all(folder: &Path) -> io::Result<()> {
     builder.create(folder)
 }
 
-/// Options that open a file for writes; one that they create is private.
+/// Options to open a file for writing. A file that they create has mode 0600.
 pub fn writable() -> OpenOptions {
     let mut options = OpenOptions::new();
     options.write(true);
@@ -25,10 +25,10 @@ pub fn writable() -> OpenOptions {
     options
 }
 
-/// Whether other users of the machine can look into `folder`. Only Unix says so.
+/// Whether other users of the machine have access to `folder`. Always false except on Unix.
 ///
 /// # Errors
-/// When it can't be read.
+/// When its metadata can't be read.
 pub fn is_open_to_others(folder: &Path) -> io::Result<bool> {
     std::fs::metadata(folder).map(|it| grants_others(&it))
 }

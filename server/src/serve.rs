@@ -108,14 +108,14 @@ where
         };
         std::future::ready(admitted)
     });
-    let faults = context.config.faults.clone().map(FaultLayer::new);
+    let faults = context.config.faults.clone().map(FaultLayer);
     let serving = Server::builder()
         .initial_stream_window_size(WINDOW_BYTES)
         .initial_connection_window_size(WINDOW_BYTES)
         .max_concurrent_streams(limits.connection_calls)
         .http2_keepalive_interval(Some(limits.ping))
         .http2_keepalive_timeout(Some(limits.ping))
-        .layer(TrafficLayer::new(traffic))
+        .layer(TrafficLayer(traffic))
         .layer(tower::util::option_layer(faults))
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);

@@ -15,6 +15,7 @@ fn yoto(folder: &Path, line: &str) -> anyhow::Result<Output> {
         .current_dir(folder)
         .env_remove("YOTO_POSE_MODEL")
         .env_remove("YOTO_SMPL")
+        .env_remove("RUST_LOG")
         .output()
         .with_context(|| line.to_owned())
 }
@@ -34,10 +35,10 @@ fn example(folder: &Path) -> anyhow::Result<PathBuf> {
     Ok(PathBuf::from(name))
 }
 
-/// Most lines that a run says by default.
+/// Most lines that a run prints by default.
 const MOST_LINES: usize = 12;
 
-/// Moves all poses of a capture to this place along x, metres, where no mask is.
+/// Moves the person in all frames of a capture to `x`, metres, where no mask is.
 fn moved(capture: &Path, x: f64) -> anyhow::Result<()> {
     let path = capture.join("poses.json");
     let mut poses: Value = serde_json::from_slice(&std::fs::read(&path)?)?;
@@ -141,6 +142,54 @@ fn a_doubtful_capture_says_little_and_the_log_says_all() -> anyhow::Result<()> {
 }
 
 #[test]
+fn a_quiet_run_prints_results_and_errors_alone() -> anyhow::Result<()> {
+    let dir = tempfile::tempdir()?;
+    let capture = example(dir.path())?;
+    let options = "--quiet --output json --out o";
+    let line = format!(
+        "avatar {} --range ..6 --size 32 --seconds 2 {options}",
+        capture.display()
+    );
+    let made = yoto(dir.path(), &line)?;
+    ensure!(made.status.success() && made.stderr.is_empty(), "{made:?}");
+    let result: Value = serde_json::from_slice(&made.stdout)?;
+    let steps = result["report"]["training"]["steps"].as_u64();
+    ensure!(steps > Some(0), "{result:#}");
+    ensure!(
+        result["files"].as_array().map(Vec::len) == Some(2),
+        "{result:#}"
+    );
+    // A program finds what people read in the doubtful lines.
+    ensure!(
+        result["report"]["lacks"][0]["what"].is_string(),
+        "{result:#}"
+    );
+    let log = std::fs::read_to_string(dir.path().join("o/log.txt"))?;
+    for line in ["found: ", "doubtful: ", "o/play.html"] {
+        ensure!(log.contains(line), "{line}: {log}");
+    }
+
+    moved(&dir.path().join(&capture), 0.9)?;
+    let failed = yoto(
+        dir.path(),
+        &format!("avatar {} {options}", capture.display()),
+    )?;
+    let said = said(&failed);
+    ensure!(
+        !failed.status.success() && said.lines().count() == 1,
+        "{said}"
+    );
+    ensure!(
+        said.starts_with("error: ") && said.contains("sheet.png"),
+        "{said}"
+    );
+    let result: Value = serde_json::from_slice(&failed.stdout)?;
+    let error = result["error"].as_str().context("an error")?;
+    ensure!(error.contains("--despite-check"), "{result:#}");
+    Ok(())
+}
+
+#[test]
 fn a_capture_whose_check_fails_is_not_trained() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let capture = dir.path().join(example(dir.path())?);
@@ -181,7 +230,7 @@ fn page_with(path: &Path, words: &[&str]) -> anyhow::Result<String> {
     anyhow::bail!("{words:?} are not in {page}")
 }
 
-/// A browser that copies what it is to open.
+/// A folder with a browser that copies the file that it should open.
 #[cfg(target_os = "linux")]
 fn browser(folder: &Path) -> anyhow::Result<PathBuf> {
     use std::os::unix::fs::PermissionsExt;

@@ -1,5 +1,5 @@
-//! Disks that take nothing. A training whose files can't be written when it ends waits, says why, and is saved as
-//! soon as the folder can be written, and no step is made twice. A service whose log can't be written goes on.
+//! Full disks. A training whose files can't be written at its end waits, says why, and is saved as soon as the folder
+//! can be written, without a step made twice. A service whose log can't be written goes on.
 
 use anyhow::{Context, ensure};
 use std::fs;
@@ -117,20 +117,26 @@ async fn a_service_goes_on_where_its_log_can_t_be_written() -> anyhow::Result<()
         .spawn()?;
     let began = Instant::now();
     let server = format!("http://{address}");
-    let answered = loop {
-        if let Ok(client) = YotoClient::connect(&server).await {
-            break client.create_subject("Ada", "").await.map(drop);
+    // The process must not outlive a failed test.
+    let answered = async {
+        loop {
+            if let Ok(client) = YotoClient::connect(&server).await {
+                client.create_subject("Ada", "").await?;
+                return anyhow::Ok(());
+            }
+            if let Some(status) = service.try_wait()? {
+                anyhow::bail!("it has ended: {status}");
+            }
+            ensure!(began.elapsed() < PATIENCE, "it never answers");
+            tokio::time::sleep(Duration::from_millis(20)).await;
         }
-        if let Some(status) = service.try_wait()? {
-            anyhow::bail!("it has ended: {status}");
-        }
-        ensure!(began.elapsed() < PATIENCE, "it never answers");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    };
-    let ended = service.try_wait()?;
+    }
+    .await;
+    let ended = service.try_wait();
     service.kill()?;
     service.wait()?;
     answered?;
+    let ended = ended?;
     ensure!(ended.is_none(), "it has ended: {ended:?}");
     Ok(())
 }

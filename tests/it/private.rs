@@ -1,4 +1,4 @@
-//! What `yoto serve` and its worker store is readable for their user alone.
+//! Only their own user can read the files of `yoto serve` and its worker.
 #![cfg(unix)]
 
 use anyhow::{Context, ensure};
@@ -11,7 +11,7 @@ use yoto_tests::process::{Service, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 
-/// Counts the files below `folder`, after a look at the mode of each and of each folder.
+/// Checks that all files and folders below `folder` are private; returns the number of files.
 fn private(folder: &Path) -> anyhow::Result<usize> {
     let mut files = 0;
     for entry in fs::read_dir(folder)? {

@@ -2,11 +2,7 @@
 
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
-
-/// `ErrorInfo.reason` of a claim that is not the job's newest.
-const STALE_LEASE: &str = "STALE_LEASE";
-/// `ErrorInfo.reason` of a job that was deleted.
-const NOT_FOUND: &str = "NOT_FOUND";
+use yoto_proto::reasons::{NOT_FOUND, STALE_LEASE};
 
 /// Whether the same call may succeed later: for all codes except answers about the call itself.
 ///
@@ -26,7 +22,7 @@ pub(crate) fn is_transient(code: Code) -> bool {
     )
 }
 
-/// Whether an answer came that is too long for this program: it says nothing about the next one.
+/// Whether the answer was too long for this program to read. The next answer may be shorter.
 pub(crate) fn is_unreadable(code: Code) -> bool {
     code == Code::OutOfRange
 }
@@ -59,7 +55,7 @@ mod tests {
         ] {
             assert!(!is_transient(code) && !is_unreadable(code), "{code:?}");
         }
-        // Otherwise one job would end worker after worker.
+        // Otherwise a single job would end one worker after another.
         assert!(is_unreadable(Code::OutOfRange));
     }
 

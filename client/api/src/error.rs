@@ -119,7 +119,7 @@ impl fmt::Display for Refusal {
                 write!(f, "\n  {}", shown(&line))?;
             }
         }
-        // With an ErrorInfo, the service itself has answered.
+        // An answer with an ErrorInfo comes from the service itself.
         if self.status.code() == Code::Unavailable && details.error_info().is_none() {
             write!(f, "\n  is the service still running?")?;
         }
@@ -135,7 +135,7 @@ fn capture(place: &str) -> String {
     }
 }
 
-/// A text of the service or a worker, in one line.
+/// A text from the service or a worker as one safe line.
 fn shown(text: &str) -> String {
     one_line(text, LINE_CHARACTERS)
 }
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_others_wrote_stays_in_its_line() {
+    fn text_of_the_service_is_one_safe_line() {
         let text = "no\u{1b}]0;owned\u{7}\nerror: all is lost";
         let error = ClientError::refused("reading")(Status::not_found(text)).to_string();
         let expected = "reading: no\\u{1b}]0;owned\\u{7} error: all is lost [NotFound]";

@@ -5,9 +5,7 @@ use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
 use tonic_types::StatusExt;
 use yoto_proto::backoff::Backoff;
-
-/// The service's reason for a chunk that was altered in transit.
-const CORRUPT_CHUNK: &str = "CORRUPT_CHUNK";
+use yoto_proto::reasons::CORRUPT_CHUNK;
 
 /// How long the service may be out of reach.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(60);

@@ -1,9 +1,8 @@
-//! Calls that are carried out and whose first answer is UNAVAILABLE: the client makes each once more, and it counts once.
+//! Repeated calls: each first answer is lost after the call took effect. The client calls again, with the same effect.
 
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex};
 use tokio::net::TcpListener;
-use tokio_stream::wrappers::TcpListenerStream;
 use yoto_client::{FileSource, UploadFile, YotoClient};
 use yoto_proto::v1::{JobKind, Retention, job};
 use yoto_server::faults::{Delivery, Faults, Moment};
@@ -35,7 +34,7 @@ async fn calls_that_may_be_repeated_are() {
     let coordinator = Coordinator::open(config).await.expect("opens");
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
     let address = listener.local_addr().expect("has an address");
-    let incoming = TcpListenerStream::new(listener);
+    let incoming = yoto_server::tcp(listener);
     let serving = tokio::spawn(coordinator.serve(incoming, std::future::pending()));
     let client = YotoClient::connect(&format!("http://{address}"))
         .await

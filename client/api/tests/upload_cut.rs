@@ -275,8 +275,8 @@ async fn stuck_after(bytes: u64, service: SocketAddr) -> SocketAddr {
     address
 }
 
-/// A service with an upload of a new subject of which a part is committed, by a process that has ended. Also
-/// a client, and the names of subject and upload.
+/// Starts a service and an upload of a new subject, whose process ends after a part. Returns the service, a client, and
+/// the names of the subject and the upload.
 async fn half_uploaded(folder: &Path) -> (Service, YotoClient, String, String) {
     let service = Service::start(folder).await;
     let direct = service.client().await;
@@ -317,7 +317,7 @@ async fn committed(service: &Service, upload: &str, stop_writer: bool) -> u64 {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn bytes_that_the_service_s_disk_has_lost_are_sent_again() {
+async fn bytes_that_the_disk_has_lost_are_sent_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (service, direct, subject, upload) = half_uploaded(folder.path()).await;
     committed(&service, &upload, true).await;

@@ -1,11 +1,11 @@
 //! Inputs that an importer of captures can't find in the files.
 
+use crate::args::MattingArgs;
 use crate::args::frame_range::FrameRange;
-use crate::args::{FfmpegArg, MattingArgs};
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{Format, Options, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, TrackForm, to_folder};
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
 #[derive(Debug, Args)]

@@ -26,7 +26,7 @@ pub(crate) struct MediaArgs {
     /// Background of the images; detected by default.
     #[arg(long, value_enum, value_name = "WHAT", default_value = "auto")]
     background: Around,
-    /// Edges of the masks: solved from the pictures' colours before a scene, or as given.
+    /// Edges of the masks: auto solves them from the pictures' colours if the background is a scene; given keeps them.
     #[arg(long, value_enum, value_name = "HOW", default_value = "auto")]
     edges: Edges,
     /// Match of poses to frames of a video: by number, or by time (for variable frame rates).

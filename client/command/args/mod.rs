@@ -15,11 +15,11 @@ pub(crate) mod train;
 pub(crate) use lpips::LpipsArgs;
 pub(crate) use parse::*;
 
-use clap::builder::OsStringValueParser;
 use clap::{Args, ValueEnum};
-use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use yoto_client::{ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
+#[cfg(feature = "embedded")]
+use yoto_import::FfmpegArg;
 use yoto_import::{Levels, MattingModel};
 #[cfg(feature = "embedded")]
 use yoto_ingest::IngestSettings;
@@ -98,27 +98,6 @@ impl From<KindName> for JobKind {
             KindName::Evaluate => Self::Evaluate,
             KindName::Export => Self::Export,
         }
-    }
-}
-
-/// The program for videos that yoto does not decode itself.
-#[derive(Debug, Clone, Args)]
-pub(crate) struct FfmpegArg {
-    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
-    #[arg(
-        long,
-        env = "YOTO_FFMPEG",
-        value_name = "FILE",
-        value_parser = OsStringValueParser::new(),
-        hide_short_help = true
-    )]
-    ffmpeg: Option<OsString>,
-}
-
-impl FfmpegArg {
-    /// Path of the program, if one was named.
-    pub fn program(&self) -> Option<&Path> {
-        self.ffmpeg.as_deref().map(Path::new)
     }
 }
 

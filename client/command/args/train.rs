@@ -10,8 +10,8 @@ pub(crate) struct TrainArgs {
     #[arg(long, default_value_t = 7)]
     pub seed: u64,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
-    /// wander off their masks or jump, as estimated poses do, and finely for all others with splats [default: as
-    /// before, or by the tier: auto, or never for the tiers of the paper].
+    /// wander off their masks or jump, as estimated poses do; with splats, auto makes small corrections to all other
+    /// poses [default: as before, or by the tier: auto, or never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     pub refine_poses: Option<RefinePoses>,
     /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
@@ -48,7 +48,7 @@ pub(crate) enum RefinePoses {
     Always,
     /// Nobody's.
     Never,
-    /// Those of people whose bodies wander off their masks or jump; with splats, all others' finely.
+    /// Those of people whose bodies wander off their masks or jump; with splats, small corrections to all others.
     Auto,
 }
 

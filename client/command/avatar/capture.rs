@@ -6,7 +6,7 @@ use image::ImageFormat;
 use std::path::Path;
 use std::time::Instant;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::check::Report;
+use yoto_capture::check::{Grade, Report};
 use yoto_capture::skeleton::Skeleton;
 use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
@@ -14,19 +14,18 @@ use yoto_import::{Found, TrackForm, to_folder};
 use yoto_proto::pose_track::{Frame, PoseTrack};
 use yoto_proto::smpl;
 use yoto_terminal::output;
-use yoto_terminal::progress::count;
 
 /// An imported clip.
 pub(super) struct Captured {
     pub notes: Vec<String>,
     pub found: Found,
-    /// Frames of the source, of which a part is taken.
+    /// All frames of the source; some may not be used.
     pub available: usize,
     /// Numbers of the frames with the person.
     pub frames: Vec<u32>,
     pub image_size: [u32; 2],
     pub fps: f64,
-    /// Share of a picture's longer side that the person's longer side takes in half of the frames, 0 to 1.
+    /// Median length of the person in the pictures, as a share of a picture's longer side, 0 to 1.
     pub person: f64,
     /// Whether a motion of SMPL's joints moves the person.
     pub has_smpl_joints: bool,
@@ -57,11 +56,13 @@ pub(super) fn import(options: &AvatarOptions, folder: &Path) -> anyhow::Result<C
     })
 }
 
-/// Length of a body beyond its joints, above the head's and below the feet's, as a share of the joints' extent.
+/// Length of a body over the extent of its joints: the crown is above the head's joint, the soles are below the feet's.
 const BEYOND_JOINTS: f64 = 1.15;
+/// Least share of the person that is believed: a smaller one comes from wrong poses.
+const SMALLEST: f64 = 0.1;
 
-/// Share of a picture's longer side that the person's longer side takes in half of the frames, by the joints of the
-/// `track`; 1 if no frame tells.
+/// Median length of the person in the pictures, as a share of a picture's longer side, from the projected joints; 1 if no
+/// frame tells.
 fn person(track: &PoseTrack) -> f64 {
     let Ok(skeleton) = Skeleton::from_track(&track.skeleton) else {
         return 1.0;
@@ -85,7 +86,7 @@ fn person(track: &PoseTrack) -> f64 {
         .get(extents.len() / 2)
         .map_or(1.0, |extent| BEYOND_JOINTS * extent / longer);
     match share.is_finite() {
-        true => share.clamp(0.1, 1.0),
+        true => share.clamp(SMALLEST, 1.0),
         false => 1.0,
     }
 }
@@ -134,15 +135,21 @@ pub(super) fn check(
         .save_with_format(&sheet, ImageFormat::Png)
         .with_context(|| format!("writing {}", sheet.display()))?;
     detail!("{}", checked.text().trim_end());
-    let failed = checked.failed();
-    if failed > 0 && output::style().brief {
+    let failed: Vec<&str> = checked
+        .report
+        .measures
+        .iter()
+        .filter(|it| it.grade == Grade::Fail)
+        .map(|it| it.kind.title())
+        .collect();
+    if !failed.is_empty() && output::style().brief {
         tell!("{}", checked.faults().trim_end());
     }
     ensure!(
-        failed == 0 || despite,
-        "{} of the capture failed (see {}): mend what is named above, or train anyway \
-         (--despite-check)",
-        count(failed, "measure"),
+        failed.is_empty() || despite,
+        "the check of the capture failed: {} (see {}, and report.json beside it for the frames): mend the capture, or \
+         train anyway (--despite-check)",
+        failed.join(", "),
         sheet.display()
     );
     Ok(Checked {

@@ -5,7 +5,7 @@ use crate::args::capture::{ClipMasks, ImportOptions};
 use crate::args::frame_range::FrameRange;
 use crate::args::motion::MotionArgs;
 use crate::args::train::TrainArgs;
-use crate::avatar::{AvatarOptions, run};
+use crate::avatar::{AvatarOptions, PAGE, PLAYER, run};
 use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,8 @@ pub(crate) struct Avatar {
     clip: ClipMasks,
     #[command(flatten)]
     import: ImportOptions,
-    /// Longest side of training images and renders, pixels [default: as many as make the person 512 long, at most 1024].
+    /// Longest side of training images and renders, pixels [default: such that the person is 512 long, at most the
+    /// clip's and 1024].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=1024))]
     size: Option<u32>,
     /// Seconds of training.
@@ -76,7 +77,7 @@ pub(crate) struct Avatar {
     /// Open the page in a browser as soon as the training begins.
     #[arg(long)]
     open: bool,
-    /// Print all notes, which log.txt has in any case.
+    /// Print all notes; log.txt has them in any case.
     #[arg(short, long)]
     pub(crate) verbose: bool,
 }
@@ -127,7 +128,7 @@ impl Avatar {
                  over whole pictures"
             );
         }
-        let pages = ["index.html", "play.html"].map(|name| options.out.join(name));
+        let pages = [PAGE, PLAYER].map(|name| options.out.join(name));
         output::put("files", output::paths(&pages));
         pages.iter().for_each(|page| say!("{}", page.display()));
         Ok(())

@@ -1,5 +1,6 @@
-//! The page while the person is trained: state, progress, and the picture of each checkpoint. It loads itself again until it is
-//! replaced by the final page, or says why there is none. It is read from a disk, so everything is in it or beside it.
+//! Keeps the page up to date while the person is trained: state, progress, and the picture of each checkpoint. The browser
+//! reloads it until the final page replaces it, or it says why there is none. There is no server: the page needs only itself
+//! and the files beside it.
 
 use super::live_page::html;
 use super::page::{check, put};
@@ -11,9 +12,9 @@ use tokio::task::JoinHandle;
 use yoto_proto::v1::Job;
 use yoto_terminal::progress::describe;
 
-/// Shortest time between two versions of the page, and the time between two looks of a browser.
+/// Shortest time between two versions of the page, and time after which a browser reloads it.
 pub(super) const OFTEN: Duration = Duration::from_secs(2);
-/// Time after which the page is written again although nothing changed: it lives as long as its writer.
+/// Longest time between two versions of the page: its age tells a browser whether the program still runs.
 const SELDOM: Duration = Duration::from_secs(10);
 
 /// The picture of a checkpoint, relative to the page.
@@ -25,14 +26,14 @@ pub(super) struct Shown {
     pub path: String,
 }
 
-/// What the page says.
+/// The state of the work, as the page shows it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct State {
     /// What is being done.
     pub doing: String,
     /// Share of the training that is done, 0 to 1; absent outside of it.
     pub fraction: Option<f64>,
-    /// Of the latest measurement.
+    /// Held-out PSNR of the latest measurement, dB.
     pub psnr: Option<f64>,
     /// The newest last.
     pub pictures: Vec<Shown>,
@@ -40,7 +41,7 @@ pub(super) struct State {
     pub stopped: Option<String>,
 }
 
-/// Writes the page as long as it lives.
+/// The page of a training under way; it is written until [`end`](Self::end) or [`stop`](Self::stop).
 #[derive(Debug)]
 pub(super) struct Live {
     state: watch::Sender<State>,
@@ -140,7 +141,7 @@ impl Live {
         let _ = self.writing.await;
     }
 
-    /// Ends the updates with a page that says why there is nothing more to come.
+    /// Ends the updates with a page that says why there is no avatar.
     ///
     /// # Errors
     /// When it can't be written.
@@ -209,6 +210,8 @@ mod tests {
         let live = Live::start(&path, &report()).expect("a page");
         let first = read(&path);
         assert!(first.contains("location.reload()"), "{first}");
+        // A page whose writer was killed must not reload forever.
+        assert!(first.contains("if (Date.now() - "), "{first}");
         assert!(first.contains("&lt;b&gt;Ada&lt;/b&gt;"), "{first}");
         let mut add = live.pictures();
         add(12, &folder.path().join("pictures/progress/000012.png"));

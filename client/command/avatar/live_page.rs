@@ -1,4 +1,4 @@
-//! The page of a training under way, as HTML.
+//! The HTML of the page while the person is trained.
 
 use super::live::{OFTEN, Shown, State};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -6,7 +6,7 @@ use yoto_export::page::escaped;
 
 /// Template of the page, with fields in braces.
 const PAGE: &str = include_str!("live_page.html");
-/// Age from which on a page has lost its writer, which was killed.
+/// Age at which a browser stops reloading the page: the program was killed, or can't write.
 const STALE: Duration = Duration::from_secs(90);
 
 /// The page about the person called `name`, with the rows of the check of their capture.
@@ -26,7 +26,7 @@ pub(super) fn html(name: &str, check: &str, state: &State) -> String {
 fn words(state: &State) -> String {
     if let Some(why) = &state.stopped {
         return format!(
-            "<p class=\"stopped\">There is no avatar: {}.</p>\n<p>It was at: {}</p>",
+            "<p class=\"stopped\">There is no avatar: {}.</p>\n<p>It stopped at: {}</p>",
             escaped(why),
             escaped(&state.doing)
         );
@@ -53,7 +53,7 @@ fn pictures(all: &[Shown]) -> String {
         return "<p>The first picture comes with the first measured checkpoint.</p>".to_owned();
     };
     let mut text = format!(
-        "<p>A frame that the training does not see left, its render right.</p>\n{}",
+        "<p>Left: a frame that is held out of training. Right: its render.</p>\n{}",
         figure(newest)
     );
     if !earlier.is_empty() {
@@ -66,7 +66,7 @@ fn pictures(all: &[Shown]) -> String {
     text
 }
 
-/// What makes a browser load the page again. A page whose writer was killed stays as it is, and says so.
+/// The script that reloads the page. A page that is older than [`STALE`] is not reloaded, and says so.
 fn refresh(state: &State) -> String {
     if state.stopped.is_some() {
         return String::new();
@@ -75,8 +75,9 @@ fn refresh(state: &State) -> String {
     let (often, stale) = (OFTEN.as_millis(), STALE.as_millis());
     format!(
         "<script>\n  if (Date.now() - {} < {stale}) setTimeout(() => location.reload(), {often});\n  \
-         else document.getElementById(\"state\").textContent = \"The training has ended without a word: its \
-         program was killed.\";\n</script>\n",
-        now.unwrap_or_default().as_millis()
+         else document.getElementById(\"state\").textContent = \"No update for {} seconds: the program was killed, \
+         or can't write this page. Reload it to look again.\";\n</script>\n",
+        now.unwrap_or_default().as_millis(),
+        STALE.as_secs()
     )
 }

@@ -26,10 +26,10 @@ const ORBIT_FPS: f32 = 12.0;
 
 /// Seconds between the checkpoints of a short training, each with a picture for the page.
 const CHECKPOINT_SECONDS: f64 = 15.0;
-/// Longest training, seconds, that has them; the checkpoints of longer ones come as the service chooses.
+/// Longest training, seconds, that has them; the service chooses the checkpoints of longer ones.
 const SHORT_TRAINING: f64 = 900.0;
 
-/// The folders that the service reads and fills.
+/// Folders that the service reads and writes.
 pub(super) struct Places<'a> {
     pub out: &'a Path,
     pub capture: PathBuf,

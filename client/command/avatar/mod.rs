@@ -43,6 +43,7 @@ const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
 const PERSON: u32 = 512;
 /// Longest side of training images and renders then, pixels.
 const LARGEST: u32 = 1024;
+
 /// What to make an avatar of, and how.
 #[derive(Debug)]
 pub struct AvatarOptions {
@@ -56,8 +57,8 @@ pub struct AvatarOptions {
     pub name: String,
     /// Folder for everything.
     pub out: PathBuf,
-    /// Longest side of training images and renders, pixels. By default that of the clip, at most
-    /// [`LARGEST`].
+    /// Longest side of training images and renders, pixels. By default the person is [`PERSON`] pixels long where the
+    /// clip has them, and the side is at most [`LARGEST`].
     pub size: Option<u32>,
     /// The training, of no model yet.
     pub train: TrainSpec,
@@ -106,7 +107,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     let started = Instant::now();
     let out = &options.out;
     ensure_replaceable(options)?;
-    // The files of an earlier run are removed only once this run has a capture that can be trained.
+    // Files of an earlier run stay until the capture of this run is checked.
     let attempt = folder::fresh(out, "attempt", MAKER)?;
     let log = attempt.join(LOG);
     output::log::start(&log).with_context(|| format!("writing {}", log.display()))?;
@@ -123,7 +124,8 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         folder::move_into(&attempt.join(made), target)?;
     }
     let moved = out.join(LOG);
-    std::fs::rename(&log, &moved).with_context(|| format!("writing {}", moved.display()))?;
+    std::fs::rename(&log, &moved)
+        .with_context(|| format!("moving {} to {}", log.display(), moved.display()))?;
     detail!(
         "the body over the frames: {}",
         checks.join("sheet.png").display()

@@ -79,8 +79,8 @@ pub struct Seconds {
     pub total: f64,
 }
 
-/// Longest side of training images and renders for a clip whose `longest` side is that, of which the person takes the
-/// share `person`: the person is [`PERSON`] pixels long where the clip has them.
+/// Longest side of training images and renders, pixels, for a clip whose longest side has `longest` pixels, of which the
+/// person takes the share `person`. The person is [`PERSON`] pixels long where the clip has them.
 fn default_size(longest: u32, person: f64) -> u32 {
     let wanted = (f64::from(PERSON) / person).round() as u32;
     longest.min(wanted).min(LARGEST)

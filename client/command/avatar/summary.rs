@@ -1,5 +1,5 @@
-//! What people read of a capture by default: what was found, what is doubtful, and what the next film should show. All notes
-//! behind it are details.
+//! The lines about a capture that are printed by default: what was found, what is doubtful, and what the next film should
+//! show. All notes are details.
 
 use super::capture::{Captured, Checked};
 use yoto_capture::check::{Grade, Lack, Measure};
@@ -29,7 +29,7 @@ pub(super) fn lacks(captured: &Captured, checked: &Checked) -> Vec<Lack> {
     all.cloned().collect()
 }
 
-/// Frames, sizes, the fit of poses.
+/// Frames, their size, the person's length, and the fit of poses, in one line.
 fn found(captured: &Captured) -> String {
     let [width, height] = captured.image_size;
     let with_person = captured.frames.len();
@@ -50,7 +50,7 @@ fn found(captured: &Captured) -> String {
     text
 }
 
-/// A measure that is not what it should be, in one line.
+/// A measure that is only a warning, with its cause and frames, in one line.
 fn doubt(it: &Measure) -> String {
     let why = it.cause.as_ref().unwrap_or(&it.meaning);
     let mut text = format!("{}, {}: {why}", it.kind.title(), it.shown);

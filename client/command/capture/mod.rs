@@ -3,7 +3,6 @@
 mod example;
 pub(crate) mod import;
 
-use crate::args::FfmpegArg;
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
 use anyhow::Context;
@@ -13,7 +12,7 @@ use image::ImageFormat;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use yoto_capture::check::Report;
-use yoto_import::capture_check;
+use yoto_import::{FfmpegArg, capture_check};
 use yoto_terminal::output;
 
 const CHECK_HELP: &str = "\

@@ -93,7 +93,7 @@ pub(crate) struct Export {
     /// Pixels along a side of a mesh's texture [default: 1024].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=8192))]
     texture: Option<u32>,
-    /// Most bytes of a page or a file of splats: fewer splats stand for near ones until it fits [default: no limit].
+    /// Most bytes of a page or a file of splats: near splats are merged until it fits [default: no limit].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..))]
     max_bytes: Option<u64>,
     /// Seconds in which splats are made of a field [default: 60].

@@ -14,8 +14,9 @@ use yoto_terminal::progress::ProgressDisplay;
 
 const AFTER_HELP: &str = "\
 The service renders held-out frames of a trained model with many settings (samples per ray,
-resolution, likelihood bound, early stop, precision; of splats their number and the resolution)
-and stores time and PSNR with the model's checkpoint; `yoto render --max-seconds-per-frame`, `--min-psnr` and `--quality` use these figures.
+resolution, likelihood bound, early stop, precision; for splats, their number and the resolution)
+and stores time and PSNR with the model's checkpoint. `yoto render --max-seconds-per-frame`,
+`--min-psnr` and `--quality` use these figures.
 
 OUT holds tradeoff.json and tradeoff.csv.
 

@@ -19,7 +19,7 @@ pub(crate) fn init(default_level: &str, json: bool) {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
-        // Where the log can't be written, the program goes on without: the report of it would panic.
+        // A log that can't be written must not end the program: the report of it would panic.
         .log_internal_errors(false)
         .with_ansi(std::io::stderr().is_terminal());
     // A second initialisation, as in a process that embeds the commands, keeps the first.

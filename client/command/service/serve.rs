@@ -129,7 +129,7 @@ fn address(text: &str) -> Result<SocketAddr, String> {
         .ok_or_else(|| "the name has no address".to_owned())
 }
 
-/// From now on, whatever this process and its children write is their user's alone.
+/// Makes all files that this process and its children create from now on private to their user.
 fn keep_private() {
     #[cfg(unix)]
     nix::sys::stat::umask(nix::sys::stat::Mode::from_bits_truncate(0o077));

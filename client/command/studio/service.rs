@@ -52,7 +52,7 @@ pub async fn with_service<T>(
     Ok(done)
 }
 
-/// Makes a command's own data folder its user's alone, as the service makes the folders that it makes itself.
+/// Makes a command's data folder private to its user; the service does so only with folders that it creates.
 fn close_to_others(data: &Path) -> anyhow::Result<()> {
     #[cfg(unix)]
     if data.is_dir() {

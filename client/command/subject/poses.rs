@@ -1,13 +1,14 @@
 //! `yoto subject poses`: the poses of a person as a training has refined them.
 
+use crate::args::Server;
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
-use crate::args::{FfmpegArg, Server};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::ImageFormat;
 use std::path::{Path, PathBuf};
 use yoto_client::YotoClient;
+use yoto_import::FfmpegArg;
 use yoto_import::capture_check::refined_sheet;
 use yoto_import::capture_dir::DecodedCapture;
 use yoto_proto::v1::{Model, Subject};

@@ -5,12 +5,12 @@ use yoto_capture::check::Lack;
 use yoto_pose::Fitted;
 use yoto_proto::pose_track::PoseTrack;
 
-/// What a reader found beside the capture itself, for a short report.
+/// What a reader found out about a clip, for a short report.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     /// The fit of poses, if this program made it.
     pub fit: Option<PoseFit>,
-    /// What calls for a look or a decision of the user.
+    /// What the user should look at or decide.
     pub doubts: Vec<String>,
     /// What the clip lacks, as far as the reader can tell.
     pub lacks: Vec<Lack>,
@@ -28,7 +28,7 @@ pub struct PoseFit {
 }
 
 impl PoseFit {
-    /// That of `fitted`, after a search in as many frames as `searched` says.
+    /// The figures of `fitted`, after a search in `searched` frames.
     pub(crate) fn of(fitted: &Fitted, searched: usize) -> Self {
         Self {
             searched,
@@ -49,6 +49,6 @@ pub struct Imported {
     pub available: usize,
     /// Assumptions, for people to read.
     pub notes: Vec<String>,
-    /// What was found beside.
+    /// What the reader found out, for a short report.
     pub found: Found,
 }

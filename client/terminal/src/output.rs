@@ -1,8 +1,8 @@
 //! The command line's output: results on stdout, as text for people or as one JSON object for programs,
 //! and everything else on stderr.
 //!
-//! Characters that act on a terminal are shown in place of acting, whoever wrote them. A text of somebody else that is to
-//! stay in its line passes [`others`] as well.
+//! Control characters are printed as escapes, so that no text acts on the terminal. Text that others wrote goes through
+//! [`others`] where it must stay on one line.
 //!
 //! A reader that goes away, such as `head`, ends the program quietly; `println!` would panic.
 //!
@@ -53,9 +53,7 @@ pub fn others(text: &str) -> String {
 
 /// Prints a line of a result for people. [`crate::say`] formats it.
 pub fn line(text: Arguments<'_>) {
-    let text = text.to_string();
-    let text = visible(&text);
-    log::keep(&text);
+    let text = kept(text);
     if !style().json {
         write_out(&text);
     }
@@ -63,31 +61,40 @@ pub fn line(text: Arguments<'_>) {
 
 /// Prints a note for people on stderr. [`crate::tell`] formats it.
 pub fn note(text: Arguments<'_>) {
-    log::keep(&visible(&text.to_string()));
-    passing(text);
+    show(&kept(text));
 }
 
 /// As [`note`], but a brief style keeps it off the terminal. [`crate::detail`] formats it.
 pub fn detail(text: Arguments<'_>) {
-    log::keep(&visible(&text.to_string()));
+    let text = kept(text);
     if !style().brief {
-        passing(text);
+        show(&text);
     }
 }
 
 /// Prints a line on stderr that is soon out of date, such as progress; no log keeps it.
 pub fn passing(text: Arguments<'_>) {
+    show(&visible(&text.to_string()));
+}
+
+/// `text` as a terminal may show it, after the log has it.
+pub(crate) fn kept(text: Arguments<'_>) -> String {
+    let text = visible(&text.to_string()).into_owned();
+    log::keep(&text);
+    text
+}
+
+fn show(text: &str) {
     if !style().quiet {
         // A failed write to stderr can't be reported.
-        let _ = writeln!(std::io::stderr().lock(), "{}", visible(&text.to_string()));
+        let _ = writeln!(std::io::stderr().lock(), "{text}");
     }
 }
 
 /// Prints an error on stderr, and adds it to the result for programs.
 pub fn error(text: Arguments<'_>) {
     let text = text.to_string();
-    let shown = format!("error: {}", visible(&text));
-    log::keep(&shown);
+    let shown = kept(format_args!("error: {text}"));
     let _ = writeln!(std::io::stderr().lock(), "{shown}");
     put("error", text);
 }

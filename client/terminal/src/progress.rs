@@ -3,13 +3,11 @@
 
 mod rate;
 
-use crate::output;
-use crate::output::others;
+use crate::output::{self, others};
 use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rate::Rate;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
-use yoto_proto::text::visible;
 use yoto_proto::v1::{Job, Progress, job};
 
 /// Interval between plain lines; shorter activities have only their last line.
@@ -128,34 +126,34 @@ impl ProgressDisplay {
 
     /// Writes a line above the bar.
     pub fn note(&self, text: &str) {
-        let line = format!("{}: {text}", self.label);
+        let label = &self.label;
         match &self.bar {
-            Some(bar) => bar.println(visible(&line)),
-            None => tell!("{line}"),
+            Some(bar) => bar.println(output::kept(format_args!("{label}: {text}"))),
+            None => tell!("{label}: {text}"),
         }
     }
 
     /// Removes the bar.
     pub fn clear(self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.remove_bar();
     }
 
     /// Replaces the bar by one line about the outcome.
     pub fn finish(self, outcome: &str) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.remove_bar();
         tell!("{}: {outcome}", self.label);
     }
 
     /// As [`finish`](Self::finish), with an outcome that is a detail.
     pub fn finish_in_detail(self, outcome: &str) {
+        self.remove_bar();
+        detail!("{}: {outcome}", self.label);
+    }
+
+    fn remove_bar(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        detail!("{}: {outcome}", self.label);
     }
 
     fn show(&mut self, fraction: f64, text: &str) {

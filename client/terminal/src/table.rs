@@ -5,7 +5,7 @@ use yoto_proto::text::one_line;
 /// Longest cell, characters.
 const CELL_CHARACTERS: usize = 200;
 
-/// Rows of equal length as aligned columns under a header. Each cell stays in its line, whoever wrote it.
+/// Rows of equal length as aligned columns under a header. Line breaks in a cell become spaces, and long cells are cut.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |row: &Vec<String>| -> Vec<String> {
         row.iter()

@@ -88,8 +88,7 @@ impl ObjectsError {
         }
     }
 
-    /// Whether a disk has no room, or a user of it no more of their share: the same write may succeed once there
-    /// is room.
+    /// Whether a disk is full or a quota exceeded. The same write may succeed once there is room.
     pub fn is_full(&self) -> bool {
         let mut cause = Error::source(self);
         while let Some(error) = cause {
@@ -125,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_found_below_the_errors_of_a_store() {
+    fn a_full_disk_is_found_in_the_sources_of_an_error() {
         let disk = |kind: ErrorKind| ObjectsError::Disk {
             action: "writing",
             path: PathBuf::from("a"),

@@ -18,7 +18,7 @@ pub const TRIANGLES: RangeInclusive<u32> = 100..=1_000_000;
 pub const TEXTURES: RangeInclusive<u32> = 64..=8192;
 /// Length of a distillation, seconds.
 pub const SECONDS: RangeInclusive<f64> = 1.0..=86_400.0;
-/// Fewest bytes of a file that has a limit.
+/// Smallest limit of a file's size, bytes.
 pub const FEWEST_BYTES: u64 = 1000;
 /// Sides of its pictures, pixels.
 pub const SIZES: RangeInclusive<u32> = 64..=2048;

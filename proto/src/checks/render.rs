@@ -85,8 +85,7 @@ fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
     }
 }
 
-/// The pictures that `what` shows of one person, as far as the order alone tells it: at most, and 0 where only the
-/// captures tell it.
+/// Number of pictures of one person in `what`, limited to [`MAX_PICTURES`]; 0 if it depends on a capture.
 fn known_pictures(what: &What) -> u64 {
     let count = match what {
         What::Views(list) => list.views.len() as u64,
@@ -99,7 +98,7 @@ fn known_pictures(what: &What) -> u64 {
     count.min(MAX_PICTURES.into())
 }
 
-/// Why a render of `pictures` of each of `people` is refused; `None` if it is not.
+/// The fault of a render with too many pictures, `pictures` for each of `people`; `None` if the number is allowed.
 pub fn too_many(pictures: u64, people: u64) -> Option<String> {
     let all = pictures.saturating_mul(people);
     (all > u64::from(MAX_PICTURES)).then(|| match people {

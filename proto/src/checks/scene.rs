@@ -9,8 +9,8 @@ use std::ops::RangeInclusive;
 
 /// Actors of a scene.
 pub const ACTORS: RangeInclusive<usize> = 1..=16;
-/// Pictures of one render, and poses of one motion: 11 minutes at 15 frames per second. The files of a render with its
-/// order must fit into one answer.
+/// Maximum number of pictures of a render, and of poses of a motion: 11 minutes at 15 frames per second. A render's
+/// order and list of files must fit into one answer.
 pub const MAX_PICTURES: u32 = 10_000;
 /// Longest side of a rendered picture, pixels.
 pub const MAX_SIDE: u32 = 4096;
@@ -20,9 +20,9 @@ pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
 pub const FOV: f64 = 35.0;
 /// Bytes of the picture behind a scene: it must fit in one message with the rest of the request.
 pub const LARGEST_BACKDROP: usize = 3 << 20;
-/// Longest side of that picture, pixels: that of a frame of a capture.
+/// Maximum side of that picture, pixels: that of a frame of a capture.
 pub const BACKDROP_SIDE: u32 = crate::pose_track::MAX_SIDE;
-/// Its pixels: those of the largest rendered picture. It is scaled in memory, with 16 bytes a pixel.
+/// Maximum number of its pixels: that of the largest rendered picture. Scaling needs 16 bytes of memory per pixel.
 pub const BACKDROP_PIXELS: u64 = MAX_SIDE as u64 * MAX_SIDE as u64;
 /// Farthest position from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;

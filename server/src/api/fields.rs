@@ -39,7 +39,7 @@ pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestEr
     Ok(text.to_owned())
 }
 
-/// A text for people of several lines, which may be empty.
+/// Checks a text of several lines for people, which may be empty.
 pub fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError> {
     let hidden = |it: char| is_hidden(it) && !matches!(it, '\n' | '\r' | '\t');
     if text.len() > longest || text.chars().any(hidden) {

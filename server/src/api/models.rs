@@ -42,8 +42,8 @@ pub struct ModelApi {
 }
 
 impl ModelApi {
-    /// All checkpoints of a model, newest first, with the best one marked and why each is kept. Their manifests are for
-    /// workers alone: the keys have the tokens of leases.
+    /// All checkpoints of a model, newest first, with the best one marked and why each is kept. They come without
+    /// manifests, whose keys contain the tokens of leases.
     async fn explained(&self, model_id: &str) -> Result<Vec<Checkpoint>, RequestError> {
         let default = self.context.config.storage.retention();
         let mut checkpoints = self

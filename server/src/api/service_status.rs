@@ -26,7 +26,7 @@ impl StatusService for StatusApi {
         _: Request<GetStatusRequest>,
     ) -> Result<Response<ServiceStatus>, Status> {
         let context = &self.context;
-        let lately = context.roster.lately(self.context.config.clock.time());
+        let lately = context.roster.lately(context.config.clock.time());
         let ids: Vec<&str> = lately.keys().map(String::as_str).collect();
         let lease_seconds = context.config.lease_seconds;
         let workers = context.store.active_workers(&ids, lease_seconds).await;
@@ -62,7 +62,7 @@ impl StatusService for StatusApi {
             .store
             .workers(page.page(), context.config.lease_seconds);
         let mut workers = workers.await.map_err(RequestError::from)?;
-        let lately = context.roster.lately(self.context.config.clock.time());
+        let lately = context.roster.lately(context.config.clock.time());
         for entry in &mut workers {
             add_request(&mut entry.item, &lately);
         }

@@ -10,14 +10,15 @@ use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};
 use yoto_objects::ObjectsError;
 use yoto_proto::limits::beginning;
+use yoto_proto::reasons;
 
 /// The domain of every `ErrorInfo`.
 const DOMAIN: &str = "yoto.v1";
 
-/// Longest message of an error, bytes. An error travels in headers, of which gRPC's C core takes 8 KiB: its message in
-/// up to three bytes for one, and twice in details, with four bytes for three.
+/// Maximum length of an error's message, bytes. Errors are sent in headers, and gRPC's C core accepts 8 KiB of headers.
+/// The message is sent once percent-encoded (up to 3 bytes for each) and twice in Base64 details (4 bytes for 3).
 const TEXT_BYTES: usize = 1024;
-/// Longest name of a field, or value that is told with an error, bytes.
+/// Maximum length of a field's name, or of a metadata value of an error, bytes.
 const FIELD_BYTES: usize = 256;
 
 impl From<RequestError> for Status {
@@ -25,7 +26,7 @@ impl From<RequestError> for Status {
         let text = error.to_string();
         match error {
             RequestError::NotFound { name } => {
-                status(Code::NotFound, text, "NOT_FOUND", &[("name", name)])
+                status(Code::NotFound, text, reasons::NOT_FOUND, &[("name", name)])
             }
             RequestError::Invalid { field, message } => invalid(text, field, message),
             RequestError::Precondition { reason, .. } => {
@@ -35,7 +36,9 @@ impl From<RequestError> for Status {
                 let metadata = [("free", free.to_string()), ("needed", needed.to_string())];
                 status(Code::ResourceExhausted, text, "DISK_FULL", &metadata)
             }
-            RequestError::CorruptChunk { .. } => status(Code::DataLoss, text, "CORRUPT_CHUNK", &[]),
+            RequestError::CorruptChunk { .. } => {
+                status(Code::DataLoss, text, reasons::CORRUPT_CHUNK, &[])
+            }
             RequestError::Busy(_) => status(Code::Unavailable, text, "BUSY", &[]),
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
@@ -51,7 +54,7 @@ fn store(error: StoreError) -> Status {
     let text = error.to_string();
     match error {
         StoreError::NotFound { name } => {
-            status(Code::NotFound, text, "NOT_FOUND", &[("name", name)])
+            status(Code::NotFound, text, reasons::NOT_FOUND, &[("name", name)])
         }
         StoreError::RequestIdReused { request_id } => {
             let metadata = [("request_id", request_id)];
@@ -59,7 +62,12 @@ fn store(error: StoreError) -> Status {
         }
         StoreError::StaleLease { job, token } => {
             let metadata = [("job", job), ("token", token.to_string())];
-            status(Code::FailedPrecondition, text, "STALE_LEASE", &metadata)
+            status(
+                Code::FailedPrecondition,
+                text,
+                reasons::STALE_LEASE,
+                &metadata,
+            )
         }
         StoreError::Rule { reason, .. } => status(Code::FailedPrecondition, text, reason, &[]),
         StoreError::TooLarge { field, value } => {
@@ -75,7 +83,7 @@ fn store(error: StoreError) -> Status {
     }
 }
 
-/// The beginning of `text`.
+/// `text`, cut to at most `bytes` bytes with an ellipsis.
 fn brief(text: &str, bytes: usize) -> String {
     match beginning(text, bytes) {
         whole if whole.len() == text.len() => whole.to_owned(),
@@ -117,10 +125,10 @@ fn altered(error: &ObjectsError) -> Status {
     status(Code::DataLoss, text, "OBJECT_ALTERED", &[])
 }
 
-/// A database or a disk that can't take the call now: the same call may succeed later, without another one in between.
+/// The error when the database or the disk fails for now: the same call may succeed later.
 fn unavailable(error: &dyn std::error::Error) -> Status {
-    tracing::warn!(%error, "the store can't take a request now");
-    let text = "the service can't read or write its store now: it is locked, or its disk is full; \
+    tracing::warn!(%error, "the store is unavailable for a request");
+    let text = "the service can't read or write its store: it is locked, or its disk is full; \
                 see the coordinator's log";
     status(Code::Unavailable, text.to_owned(), "STORE_UNAVAILABLE", &[])
 }
@@ -135,7 +143,7 @@ fn internal(error: &dyn std::error::Error) -> Status {
 mod tests {
     use super::*;
 
-    /// What gRPC's C core takes by default.
+    /// Maximum size of headers that gRPC's C core accepts by default.
     const HEADER_BYTES: usize = 8 << 10;
 
     #[test]

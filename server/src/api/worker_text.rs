@@ -1,4 +1,4 @@
-//! What workers tell, cut to what a database and a reader can use: a worker is not trusted to be brief.
+//! Limits what workers report to lengths and figures that the database and clients can use. Workers are not trusted.
 
 use yoto_proto::limits::{
     VIOLATIONS, WORKER_LINE_BYTES, WORKER_LINES, WORKER_TEXT_BYTES, beginning,
@@ -45,7 +45,7 @@ pub fn device(mut device: WorkerDevice) -> WorkerDevice {
     device
 }
 
-/// The progress of a job. Figures that are not finite are unknown.
+/// The progress of a job. Figures that are not finite become 0 or absent.
 pub fn progress(mut progress: Progress) -> Progress {
     cut_lines([
         &mut progress.phase,
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn progress_and_results_are_short_however_much_is_told() {
+    fn long_progress_and_results_are_cut() {
         let many = || vec!["x".repeat(1000); 100_000];
         let told = progress(Progress {
             phase: "y".repeat(1 << 20),

@@ -1,10 +1,9 @@
 //! Delivers calls as the [`Faults`] decide.
 
 use super::{CURRENT, Current, Delivery, Faults, Moment, reached};
-use crate::methods::unary_paths;
+use crate::methods::is_unary;
 use futures::future::BoxFuture;
 use http_body_util::{BodyExt, Full};
-use std::collections::HashSet;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 use tonic::Status;
@@ -14,20 +13,7 @@ use tower::{Layer, Service};
 
 /// Wraps the services of a coordinator.
 #[derive(Debug, Clone)]
-pub struct FaultLayer {
-    faults: Arc<dyn Faults>,
-    /// Paths of the calls with one request and one answer.
-    unary: Arc<HashSet<String>>,
-}
-
-impl FaultLayer {
-    pub fn new(faults: Arc<dyn Faults>) -> Self {
-        Self {
-            faults,
-            unary: Arc::new(unary_paths()),
-        }
-    }
-}
+pub struct FaultLayer(pub Arc<dyn Faults>);
 
 impl<S> Layer<S> for FaultLayer {
     type Service = Faulty<S>;
@@ -35,7 +21,7 @@ impl<S> Layer<S> for FaultLayer {
     fn layer(&self, inner: S) -> Faulty<S> {
         Faulty {
             inner,
-            layer: self.clone(),
+            faults: Arc::clone(&self.0),
         }
     }
 }
@@ -44,7 +30,7 @@ impl<S> Layer<S> for FaultLayer {
 #[derive(Debug, Clone)]
 pub struct Faulty<S> {
     inner: S,
-    layer: FaultLayer,
+    faults: Arc<dyn Faults>,
 }
 
 impl<S> Service<Request<Body>> for Faulty<S>
@@ -62,11 +48,11 @@ where
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let path = request.uri().path();
-        if !self.layer.unary.contains(path) {
+        if !is_unary(path) {
             return Box::pin(self.inner.call(request));
         }
         let name = path.rsplit('/').next().unwrap_or_default().to_owned();
-        let faults = Arc::clone(&self.layer.faults);
+        let faults = Arc::clone(&self.faults);
         let delivery = faults.delivery(&name);
         // Only this service was polled until it was ready; its clone was not.
         let spare = self.inner.clone();

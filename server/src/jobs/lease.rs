@@ -2,13 +2,13 @@
 
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker};
+use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker, StoreError};
 use prost::Message;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{JobError, Lease};
 
-/// Bytes of an answer around its lease.
+/// Bytes of an answer besides its lease.
 const MARGIN: usize = 64;
 
 /// Adds a worker and returns its id.
@@ -30,7 +30,7 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
 
 /// Leases the first queued job that the worker may run, with its inputs. If there is none, and `help` is set,
 /// leases a part of a running render. A repeated `request_id` gets the same lease again. A job whose inputs
-/// can't be found, or are too many for an answer, FAILS.
+/// can't be found, or are too large for an answer, FAILS.
 ///
 /// # Errors
 /// When the worker is unknown or the store fails.
@@ -70,7 +70,12 @@ pub async fn lease(
     };
     let bytes = lease.encoded_len();
     if bytes > ANSWER_BYTES - MARGIN {
-        let job_id = Collection::Jobs.parse(&name).unwrap_or_default();
+        let job_id = Collection::Jobs
+            .parse(&name)
+            .map_err(|error| StoreError::Corrupt {
+                what: "jobs.id",
+                detail: error.to_string(),
+            })?;
         let key = LeaseKey {
             job_id: job_id.to_owned(),
             worker_id: worker_id.to_owned(),
@@ -83,7 +88,7 @@ pub async fn lease(
     Ok(Some(lease))
 }
 
-/// Ends a lease of `bytes` bytes, which no worker can read: each would fail at it in turn.
+/// Ends a lease of `bytes` bytes, which is too large for any worker to read.
 async fn end_unreadable(
     context: &Context,
     lease: &LeaseKey,
@@ -91,16 +96,16 @@ async fn end_unreadable(
     helps: bool,
 ) -> Result<(), RequestError> {
     let message = format!(
-        "the order with its files has {bytes} bytes: a worker takes at most {ANSWER_BYTES}; divide it into \
+        "the order with its files has {bytes} bytes: a worker accepts at most {ANSWER_BYTES}; divide it into \
          several orders"
     );
     tracing::warn!(
         job = lease.job_id,
         bytes,
-        "a lease is too long for a worker"
+        "a lease is too large for a worker"
     );
     let ending = match helps {
-        // The job is the other worker's.
+        // The job belongs to the worker that runs it.
         true => Ending::Returned,
         false => Ending::Failed(JobError {
             code: "TOO_LARGE".to_owned(),

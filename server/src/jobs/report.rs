@@ -5,8 +5,8 @@ use super::checks::results::{check_result, require};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
-use crate::rules::ranges::MOST_PICTURES;
 use crate::store::{Ending, LeaseKey, StoreError, TakenRange};
+use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Checkpoint, Progress, RenderedFile, job_spec};
@@ -124,8 +124,8 @@ pub async fn take_range(
             "only a render has pictures",
         ));
     };
-    if !(1..=MOST_PICTURES).contains(&pictures) {
-        let message = format!("{pictures} is not between 1 and {MOST_PICTURES}");
+    if !(1..=MAX_PICTURES).contains(&pictures) {
+        let message = format!("{pictures} is not between 1 and {MAX_PICTURES}");
         return Err(RequestError::invalid("pictures", message));
     }
     Ok(context.store.take_range(lease, pictures, drawn).await?)

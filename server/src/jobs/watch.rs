@@ -29,7 +29,7 @@ struct Watcher {
     ended: bool,
 }
 
-/// The job's states, without its order, newer than `after_sequence`, up to a terminal one. Changes faster than the
+/// The job's states without its order, newer than `after_sequence`, up to a terminal one. Changes faster than the
 /// reads may be left out.
 ///
 /// For a caller that has the terminal state already (the same sequence number), the stream ends

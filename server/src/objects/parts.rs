@@ -116,7 +116,7 @@ fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
         .truncate(false)
         .open(path);
     let mut file = match opened {
-        // What the piece follows is gone.
+        // The bytes before the piece are lost.
         Err(error) if piece.offset > 0 && error.kind() == ErrorKind::NotFound => {
             return Err(short(piece, 0));
         }
@@ -130,7 +130,7 @@ fn write(path: &Path, piece: &Piece) -> Result<File, ObjectsError> {
     Ok(file)
 }
 
-/// The error of a file with `found` bytes, fewer than `piece` follows.
+/// The error when a file has only `found` bytes, fewer than the offset of `piece`.
 fn short(piece: &Piece, found: u64) -> ObjectsError {
     ObjectsError::Size {
         key: piece.key.clone(),

@@ -9,7 +9,7 @@
 //! | how a render is divided among workers | [`ranges`] |
 //! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
-//! | nothing ages by a step of the clock | [`steps`] |
+//! | steps of the clock do not count for ages | [`steps`] |
 
 pub mod etag;
 pub mod losses;

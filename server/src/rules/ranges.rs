@@ -1,7 +1,5 @@
 //! How the pictures of a render are divided among workers.
 
-/// Most pictures of a render: the names of their files have six digits.
-pub const MOST_PICTURES: u32 = 1_000_000;
 /// Most ranges of a render: each costs a worker one call.
 const MOST: u32 = 64;
 /// Fewest pictures of a range, except the last one: drawing a picture of splats takes less time than the call.

@@ -5,7 +5,7 @@ use yoto_proto::backoff::jitter;
 /// Number of retries after faults outside the job: over about a day, so that a store or a
 /// machine can be repaired meanwhile.
 pub const MAX_RETRIES: u32 = 100;
-/// Longest wait before a retry, seconds, without its jitter; the first wait is a second, and each later one doubles.
+/// Maximum wait before a retry without jitter, seconds. The first wait is one second, and each later one doubles.
 pub const LONGEST_WAIT: f64 = 900.0;
 
 /// Seconds until the next attempt of a job after `retries` retries, with a random jitter of ±20 %; `None` after

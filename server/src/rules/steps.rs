@@ -1,30 +1,30 @@
-//! Steps of the clock: it was set, the machine slept, or the service was down. What is deleted after a time is deleted
-//! after time that the service spent, whatever the clock says.
+//! Steps of the clock: it was set, the machine slept, or the service was down. Ages count only the service's running
+//! time, so a step never deletes anything.
 
-/// Difference from the steady clock that is a step, seconds: far above what two readings one after the other differ by,
+/// Smallest difference from the steady clock that is a step, seconds: far above the time between the two readings, and
 /// far below any time after which something is deleted.
 const TOLERANCE: f64 = 1.0;
 
-/// Both clocks at one moment, in seconds: the one that can be set, and the steady one of this process.
+/// Readings of both clocks at one moment, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// Since 1970.
+    /// [`Clock::now`](crate::clock::Clock::now), since 1970.
     pub now: f64,
-    /// Since a moment of this process.
+    /// [`Clock::steady`](crate::clock::Clock::steady), since some moment of this process.
     pub steady: f64,
 }
 
 /// A step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
-    /// No time stamp after this one was made before the step.
+    /// Latest time stamp that was made before the step.
     pub at: f64,
-    /// By how much the clock moved ahead; below 0: it was set back.
+    /// How far the clock moved ahead; negative if it was set back.
     pub seconds: f64,
 }
 
 impl Reading {
-    /// What the clock would show at `steady` if nobody had set it since.
+    /// The time at `steady` if the clock was not set since this reading.
     pub fn expected(&self, steady: f64) -> f64 {
         self.now + (steady - self.steady)
     }
@@ -34,14 +34,14 @@ impl Reading {
         let expected = self.expected(later.steady);
         let seconds = later.now - expected;
         (seconds.abs() > TOLERANCE).then_some(Step {
-            // After a step back, stamps of both sides can be equal: those in doubt count as made after it.
+            // After a step back, stamps from before and after can be equal: those count as made after it.
             at: expected.min(later.now),
             seconds,
         })
     }
 }
 
-/// The step at the start of a process at `now` after one that last looked at `last_tick`. All stamps are from before.
+/// The step at the start of a process at `now`, if the previous one last checked at `last_tick`. All stamps are older.
 pub fn while_down(last_tick: f64, now: f64) -> Option<Step> {
     let seconds = now - last_tick;
     (seconds.abs() > TOLERANCE).then_some(Step { at: now, seconds })
@@ -61,13 +61,13 @@ mod tests {
     }
 
     #[test]
-    fn time_that_passes_is_no_step() {
+    fn passing_time_is_no_step() {
         assert_eq!(step(1000.0, 5.0), None);
         assert_eq!(step(90_000.2, 89_005.0), None);
     }
 
     #[test]
-    fn a_clock_that_is_set_steps_by_what_no_time_explains() {
+    fn a_clock_that_is_set_steps_by_its_difference_from_the_steady_one() {
         let ahead = Step {
             at: 1010.0,
             seconds: 86_400.0,
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_service_that_was_down_spent_no_time() {
+    fn time_while_the_service_is_down_is_a_step() {
         let down = Step {
             at: 5000.0,
             seconds: 4000.0,

@@ -23,8 +23,8 @@ use yoto_proto::v1::{
     RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
 
-/// The catalogue and the job queue. A method whose database fails has the error
-/// [`StoreError::Unavailable`], [`StoreError::Conflict`] or [`StoreError::Database`], by what a caller can do.
+/// The catalogue and the job queue. If the database fails, each method returns [`StoreError::Unavailable`],
+/// [`StoreError::Conflict`] or [`StoreError::Database`], depending on what a caller can do.
 #[async_trait]
 pub trait Store: Send + Sync + 'static {
     /// Creates a subject, or repeats the earlier answer to `request`.
@@ -228,8 +228,8 @@ pub trait Store: Send + Sync + 'static {
     /// Deletes rows that are older than their horizon. Returns the number of rows.
     async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError>;
 
-    /// Records the time, and whether the clock was set since the last call: ages of rows are those in time that
-    /// the service spent. Called often, it also shows whether the database takes writes. Returns the time.
+    /// Records the time, and a step of the clock since the last call, so that ages of rows count only running time.
+    /// Returns the time. The health check calls it to find whether writes succeed.
     async fn keep_time(&self) -> Result<f64, StoreError>;
     /// Waits for running statements and closes the database.
     async fn close(&self);

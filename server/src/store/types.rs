@@ -13,7 +13,7 @@ pub fn new_id() -> String {
 /// An error of the store.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// The database can't do it now: it is locked, its disk is full. The same call may succeed later.
+    /// The database is locked, or its disk is full. The same call may succeed later.
     #[error("{action}: {cause}")]
     Unavailable {
         /// The failed action.
@@ -21,7 +21,7 @@ pub enum StoreError {
         /// The driver's error.
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// A row contradicts one that another call wrote first.
+    /// A row violates a constraint, because another call changed the database first.
     #[error("{action}: {cause}")]
     Conflict {
         /// The failed action.
@@ -29,7 +29,7 @@ pub enum StoreError {
         /// The driver's error.
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// The database is broken, or a statement is.
+    /// The database is damaged, or a statement is invalid.
     #[error("{action}: {cause}")]
     Database {
         /// The failed action.
@@ -86,7 +86,7 @@ pub enum StoreError {
 }
 
 impl StoreError {
-    /// Whether the database failed, as opposed to an answer about what it holds.
+    /// Whether the database failed, as opposed to a refusal because of its content.
     pub fn is_failure(&self) -> bool {
         matches!(
             self,

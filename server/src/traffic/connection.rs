@@ -1,4 +1,4 @@
-//! A connection that has a place among the others, and loses it when nobody calls.
+//! Limits the number of connections, and closes idle ones.
 
 use super::{Client, Traffic};
 use std::io;
@@ -13,19 +13,19 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Instant, Sleep};
 use tonic::transport::server::Connected;
 
-/// A connection that was let in.
+/// A connection that counts towards the limit.
 #[derive(Debug)]
 pub struct Admitted<IO> {
     io: IO,
     client: Arc<Client>,
-    /// When the connection may be idle for too long.
+    /// The next time to check whether the connection is idle.
     check: Pin<Box<Sleep>>,
     idle: Duration,
     _place: OwnedSemaphorePermit,
 }
 
 impl Traffic {
-    /// Lets a connection in, if there is a place.
+    /// Admits a connection unless the limit is reached.
     pub fn admit<IO>(&self, io: IO) -> Option<Admitted<IO>> {
         let Ok(place) = Arc::clone(&self.connections).try_acquire_owned() else {
             tracing::warn!(
@@ -45,8 +45,8 @@ impl Traffic {
 }
 
 impl Client {
-    /// The time from which on nobody has called; `None` during a call.
-    fn quiet_since(&self) -> Option<std::time::Instant> {
+    /// The end of the last call; `None` during a call.
+    fn quiet_since(&self) -> Option<Instant> {
         let since = self.quiet_since.lock();
         let since = since.unwrap_or_else(PoisonError::into_inner);
         (self.calls.load(Ordering::SeqCst) == 0).then_some(*since)
@@ -54,12 +54,12 @@ impl Client {
 }
 
 impl<IO> Admitted<IO> {
-    /// Ready once there was no call for too long.
+    /// Ready once the connection has been idle for the maximum time.
     fn poll_idle(&mut self, context: &mut Context<'_>) -> Poll<()> {
         loop {
             ready!(self.check.as_mut().poll(context));
             let until = match self.client.quiet_since() {
-                Some(since) => Instant::from_std(since) + self.idle,
+                Some(since) => since + self.idle,
                 None => Instant::now() + self.idle,
             };
             if until <= Instant::now() {
@@ -87,7 +87,7 @@ impl<IO: AsyncRead + Unpin> AsyncRead for Admitted<IO> {
         if let Poll::Ready(read) = Pin::new(&mut self.io).poll_read(context, buffer) {
             return Poll::Ready(read);
         }
-        // As if the client had ended the connection.
+        // Read as an end of the stream, as if the client had closed the connection.
         self.poll_idle(context).map(Ok)
     }
 }
@@ -163,7 +163,7 @@ mod tests {
         let mut reading = Box::pin(connection.read(&mut bytes));
         tokio::select! {
             read = &mut reading => panic!("ended: {read:?}"),
-            // Many times as long.
+            // 20 times the idle limit.
             () = tokio::time::sleep(Duration::from_millis(100)) => {}
         }
         client.calls.fetch_sub(1, Ordering::SeqCst);

@@ -1,8 +1,7 @@
-//! Messages on their way in. They are passed on when they are whole.
+//! Buffers requests, and passes each message on when it is complete.
 //!
-//! A gRPC message begins with its length, which tonic believes: it takes that much memory at once. So what has arrived
-//! is kept here, in a buffer that grows with it, and its bytes count as held by the client until the call is answered
-//! or asks for another message.
+//! A gRPC message begins with its length, and tonic reserves that much memory at once. This buffer grows only with the
+//! received bytes. They count towards the client's limit until the call is answered or asks for the next message.
 
 use super::{Client, Traffic, busy};
 use crate::error::RequestError;
@@ -11,23 +10,22 @@ use futures::{Stream, stream};
 use http_body::Frame;
 use http_body_util::{BodyExt, StreamBody};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
 
-/// Bytes before each message: a flag, and its length.
+/// Bytes before each message: the compression flag and the length.
 const HEADER_BYTES: usize = 5;
 
-/// The bytes that a call holds.
+/// The counted bytes of a call.
 #[derive(Debug, Default)]
 pub(super) struct Held {
     permits: Mutex<Vec<OwnedSemaphorePermit>>,
 }
 
 impl Held {
-    /// Counts `count` more bytes of `of`. Returns false if there are not as many.
+    /// Takes `count` bytes from `of`. Returns false if fewer are left.
     fn take(&self, of: &Arc<Semaphore>, count: u32) -> bool {
         let Ok(permit) = Arc::clone(of).try_acquire_many_owned(count) else {
             return false;
@@ -47,19 +45,19 @@ impl Held {
     }
 }
 
-/// The messages of a call.
+/// The requests of a call.
 pub(super) struct Incoming {
     pub(super) body: Body,
     pub(super) traffic: Arc<Traffic>,
-    /// None if the transport does not know its client.
+    /// `None` if the transport does not identify its client.
     pub(super) client: Option<Arc<Client>>,
     pub(super) held: Arc<Held>,
-    /// Whether there is only one message: its bytes are held until the call is answered.
+    /// Whether the call is unary: the bytes of its message count until it is answered.
     pub(super) single: bool,
     arrived: BytesMut,
-    /// Bytes at the front of `arrived` that are whole messages.
+    /// Bytes at the front of `arrived` that are complete messages.
     whole: usize,
-    /// When the first message that is not whole began.
+    /// When the first incomplete message began.
     begun: Option<Instant>,
 }
 
@@ -83,7 +81,7 @@ impl Incoming {
         }
     }
 
-    /// The same messages, each passed on when it is whole.
+    /// The same messages, each passed on when it is complete.
     pub(super) fn into_body(self) -> Body {
         Body::new(StreamBody::new(self.frames()))
     }
@@ -99,9 +97,9 @@ impl Incoming {
         })
     }
 
-    /// The next whole messages; `None` after the last.
+    /// The next complete messages; `None` after the last.
     async fn next(&mut self) -> Result<Option<Bytes>, Status> {
-        // Whoever asks has done with the messages before.
+        // The caller has processed the previous messages.
         if !self.single {
             self.held.clear();
         }
@@ -110,7 +108,7 @@ impl Incoming {
                 if self.arrived.is_empty() {
                     return Ok(None);
                 }
-                return Err(Status::invalid_argument("the message breaks off"));
+                return Err(Status::invalid_argument("the message is incomplete"));
             };
             // Requests have no trailers in gRPC.
             let Ok(data) = frame.into_data() else {
@@ -123,31 +121,25 @@ impl Incoming {
         Ok(Some(whole))
     }
 
-    /// The next bytes, within the time that clients have for them.
+    /// The next frame, within the time limits.
     async fn frame(&mut self) -> Result<Option<Frame<Bytes>>, Status> {
         let limits = &self.traffic.limits;
-        let mut until = Instant::now() + limits.stalled;
-        if let Some(begun) = self.begun {
-            until = until.min(begun + limits.message);
-        }
-        let late = |limit: Duration| {
-            let message = format!("the message did not come within {} s", limit.as_secs_f64());
-            Status::deadline_exceeded(message)
-        };
+        let stalled = (Instant::now() + limits.stalled, limits.stalled);
+        let message = self
+            .begun
+            .map(|begun| (begun + limits.message, limits.message));
+        let (until, limit) = message.map_or(stalled, |message| message.min(stalled));
         match tokio::time::timeout_at(until, self.body.frame()).await {
-            Err(_)
-                if self
-                    .begun
-                    .is_none_or(|begun| until < begun + limits.message) =>
-            {
-                Err(late(limits.stalled))
-            }
-            Err(_) => Err(late(limits.message)),
             Ok(frame) => frame.transpose(),
+            Err(_) => {
+                let seconds = limit.as_secs_f64();
+                let message = format!("the message did not arrive within {seconds} s");
+                Err(Status::deadline_exceeded(message))
+            }
         }
     }
 
-    /// Keeps `data`, and sees how much of what has arrived is whole.
+    /// Appends `data`, and finds the complete messages.
     fn keep(&mut self, data: &[u8]) -> Result<(), Status> {
         let before = self.arrived.len();
         self.count(before, data.len())?;
@@ -166,7 +158,7 @@ impl Incoming {
             let length = rest.get_u32() as usize;
             let limit = self.traffic.limits.message_bytes;
             if length > limit {
-                let message = format!("a message of {length} bytes: at most {limit} are taken");
+                let message = format!("a message of {length} bytes: at most {limit} are allowed");
                 return Err(Status::out_of_range(message));
             }
             if rest.len() < length {
@@ -177,7 +169,7 @@ impl Incoming {
         }
     }
 
-    /// Counts `coming` bytes after the first `before` ones.
+    /// Counts the next `coming` bytes, after `before` bytes that were counted.
     fn count(&self, before: usize, coming: usize) -> Result<(), RequestError> {
         let limits = &self.traffic.limits;
         let counted = |bytes: usize| bytes.saturating_sub(limits.free_bytes);
@@ -196,7 +188,7 @@ impl Incoming {
         if !self.held.take(&self.traffic.bytes, more) {
             let limit = limits.bytes;
             return Err(busy(format!(
-                "messages of {limit} bytes are on their way already"
+                "messages of {limit} bytes are being received already"
             )));
         }
         Ok(())
@@ -210,6 +202,7 @@ mod tests {
     use futures::channel::mpsc;
     use futures::{FutureExt, StreamExt};
     use std::pin::Pin;
+    use std::time::Duration;
     use tonic::Code;
 
     type Frames = Pin<Box<dyn Stream<Item = Result<Frame<Bytes>, Status>>>>;
@@ -249,12 +242,12 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_message_is_passed_on_when_it_is_whole() {
+    async fn a_message_is_passed_on_when_it_is_complete() {
         let traffic = Traffic::new(&TrafficLimits::default());
         let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
         let [first, second] = [message(b"hello"), message(b"")];
         sender.send(&first[..7]);
-        assert_eq!(passed(&mut frames), None, "nobody learns its length yet");
+        assert_eq!(passed(&mut frames), None, "it is incomplete");
         sender.send(&[&first[7..], &second[..3]].concat());
         assert_eq!(passed(&mut frames), Some(first.clone()));
         sender.send(&[&second[3..], &first[..]].concat());
@@ -305,7 +298,7 @@ mod tests {
             sender.send(&small);
             assert!(passed(&mut frames).is_some());
         }
-        // What is answered counts no more.
+        // An answered call no longer counts.
         drop(first);
         let (sender, mut frames) = call(&traffic, &clients[1], true);
         sender.send(&large);

@@ -1,16 +1,16 @@
-//! Counts the calls, and passes their messages on within the limits.
+//! Applies the limits to each call. Tower's own limits release a call when its response begins; a stream of responses
+//! would not count.
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
-use crate::methods::unary_paths;
+use crate::methods::is_unary;
 use futures::future::BoxFuture;
 use http_body_util::BodyExt;
-use std::collections::HashSet;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 use std::task::{Context, Poll};
-use std::time::Instant;
 use tokio::sync::OwnedSemaphorePermit;
+use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::http::{Request, Response};
@@ -18,20 +18,7 @@ use tower::{Layer, Service};
 
 /// Wraps the services of a listener.
 #[derive(Debug, Clone)]
-pub struct TrafficLayer {
-    traffic: Arc<Traffic>,
-    /// Paths of the calls with one request and one answer.
-    unary: Arc<HashSet<String>>,
-}
-
-impl TrafficLayer {
-    pub fn new(traffic: Arc<Traffic>) -> Self {
-        Self {
-            traffic,
-            unary: Arc::new(unary_paths()),
-        }
-    }
-}
+pub struct TrafficLayer(pub Arc<Traffic>);
 
 impl<S> Layer<S> for TrafficLayer {
     type Service = Limited<S>;
@@ -39,7 +26,7 @@ impl<S> Layer<S> for TrafficLayer {
     fn layer(&self, inner: S) -> Limited<S> {
         Limited {
             inner,
-            layer: self.clone(),
+            traffic: Arc::clone(&self.0),
         }
     }
 }
@@ -48,10 +35,10 @@ impl<S> Layer<S> for TrafficLayer {
 #[derive(Debug, Clone)]
 pub struct Limited<S> {
     inner: S,
-    layer: TrafficLayer,
+    traffic: Arc<Traffic>,
 }
 
-/// A call, from its beginning to the end of its answer.
+/// A call, from its start to the end of its response stream.
 struct Call {
     client: Option<Arc<Client>>,
     _place: OwnedSemaphorePermit,
@@ -94,7 +81,7 @@ where
     }
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
-        let traffic = Arc::clone(&self.layer.traffic);
+        let traffic = Arc::clone(&self.traffic);
         let limits = &traffic.limits;
         let Ok(place) = Arc::clone(&traffic.calls).try_acquire_owned() else {
             let refused = busy(format!("{} calls are open already", limits.calls));
@@ -104,7 +91,7 @@ where
         let client = request.extensions().get::<Arc<Client>>().cloned();
         let call = Call::begin(client.clone(), place);
         let longest = limits.call;
-        let unary = self.layer.unary.contains(request.uri().path());
+        let unary = is_unary(request.uri().path());
         let held = Arc::<Held>::default();
         let (parts, body) = request.into_parts();
         let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary);
@@ -123,7 +110,7 @@ where
                 answer.await?
             };
             drop(held);
-            // Streams of answers go on, and count until they end.
+            // A stream of responses counts until it ends.
             Ok(answer.map(|body| {
                 Body::new(body.map_frame(move |frame| {
                     let _open = &call;

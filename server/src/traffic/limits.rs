@@ -1,4 +1,4 @@
-//! The limits of what clients hold, all in one place.
+//! Settings of the limits, with their defaults.
 
 use std::time::Duration;
 use yoto_proto::limits;
@@ -6,29 +6,29 @@ use yoto_proto::limits;
 /// Limits of a listener and of each of its connections.
 #[derive(Debug, Clone)]
 pub struct TrafficLimits {
-    /// Connections at once. Systems mostly give a process 1024 files, of which the database and the objects need some.
+    /// Concurrent connections. The usual limit is 1024 open files per process, and the database and objects need some.
     pub connections: usize,
-    /// Calls at once on all connections.
+    /// Concurrent calls on all connections.
     pub calls: usize,
-    /// Calls at once on one connection.
+    /// Concurrent calls on one connection.
     pub connection_calls: u32,
-    /// Bytes of the messages that are arriving or being answered, on all connections.
+    /// Bytes of requests that are being received or answered, on all connections.
     pub bytes: u32,
     /// The same on one connection.
     pub connection_bytes: u32,
-    /// Beginning of each message that does not count, bytes: small calls pass whatever others send.
+    /// First bytes of each request that do not count, so that small calls pass whatever others send.
     pub free_bytes: usize,
-    /// Longest message, bytes.
+    /// Maximum length of a message, bytes.
     pub message_bytes: usize,
-    /// Longest wait for the next bytes of a message.
+    /// Maximum wait for the next bytes of a message.
     pub stalled: Duration,
-    /// Longest time from the first byte of a message to its last: the longest message at 56 kB/s.
+    /// Maximum time from the first byte of a message to its last. The default allows the longest message at 56 kB/s.
     pub message: Duration,
-    /// Longest time of a call with one request and one answer.
+    /// Maximum duration of a unary call.
     pub call: Duration,
-    /// Longest time of a connection without a call.
+    /// Maximum time that a connection stays open without a call.
     pub idle: Duration,
-    /// Interval of pings on a connection, and longest wait for their answer.
+    /// Interval of pings on a connection, and maximum wait for their answer.
     pub ping: Duration,
 }
 

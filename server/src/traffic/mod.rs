@@ -1,12 +1,14 @@
-//! How much of the service its clients may hold: connections, calls, and bytes of messages on their way in.
+//! Limits of what clients may use: connections, calls, and bytes of requests.
 //!
 //! ```text
 //! connection ─► Traffic::admit ─► Admitted, with a Client ─► TrafficLayer ─► call, with an Incoming message ─► services
 //! ```
 //!
-//! What is beyond a limit is refused at once, as UNAVAILABLE: nothing waits for what a stranger holds, and clients
-//! come again. Each listener counts for itself, so strangers on a network can't take the place of the workers in
-//! this process.
+//! A call beyond a limit is refused at once as UNAVAILABLE, and clients retry: nobody waits for a stranger. Each
+//! listener has its own counts, so clients on a network can't use up the limits of the workers in this process.
+//!
+//! tonic and tower cover only a part of this. Their concurrency limits and timeouts end when a response begins, their
+//! connections have a maximum age but no idle timeout, and the decoder reserves memory by the announced length.
 
 mod connection;
 mod incoming;
@@ -19,31 +21,31 @@ pub use limits::TrafficLimits;
 use crate::error::RequestError;
 use std::sync::atomic::AtomicUsize;
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
 use tokio::sync::Semaphore;
+use tokio::time::Instant;
 
-/// What all clients of a listener hold together.
+/// What all clients of a listener use together.
 #[derive(Debug)]
 pub struct Traffic {
     limits: TrafficLimits,
     connections: Arc<Semaphore>,
     calls: Arc<Semaphore>,
-    /// Bytes of messages.
+    /// Bytes of requests that are left.
     bytes: Arc<Semaphore>,
 }
 
-/// What the client of one connection holds.
+/// What the client of one connection uses.
 #[derive(Debug)]
 pub struct Client {
     calls: AtomicUsize,
-    /// When the last of its calls ended; at first, when it was connected.
+    /// When its last call ended; before its first call, when it connected.
     quiet_since: Mutex<Instant>,
-    /// Bytes of messages.
+    /// Bytes of requests that are left.
     bytes: Arc<Semaphore>,
 }
 
 impl Traffic {
-    /// Nobody holds anything.
+    /// Counts with nothing in use.
     pub fn new(limits: &TrafficLimits) -> Arc<Self> {
         Arc::new(Self {
             limits: limits.clone(),
@@ -62,7 +64,7 @@ impl Traffic {
     }
 }
 
-/// The refusal of what is beyond a limit.
+/// The error of a call beyond a limit.
 fn busy(message: impl Into<String>) -> RequestError {
     RequestError::Busy(message.into())
 }

@@ -1,6 +1,6 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
-use super::{INCOMPLETE, lost};
+use super::lost;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, UploadFile};
@@ -8,6 +8,7 @@ use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
 use yoto_objects::ObjectsError;
 use yoto_proto::keys;
+use yoto_proto::reasons::UPLOAD_INCOMPLETE;
 use yoto_proto::v1::Capture;
 
 /// Files that are hashed at once.
@@ -37,8 +38,8 @@ pub async fn finish(
                 committed,
                 ..
             } = file;
-            let message = format!("{path}: {committed} of {bytes} bytes have come");
-            return Err(RequestError::precondition(INCOMPLETE, message));
+            let message = format!("{path}: {committed} of {bytes} bytes have arrived");
+            return Err(RequestError::precondition(UPLOAD_INCOMPLETE, message));
         }
         stream::iter(upload.files)
             .map(|file| verify(context, id, file))

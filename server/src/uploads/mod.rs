@@ -10,7 +10,6 @@ mod batch;
 mod finish;
 mod locks;
 mod paths;
-
 mod write;
 
 pub use again::ingest_again;
@@ -22,13 +21,10 @@ pub use write::receive;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::Upload;
+use yoto_proto::reasons::UPLOAD_INCOMPLETE;
 
-/// The reason of a refusal while files of an upload are not complete.
-const INCOMPLETE: &str = "UPLOAD_INCOMPLETE";
-
-/// Starts a file of an upload anew whose acknowledged bytes are no longer on disk, `left` of them apart, and returns
-/// the refusal of the call that found it. Without this, no byte could follow and the upload would fail until it
-/// expires.
+/// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
+/// the call that found this. Otherwise each later write would fail until the upload expires.
 async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestError {
     tracing::error!(
         upload = id,
@@ -41,7 +37,7 @@ async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestErro
     }
     let message =
         format!("{path}: only {left} bytes are left of it; the file has to be sent again");
-    RequestError::precondition(INCOMPLETE, message)
+    RequestError::precondition(UPLOAD_INCOMPLETE, message)
 }
 
 /// The open upload with this id.

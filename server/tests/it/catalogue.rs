@@ -7,7 +7,7 @@ use yoto_proto::v1::{
     AddIdentityRequest, CreateJobRequest, CreateModelRequest, CreateRenderRequest,
     CreateSubjectRequest, GetModelRequest, GetSubjectRequest, IngestSpec, JobSpec,
     ListCheckpointsRequest, ListJobsRequest, ListSubjectsRequest, Orbit, RemoveIdentityRequest,
-    RenderSpec, Subject, TrainResult, TrainSpec, job_result, job_spec,
+    RenderSpec, Subject, TrainSpec, job_spec,
 };
 
 #[tokio::test]
@@ -278,10 +278,8 @@ async fn a_job_is_refused_while_the_catalogue_cannot_serve_it() {
         "spec",
     );
 
-    service.train(&model).await;
     let worker = service.worker(&["train"]).await;
-    let lease = service.lease(&worker).await.expect("the training waits");
-    service.publish(&lease, 7).await.expect("publishes");
+    service.train_to(&model, &worker, 7).await;
     let request = ListCheckpointsRequest {
         model: model.name.clone(),
         ..<_>::default()
@@ -346,10 +344,8 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
     let bob = service.ready_subject("Bob").await;
     let model = service.model_of(&ada).await;
     assert!(!model.slots[0].trained, "nobody is yet");
-    service.train(&model).await;
     let worker = service.worker(&["train"]).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    let published = service.publish(&training, 1).await.expect("publishes");
+    let (training, checkpoint) = service.train_to(&model, &worker, 1).await;
     let join = AddIdentityRequest {
         model: model.name.clone(),
         subject: bob.name.clone(),
@@ -368,14 +364,7 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
     };
     // A training may be about to publish a checkpoint with them.
     assert_refused(remove(&bob).await, Code::FailedPrecondition, "MODEL_BUSY");
-    let result = TrainResult {
-        checkpoint: published.name,
-        ..<_>::default()
-    };
-    service
-        .complete(&training, job_result::Kind::Train(result))
-        .await
-        .expect("completes");
+    service.complete_training(&training, &checkpoint).await;
     assert_refused(remove(&ada).await, Code::FailedPrecondition, "SLOT_TRAINED");
     let left = remove(&bob).await.expect("leaves").into_inner();
     assert_eq!(left.slots.len(), 1);
@@ -390,7 +379,7 @@ async fn a_person_leaves_a_model_that_was_not_trained_with_them() {
 }
 
 #[tokio::test]
-async fn texts_that_act_on_a_terminal_are_refused() {
+async fn text_with_hidden_characters_is_refused() {
     let service = Service::start().await;
     let create = |display_name: &str, consent_note: &str| {
         let (mut subjects, request) = (

@@ -1,4 +1,4 @@
-//! A clock that is set, or a service that is down: nothing is deleted because of it, and nothing waits for it.
+//! Steps of the clock: a clock that is set and a service that is down delete nothing, and delay nothing.
 
 use crate::support::{Service, chunks, file, job_error};
 use std::sync::Arc;
@@ -18,7 +18,7 @@ async fn start_in(dir: TempDir, clock: &Arc<ManualClock>) -> Service {
     Service::start_in(dir, move |config| config.clock = own).await
 }
 
-/// A service with garbage and an upload that has acknowledged bytes; the clock, and the upload's name.
+/// A service with garbage and an upload with acknowledged bytes. Also returns the clock and the upload's name.
 async fn start() -> (Service, Arc<ManualClock>, String) {
     let clock = Arc::new(ManualClock::at(1e9));
     let service = start_in(TempDir::new().expect("a folder"), &clock).await;
@@ -38,7 +38,7 @@ fn ages(found: &CollectGarbageResponse) -> Vec<f64> {
     found.folders.iter().map(|it| it.age_seconds).collect()
 }
 
-/// After a collection, the upload and the garbage are still there, the latter with this age in seconds.
+/// Collects, and asserts that the upload is kept, and the garbage with an `age` in seconds.
 async fn assert_kept(service: &Service, upload: &str, age: f64) {
     let found = service.collect(false, false).await;
     let told = ages(&found);
@@ -75,7 +75,7 @@ async fn a_clock_that_is_set_back_keeps_nothing_until_it_has_caught_up() {
     let (service, clock, upload) = start().await;
     clock.advance(10.0 * HOUR);
     clock.set_ahead(-400.0 * DAY);
-    // Which stamps are older is not known, so all are from now.
+    // Stamps that are now in the future are set to the current time.
     assert_kept(&service, &upload, 0.0).await;
     clock.advance(15.0 * HOUR);
     assert_kept(&service, &upload, 15.0 * HOUR).await;

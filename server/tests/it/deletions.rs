@@ -212,10 +212,8 @@ async fn a_person_in_a_model_or_a_job_is_not_deleted() {
         "SUBJECT_IN_MODEL",
         "shared",
     );
-    service.train(&model).await;
     let worker = service.worker(&["train"]).await;
-    let lease = service.lease(&worker).await.expect("the training waits");
-    service.publish(&lease, 1).await.expect("publishes");
+    service.train_to(&model, &worker, 1).await;
     // Bob has no slot, but Ada moves as he did.
     let spec = RenderSpec {
         model: model.name.clone(),

@@ -41,9 +41,7 @@ fn result(checkpoint: &str, subject: &Subject) -> EvaluateResult {
 /// A model of one subject with a checkpoint, whose training is still leased.
 async fn trained(service: &Service, subject: &Subject, worker: &str) -> (Model, String) {
     let model = service.model_of(subject).await;
-    service.train(&model).await;
-    let training = service.lease(worker).await.expect("the training waits");
-    let checkpoint = service.publish(&training, 40).await.expect("publishes");
+    let (_, checkpoint) = service.train_to(&model, worker, 40).await;
     (model, checkpoint.name)
 }
 

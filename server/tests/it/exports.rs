@@ -51,9 +51,7 @@ struct Trained {
 async fn trained(service: &Service, subject: &Subject) -> Trained {
     let worker = service.worker(&["train", "export"]).await;
     let model = service.model_of(subject).await;
-    service.train(&model).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    let checkpoint = service.publish(&training, 40).await.expect("publishes");
+    let (training, checkpoint) = service.train_to(&model, &worker, 40).await;
     Trained {
         worker,
         model,
@@ -137,9 +135,7 @@ async fn splats_are_made_of_fields_alone() {
     for (tier, refused) in [("splat", true), ("draft", false)] {
         let model = service.model_of_tier(tier, tier).await;
         let model = service.joined(model, &ada).await;
-        service.train(&model).await;
-        let training = service.lease(&worker).await.expect("the training waits");
-        service.publish(&training, 1).await.expect("publishes");
+        service.train_to(&model, &worker, 1).await;
         let mut order = spec(&model, &ada, ExportForm::SplatsSpz);
         order.distillation = wanted;
         let answer = create(&service, &order).await;

@@ -1,7 +1,7 @@
 //! Objects are removed once nothing refers to them, and never before.
 
 use crate::support;
-use crate::support::{Service, assert_refused, chunks, file, headers, id, job_name};
+use crate::support::{Service, Trained, assert_refused, chunks, file, headers, id, job_name};
 use std::fs;
 use std::time::Duration;
 use tonic::Code;
@@ -198,13 +198,13 @@ async fn the_remains_of_a_killed_writer_and_empty_folders_go() {
 #[tokio::test]
 async fn a_deleted_render_is_gone_with_its_pictures() {
     let service = Service::start_with(at_once).await;
-    let ada = service.ready_subject("Ada").await;
-    let model = service.model_of(&ada).await;
-    service.train(&model).await;
-    let worker = service.worker(&["train", "render"]).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    service.publish(&training, 1).await.expect("publishes");
-    let job = service.render(&model, &ada, "").await;
+    let Trained {
+        subject,
+        model,
+        worker,
+        ..
+    } = service.trained().await;
+    let job = service.render(&model, &subject, "").await;
     let lease = service.lease(&worker).await.expect("the render waits");
     let key = service.complete_render(&lease).await;
     service.collect(false, false).await;

@@ -1,7 +1,7 @@
 //! Leases: guarded writes, lost workers, ends of jobs. The clock is the tests' own.
 
 use crate::support::{
-    Service, assert_invalid, assert_refused, claim, id, job_error, job_name, sql,
+    Service, Trained, assert_invalid, assert_refused, claim, id, job_error, job_name, sql,
 };
 use std::sync::Arc;
 use tonic::{Code, Status};
@@ -420,15 +420,15 @@ async fn a_fault_of_a_resource_is_told_while_the_job_waits() {
 #[tokio::test]
 async fn a_lease_that_no_worker_can_read_ends_its_job() {
     let service = Service::start().await;
-    let subject = service.ready_subject("Ada").await;
-    let model = service.model_of(&subject).await;
-    service.train(&model).await;
-    let worker = service.worker(&["train", "render"]).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    service.publish(&training, 1).await.expect("publishes");
+    let Trained {
+        subject,
+        model,
+        worker,
+        ..
+    } = service.trained().await;
     let [long, next] = [(); 2].map(|()| service.render(&model, &subject, ""));
     let (long, next) = (long.await, next.await);
-    // As an earlier version left it behind: 60,000 files with names of 600 bytes.
+    // Rows from an earlier version without limits: 60,000 files with names of 600 bytes.
     let files = format!(
         "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 60000)
          INSERT INTO job_outputs (job, file, key, bytes, sha256)
@@ -445,7 +445,7 @@ async fn a_lease_that_no_worker_can_read_ends_its_job() {
 }
 
 #[tokio::test]
-async fn what_everybody_reads_of_a_job_is_no_claim_on_it() {
+async fn tokens_can_t_be_read_or_guessed_from_a_job() {
     let service = Service::start().await;
     let subject = service.ready_subject("Ada").await;
     let job = service.train(&service.model_of(&subject).await).await;

@@ -1,7 +1,9 @@
 //! The queue: its order, pauses, and inputs that were chosen when a job was queued.
 
 use crate::support;
-use crate::support::{Service, assert_invalid, assert_refused, claim, eventually, id, job_name};
+use crate::support::{
+    Service, Trained, assert_invalid, assert_refused, claim, eventually, id, job_name,
+};
 use tonic::Code;
 use yoto_proto::keys;
 use yoto_proto::v1::end_job_request::{Outcome, Returned};
@@ -9,8 +11,8 @@ use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::{
     CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec,
     JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
-    PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainResult,
-    TrainSpec, WorkerDevice, job, job_result, job_spec,
+    PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainSpec,
+    WorkerDevice, job, job_result, job_spec,
 };
 
 async fn train_for(service: &Service, model: &Model, owner: &str, priority: JobPriority) -> Job {
@@ -234,12 +236,13 @@ async fn lists_are_filtered_and_leave_orders_out_unless_asked() {
 #[tokio::test]
 async fn pictures_of_a_render_are_seen_one_by_one_and_made_once() {
     let service = Service::start().await;
-    let ada = service.ready_subject("Ada").await;
-    let model = service.model_of(&ada).await;
-    service.train(&model).await;
-    let worker = service.worker(&["train", "render"]).await;
-    let training = service.lease(&worker).await.expect("waits");
-    let checkpoint = service.publish(&training, 1).await.expect("publishes");
+    let Trained {
+        subject: ada,
+        model,
+        worker,
+        training,
+        checkpoint,
+    } = service.trained().await;
     service.complete_training(&training, &checkpoint).await;
     let job = service.render(&model, &ada, "").await;
     let first = service.lease(&worker).await.expect("waits");
@@ -341,16 +344,9 @@ async fn who_is_trained_alone_needs_a_trained_model_and_no_capture_but_their_own
     assert_refused(alone(&bob.name).await, precondition, "NO_SLOT");
     let model = service.joined(model.clone(), &bob).await;
     assert_refused(alone(&bob.name).await, precondition, "NO_CHECKPOINT");
-    service.train(&model).await;
     let worker = service.worker(&["train"]).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    let published = service.publish(&training, 1).await.expect("publishes");
-    let result = TrainResult {
-        checkpoint: published.name,
-        ..<_>::default()
-    };
-    let done = service.complete(&training, job_result::Kind::Train(result));
-    done.await.expect("completes");
+    let (training, checkpoint) = service.train_to(&model, &worker, 1).await;
+    service.complete_training(&training, &checkpoint).await;
     alone(&bob.name).await.expect("is queued");
     let lease = service.lease(&worker).await.expect("the second waits");
     let inputs = lease.inputs.expect("has inputs");

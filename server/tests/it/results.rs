@@ -1,15 +1,14 @@
 //! Results of workers, and their delivery to users.
 
 use crate::support;
-use crate::support::{Service, assert_invalid, assert_refused, id, job_name};
+use crate::support::{Service, Trained, assert_invalid, assert_refused, id, job_name};
 use futures::TryStreamExt;
 use tonic::{Code, Status};
 use yoto_proto::manifest::{self, files};
-use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, Lease,
-    ListObjectsRequest, ObjectRef, Orbit, PublishCheckpointRequest, RenderResult, RenderSpec,
-    RenderedFile, capture, job_result, job_spec,
+    ListObjectsRequest, ObjectRef, PublishCheckpointRequest, RenderResult, RenderedFile, capture,
+    job_result,
 };
 use yoto_proto::{keys, names};
 
@@ -57,26 +56,13 @@ async fn a_worker_may_only_name_objects_of_its_own_lease() {
 #[tokio::test]
 async fn a_render_is_downloaded_from_a_job_that_succeeded() {
     let service = Service::start().await;
-    let subject = service.ready_subject("Ada").await;
-    let model = service.model_of(&subject).await;
-    service.train(&model).await;
-    let worker = service.worker(&["train", "render"]).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    service.publish(&training, 1).await.expect("publishes");
-    let spec = RenderSpec {
-        model: model.name,
-        subject: subject.name,
-        what: Some(What::Orbit(Orbit {
-            frame: 0,
-            views: 1,
-            size: 8,
-        })),
-        ..<_>::default()
-    };
-    let job = service
-        .create_job(job_spec::Kind::Render(spec))
-        .await
-        .expect("is queued");
+    let Trained {
+        subject,
+        model,
+        worker,
+        ..
+    } = service.trained().await;
+    let job = service.render(&model, &subject, "").await;
     let range = |file: &str, offset, length| {
         let request = DownloadObjectRequest {
             name: names::object(&job.name, file),
@@ -222,12 +208,12 @@ async fn the_checkpoint_before_serves_refined_poses_when_a_bit_is_flipped() {
 #[tokio::test]
 async fn a_result_names_no_more_files_than_a_render_may_have() {
     let service = Service::start().await;
-    let subject = service.ready_subject("Ada").await;
-    let model = service.model_of(&subject).await;
-    service.train(&model).await;
-    let worker = service.worker(&["train", "render"]).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    service.publish(&training, 1).await.expect("publishes");
+    let Trained {
+        subject,
+        model,
+        worker,
+        ..
+    } = service.trained().await;
     service.render(&model, &subject, "").await;
     let lease = service.lease(&worker).await.expect("the render waits");
     let result = RenderResult {

@@ -128,7 +128,7 @@ async fn health_follows_whether_the_database_takes_writes() {
 
 #[cfg(unix)]
 #[tokio::test]
-async fn what_the_service_writes_is_its_user_s_alone() {
+async fn files_are_accessible_to_the_service_s_user_alone() {
     use std::os::unix::fs::MetadataExt;
     let dir = TempDir::new().expect("a folder");
     let data = dir.path().join("new/data");

@@ -82,9 +82,7 @@ async fn a_measured_trade_off_is_kept_with_its_checkpoint_and_serves_renders() {
     let wish = || render(&model, &ada, Want::MaxSecondsPerFrame(0.5));
     let early = service.create_job(wish()).await;
     assert_refused(early, Code::FailedPrecondition, "NO_CHECKPOINT");
-    service.train(&model).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    service.publish(&training, 40).await.expect("publishes");
+    let (training, _) = service.train_to(&model, &worker, 40).await;
     let unmeasured = service.create_job(wish()).await;
     let message = unmeasured
         .as_ref()
@@ -158,9 +156,7 @@ async fn wishes_and_trade_offs_that_can_not_be_are_refused() {
         let answer = service.create_job(render(&model, &ada, want)).await;
         assert_invalid(answer, &format!("spec.render.quality.{field}"));
     }
-    service.train(&model).await;
-    let training = service.lease(&worker).await.expect("the training waits");
-    service.publish(&training, 40).await.expect("publishes");
+    service.train_to(&model, &worker, 40).await;
 
     let kind = evaluate(&model, true);
     service.create_job(kind).await.expect("is queued");
@@ -207,9 +203,7 @@ async fn real_time_needs_splats_and_no_trade_off() {
     for tier in ["fast", tiers::SPLATS] {
         let model = service.model_of_tier(tier, tier).await;
         let model = service.joined(model, &ada).await;
-        service.train(&model).await;
-        let training = service.lease(&worker).await.expect("the training waits");
-        service.publish(&training, 40).await.expect("publishes");
+        service.train_to(&model, &worker, 40).await;
         let answer = service.create_job(wish(&model)).await;
         if tier != tiers::SPLATS {
             let message = answer.as_ref().expect_err("fields").message().to_owned();

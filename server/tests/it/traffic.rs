@@ -1,4 +1,4 @@
-//! What clients may hold: what is beyond a limit is refused for now, and a later call succeeds.
+//! Limits of traffic: a call beyond a limit is refused, and a later one succeeds.
 
 use crate::support::{Service, assert_refused, eventually};
 use tonic::Code;
@@ -36,7 +36,7 @@ async fn connections_beyond_the_limit_are_refused_until_another_ends() {
     lists(&service.channel).await.expect("is the first");
     let other = service.connector.channel();
     let refused = lists(&other).await.expect_err("is the second");
-    // As any connection that is lost.
+    // The client sees a lost connection.
     assert!(
         matches!(
             refused.code(),

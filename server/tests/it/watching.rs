@@ -142,7 +142,7 @@ async fn a_watcher_that_knows_the_job_waits_for_the_next_change() {
 }
 
 #[tokio::test]
-async fn what_a_worker_tells_is_bounded() {
+async fn reports_of_workers_have_a_maximum_length() {
     let service = Service::start().await;
     let subject = service.ready_subject("Ada").await;
     let job = service.train(&service.model_of(&subject).await).await;

@@ -335,13 +335,13 @@ impl Breaker {
         Ok(())
     }
 
-    /// A coordinator without room for a write says that it is not healthy, and needs no restart once there is room.
+    /// A coordinator with a full disk reports that it is unhealthy, and recovers without a restart once there is room.
     async fn fill_database(&self) -> Result<()> {
         let controls = self.fleet.controls();
         controls.set_full(true)?;
         let noticed = self.healthy(false).await;
         if noticed.is_ok() {
-            // Long enough that jobs would be lost without a heartbeat.
+            // A lease, after which jobs without a heartbeat are lost.
             tokio::time::sleep(self.fleet.lease()).await;
         }
         controls.set_full(false)?;
@@ -352,7 +352,7 @@ impl Breaker {
         Ok(())
     }
 
-    /// Waits until the service says whether it is healthy as `wanted`.
+    /// Waits until the service's health is `wanted`.
     async fn healthy(&self, wanted: bool) -> Result<()> {
         let began = Instant::now();
         while self.calls.health().await != Some(wanted) {

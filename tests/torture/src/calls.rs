@@ -98,7 +98,7 @@ impl Calls {
         WorkerServiceClient::new(self.channel())
     }
 
-    /// Whether the service says that it is healthy; `None` if it does not answer.
+    /// Whether the service reports that it is healthy; `None` if it does not answer.
     pub async fn health(&self) -> Option<bool> {
         let mut service = HealthClient::new(self.channel());
         let asked = service.check(HealthCheckRequest::default());

@@ -6,6 +6,7 @@ use super::records::Records;
 use anyhow::{Context, Result};
 use tonic::Status;
 use tonic_types::StatusExt;
+use yoto_proto::reasons::{NOT_FOUND, STALE_LEASE};
 use yoto_proto::v1::end_job_request::{Outcome, Returned};
 use yoto_proto::v1::{
     Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobAttempt,
@@ -153,5 +154,5 @@ fn told<T>(history: &History, job: &Job, what: &str, answer: Result<T, Status>) 
 fn is_refused_as_late(status: &Status) -> bool {
     let details = status.get_error_details();
     let reason = details.error_info().map(|info| info.reason.as_str());
-    matches!(reason, Some("STALE_LEASE" | "NOT_FOUND"))
+    matches!(reason, Some(STALE_LEASE | NOT_FOUND))
 }

@@ -67,7 +67,7 @@ impl Fleet {
         &self.controls
     }
 
-    /// What the coordinator tells nobody.
+    /// The coordinator's records.
     pub fn records(&self) -> Records {
         Records {
             database: self.folder.join("data/yoto.db"),

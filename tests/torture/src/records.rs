@@ -1,5 +1,4 @@
-//! What the service tells nobody but workers, read from the coordinator's database: tokens of leases, and where the
-//! manifests of checkpoints are.
+//! Reads what only workers know, tokens of leases and manifests of checkpoints, from the coordinator's database.
 
 use anyhow::{Context, Result};
 use sqlx::sqlite::SqliteConnectOptions;
@@ -23,7 +22,7 @@ impl Records {
         options.connect().await.context("reading the database")
     }
 
-    /// The tokens of all leases of `jobs/{id}`, oldest first: of the attempt with the number n, the n-th.
+    /// The tokens of all leases of `jobs/{id}`, oldest first. The n-th is that of the attempt with number n.
     ///
     /// # Errors
     /// When the database can't be read.
@@ -36,7 +35,7 @@ impl Records {
         rows.iter().map(token).collect()
     }
 
-    /// The manifest of a checkpoint; `None` if it was removed meanwhile.
+    /// The manifest of a checkpoint; `None` if the checkpoint was removed.
     ///
     /// # Errors
     /// When the database can't be read.

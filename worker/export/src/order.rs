@@ -15,10 +15,11 @@ use yoto_proto::v1::ExportForm;
 
 /// Most poses for the mean light of a texture.
 const LIGHT_POSES: usize = 50;
-/// Share of the most bytes that a file aims at, and the one that is near enough.
+/// Bytes that a file aims at, as a share of the most.
 const AIM: f64 = 0.98;
+/// Share of the most bytes from which on a file has enough.
 const FULL: f64 = 0.9;
-/// Most numbers of splats that are tried for a file.
+/// Most numbers of splats that are tried for a file, after one splat.
 const TRIES: usize = 8;
 
 /// The options of an export.
@@ -104,7 +105,8 @@ impl Order<'_> {
     /// The files of `person`.
     ///
     /// # Errors
-    /// If a motion does not fit the person, there is no such frame, or the splats enclose nothing.
+    /// If a motion does not fit the person, there is no such frame, the splats enclose nothing, or one splat has more bytes
+    /// than `max_bytes`.
     pub fn of(&self, person: &SkinnedSplats) -> Result<Exported, ExportError> {
         match self.form {
             ExportForm::Unspecified => Err(ExportError::Form),
@@ -117,7 +119,7 @@ impl Order<'_> {
         }
     }
 
-    /// What `write` makes of `person`, of fewer splats if it has more bytes than it may have.
+    /// What `write` makes of `person`, with fewer splats if it would exceed `max_bytes`.
     fn within(
         &self,
         person: &SkinnedSplats,

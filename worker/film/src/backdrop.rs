@@ -1,4 +1,4 @@
-//! The picture behind a scene, which a stranger may have sent.
+//! Decodes the picture behind a scene within limits: it comes from outside.
 
 use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
@@ -9,7 +9,7 @@ const WIDEST_PIXEL: u64 = 8;
 /// Bytes that a decoder may allocate besides the pixels.
 const DECODER_SLACK: u64 = 16 << 20;
 
-/// Decodes a PNG or JPEG. Its size is read first: a file of 3 kB can declare 10^12 pixels.
+/// Decodes a PNG or JPEG. Its size is checked first: a file of 3 kB can declare 10^12 pixels.
 ///
 /// # Errors
 /// What is wrong with the picture, for its sender.

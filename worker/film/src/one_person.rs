@@ -65,7 +65,7 @@ pub(crate) fn world<'a>(spec: &'a RenderSpec, what: &'a What) -> &'a str {
     }
 }
 
-/// The poses and cameras of `what`, on `skeleton`: those of one of `people`.
+/// The poses and cameras of `what` for one person, on `skeleton`; `people` is the number of all people.
 fn shots(
     spec: &RenderSpec,
     what: &What,
@@ -83,7 +83,7 @@ fn shots(
         What::Motion(transfer) => {
             let track = captures.track(&model.name, &transfer.driver)?;
             let positions = motion::positions(transfer, track, "motion")?;
-            // The order alone does not tell their number.
+            // Only the track tells how many frames an open range has.
             if let Some(message) = too_many(positions.len() as u64, people as u64) {
                 return Err(PlanError::invalid("motion.frame_count", message));
             }

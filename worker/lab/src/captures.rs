@@ -233,8 +233,8 @@ impl Recording {
         }
     }
 
-    /// Sets poses and exposures of pictures of the training film to what the training of the person in `slot` has
-    /// found of the frames beside them, as a service measures held-out frames.
+    /// Sets poses and exposures of pictures of the training film to those that the training of the person in `slot` has
+    /// found for the neighbouring frames. A service measures held-out frames in the same way.
     pub(super) fn follow(&mut self, trainer: &Trainer, slot: usize) {
         for view in self.novel_view.iter_mut().chain(&mut self.novel_pose) {
             if let Some(index) = view.frame {

@@ -20,8 +20,8 @@ pub struct OneCamera {
 }
 
 impl OneCamera {
-    /// The capture at `path`, read whole; `on_frame` is told the number of frames so far and of all. Videos that are
-    /// not decoded in this process need the program `ffmpeg`, which is searched for when it has no name.
+    /// Reads the whole capture at `path`; `on_frame` receives the number of frames so far, and of all frames. Videos of
+    /// other kinds than H.264 need the program `ffmpeg`; without a path it is searched for.
     ///
     /// # Errors
     /// A capture that can't be read.

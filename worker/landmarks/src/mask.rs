@@ -11,7 +11,7 @@ const SMALL_HOLE: usize = 40;
 /// Levels between which coverage rises from 0 to 1: the model's edges are wider than a lens's.
 const EDGE: [f32; 2] = [0.25, 0.75];
 
-/// Where a person is in a picture, as the model says it.
+/// The outline of a person in a picture, as the model gives it.
 #[derive(Clone, Debug)]
 pub struct Outline {
     /// `[256, 256]`, of the region; empty for nobody.
@@ -30,14 +30,14 @@ impl Outline {
         }
     }
 
-    /// That of a picture of `size` (width, height) without anybody.
+    /// The outline of a picture of `size` (width, height) without a person.
     pub fn nobody(size: [usize; 2]) -> Self {
         let [width, height] = size;
         Self::new(&[], Region::whole(width, height), size)
     }
 
-    /// The person's coverage of each pixel of the picture, `[height, width]`, from 0 to 255. It takes a good part of the
-    /// time that the search takes, and nothing else of the search waits for it.
+    /// The person's coverage of each pixel of the picture, `[height, width]`, from 0 to 255. It is slow, and the search in
+    /// the next picture does not need it.
     pub fn coverage(&self) -> Vec<u8> {
         let [width, height] = self.size;
         if self.logits.is_empty() {
@@ -78,7 +78,7 @@ fn near(levels: &[f32]) -> [Range<f32>; 2] {
             most[axis] = most[axis].max(cell);
         }
     }
-    // A position takes part of the two cells whose middles are nearest; another cell is for rounding.
+    // A position takes its level from the two cells with the nearest middles; one cell more is for rounding.
     [0, 1].map(|axis| {
         let from = least[axis] as f32 - 2.0;
         let to = most[axis] as f32 + 3.0;

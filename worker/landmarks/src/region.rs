@@ -71,7 +71,7 @@ impl Region {
         self.squares()(position)
     }
 
-    /// What gives the position in the square, from 0 to 1, of a position in the picture, pixels.
+    /// The map from positions in the picture, pixels, to positions in the square, from 0 to 1.
     pub(crate) fn squares(self) -> impl Fn([f32; 2]) -> [f32; 2] {
         let (sin, cos) = self.angle.sin_cos();
         move |[x, y]| {

@@ -53,7 +53,7 @@ pub struct Fitted {
     pub height: f64,
     /// Assumptions and findings, for people.
     pub notes: Vec<String>,
-    /// Why the fit should not be trusted, if it is poor; one of the notes.
+    /// The note that says why the fit is poor, if it is.
     pub doubt: Option<String>,
 }
 

@@ -11,7 +11,7 @@ pub enum StopReason {
     ShuttingDown,
     /// The user cancelled the job: save, then report it.
     Cancelled,
-    /// Another worker may have the job by now: write nothing more. Told by the coordinator, or by the clock.
+    /// The lease has expired, or the coordinator has refused it. Another worker may have the job: write nothing more.
     LeaseLost,
 }
 
@@ -88,13 +88,13 @@ impl JobControl {
         state.stop
     }
 
-    /// Whether somebody has told the job that its lease is lost, as opposed to a coordinator that gave no answer
-    /// in time and may still count this worker as the job's.
+    /// Whether the lease was refused. Without a refusal, a lease that has expired here may still be valid for a
+    /// coordinator that did not answer.
     pub fn is_refused(&self) -> bool {
         self.state.borrow().stop == Some(StopReason::LeaseLost)
     }
 
-    /// Returns once it was told.
+    /// Returns once the lease is refused.
     pub async fn refused(&self) {
         let mut changes = self.state.subscribe();
         // The sender is `self`, which outlives this wait.
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn silence_is_told_from_a_refusal() {
+    async fn an_expired_lease_is_not_refused() {
         let control = leased_for(Duration::ZERO);
         assert_eq!(control.stopped(), Some(StopReason::LeaseLost));
         assert!(!control.is_refused(), "nobody has said so");

@@ -26,7 +26,7 @@ pub(super) struct Heartbeat {
 }
 
 impl Heartbeat {
-    /// Renews until the lease is lost; then the job knows, and this returns.
+    /// Renews until the lease is lost. The job sees that in its [`JobControl`].
     pub(super) async fn keep(mut self, mut lease: Duration) {
         let mut answered = true;
         loop {
@@ -34,7 +34,7 @@ impl Heartbeat {
             let sent = Instant::now();
             let left = self.control.deadline().saturating_duration_since(sent);
             if left.is_zero() {
-                return self.told("it expired before the coordinator could be reached");
+                return self.log("it expired before the coordinator could be reached");
             }
             // One unanswered call must leave time for another.
             answered = match timeout(left.min(lease / RENEWALS), self.renew()).await {
@@ -80,12 +80,12 @@ impl Heartbeat {
 
     /// The coordinator has refused the lease.
     fn lost(&self, why: &str) {
-        self.told(why);
+        self.log(why);
         self.control.stop(StopReason::LeaseLost);
     }
 
     /// Logs why the lease has ended.
-    fn told(&self, why: &str) {
+    fn log(&self, why: &str) {
         let (job, token) = (&self.claim.job, self.claim.token);
         // Once the job has ended, its accepted outcome ends the lease as well.
         if self.latest.has_changed().is_err() {

@@ -19,9 +19,8 @@ use yoto_proto::v1::{Claim, JobResult, Lease, Progress};
 const STACK_BYTES: usize = 16 << 20;
 /// Time limit for a finished job's report when the worker shuts down.
 const REPORT_GRACE: Duration = Duration::from_secs(3);
-
-/// Time for which an outcome is reported after the lease has run out without an answer, in leases. The coordinator
-/// knows by the token whether the job is still this worker's.
+/// Time limit for a report after the lease has expired without an answer, in leases. By the token, the coordinator
+/// knows whether this worker still has the job.
 const LEASES_TO_REPORT: u32 = 30;
 
 type Outcome = Result<JobResult, JobFailure>;
@@ -88,8 +87,8 @@ impl<'a> Leased<'a> {
             "done".into()
         };
         let outcome = match outcome {
-            // The coordinator gave no answer in time. Once it does, it learns that the job is free, and charges
-            // nobody; it refuses if another worker has the job.
+            // The coordinator did not answer in time. Once it does, the job is returned without a charge; if another
+            // worker has the job, the report is refused.
             Err(JobFailure::LeaseLost) if !self.control.is_refused() => Err(JobFailure::Requeue),
             outcome => outcome,
         };

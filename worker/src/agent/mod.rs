@@ -247,7 +247,7 @@ impl Worker {
                 Err(status) if is_transient(status.code()) => {
                     tracing::debug!(%status, "asking for work failed, trying again");
                 }
-                // The next lease may be another one.
+                // A new call id, so that the coordinator does not repeat this lease.
                 Err(status) if is_unreadable(status.code()) => {
                     tracing::error!(%status, "a lease can't be read");
                     call = Uuid::new_v4();

@@ -1,4 +1,4 @@
-//! A coordinator that gives no answer until a lease is over, and then does.
+//! Tests of a worker whose coordinator answers nothing until a lease has expired.
 
 use super::*;
 use object_store::memory::InMemory;
@@ -17,7 +17,7 @@ use yoto_proto::v1::{
     TakeRangeResponse, job_spec,
 };
 
-/// Leases one job once, and answers nothing about it while its database is locked.
+/// A coordinator that leases one job, and refuses all reports on it as UNAVAILABLE for the time of the lease.
 struct Locked {
     lease: Mutex<Option<Lease>>,
     until: Mutex<Option<Instant>>,
@@ -88,7 +88,7 @@ impl WorkerService for Locked {
     }
 }
 
-/// The outcome that the coordinator learns of a job with a lease of `lease_time`, after that time.
+/// The outcome that a worker reports after a lease of `lease_time` without an answer.
 async fn outcome(kind: Option<job_spec::Kind>, inputs: Inputs, lease_time: Duration) -> Outcome {
     let (ended, mut outcomes) = mpsc::unbounded_channel();
     let lease = Lease {
@@ -137,7 +137,7 @@ async fn an_outcome_survives_a_coordinator_that_answers_nothing_for_a_lease() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_job_that_stopped_for_want_of_an_answer_is_given_back() {
+async fn a_job_that_stopped_without_an_answer_is_returned() {
     let spec = IngestSpec {
         capture: "captures/c".into(),
     };
@@ -146,7 +146,7 @@ async fn a_job_that_stopped_for_want_of_an_answer_is_given_back() {
         ..Inputs::default()
     };
     let kind = Some(job_spec::Kind::Ingest(spec));
-    // A lease that is over when it begins.
+    // The lease expires at once.
     let told = outcome(kind, inputs, Duration::from_nanos(1)).await;
     assert!(matches!(told, Outcome::Returned(_)), "{told:?}");
 }

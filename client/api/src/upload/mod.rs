@@ -14,14 +14,13 @@ use send::send;
 use tonic::Status;
 use tonic_types::StatusExt;
 use yoto_proto::limits::ANSWER_BYTES;
+use yoto_proto::reasons::UPLOAD_INCOMPLETE;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
     Capture, CreateUploadRequest, FileHeader, FinishUploadRequest, GetUploadRequest, Upload, upload,
 };
 
-/// The service's reason for an upload with missing bytes.
-const INCOMPLETE: &str = "UPLOAD_INCOMPLETE";
-/// Number of times that the service may lose bytes of one upload: a disk that loses more is broken.
+/// Number of times that the service may lose bytes of one upload: after more, its disk counts as broken.
 const LOSSES: u32 = 3;
 
 impl YotoClient {
@@ -130,12 +129,12 @@ impl YotoClient {
     }
 }
 
-/// Whether the service needs bytes again that it had: its disk has lost them.
+/// Whether the service's disk has lost bytes of the upload, which must be sent again.
 fn is_incomplete(status: &Status) -> bool {
     let details = status.get_error_details();
     details
         .error_info()
-        .is_some_and(|it| it.reason == INCOMPLETE)
+        .is_some_and(|it| it.reason == UPLOAD_INCOMPLETE)
 }
 
 /// Reports the progress of an upload; bytes that are sent again count once.

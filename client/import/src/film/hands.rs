@@ -1,5 +1,5 @@
-//! Whether the hands were shown. The pose model marks the knuckles of thumb, index and little finger, from which a fist and
-//! an open hand can't be told apart; whether a hand is in sight can.
+//! Tells whether the hands are in sight. The pose model marks the knuckles of thumb, index and little finger: too few points
+//! to tell a fist from an open hand.
 
 use yoto_capture::check::Lack;
 use yoto_pose::FrameKeyPoints;
@@ -11,7 +11,7 @@ const IN_SIGHT: f64 = 0.5;
 /// Least share of frames in which a hand should be in sight.
 const OFTEN: f64 = 0.5;
 
-/// What the frames lack of the hands.
+/// The hands that are in sight too seldom.
 pub(super) fn lacks<'a>(frames: impl Iterator<Item = &'a FrameKeyPoints> + Clone) -> Vec<Lack> {
     let all = frames.clone().count();
     let in_sight = |knuckles: [usize; 2], frame: &FrameKeyPoints| {

@@ -25,7 +25,7 @@ pub(super) struct Watched {
     pub mask: Arc<[u8]>,
 }
 
-/// Frames that wait between two stages, at most: enough that none waits for the other, and little memory.
+/// Most frames that wait between two stages: enough to keep both busy, in little memory.
 const AHEAD: usize = 2;
 
 /// A decoded frame, `[height, width, 3]`.
@@ -35,9 +35,9 @@ struct Decoded {
 }
 
 /// A frame in which the person was found.
-enum Found {
+enum Sighting {
     New(Decoded, Box<Seen>),
-    /// It repeats the one before, in which the person was found.
+    /// A copy of the frame before, in which the person was found.
     Again(usize),
 }
 
@@ -55,8 +55,8 @@ pub(super) fn watch(
     })
 }
 
-/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and what
-/// nothing waits for. Only `look` needs the frame before: the person is expected where they were.
+/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and masks
+/// and colours. Only `look` depends on the frame before, since it expects the person where they were.
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
@@ -107,7 +107,7 @@ fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError>
 /// Looks at each frame that differs from the one before. `done` receives the number of frames so far.
 fn look_at(
     frames: Receiver<Decoded>,
-    found: &SyncSender<Found>,
+    found: &SyncSender<Sighting>,
     mut look: impl FnMut(&[u8]) -> Result<Option<Seen>, ClientError>,
     mut done: impl FnMut(usize),
 ) -> Result<(), ClientError> {
@@ -116,11 +116,11 @@ fn look_at(
         done(number);
         let before = last.as_ref().filter(|(rgb, _)| *rgb == frame.rgb);
         let passed = if let Some((_, is_found)) = before {
-            is_found.then(|| Found::Again(frame.index))
+            is_found.then(|| Sighting::Again(frame.index))
         } else {
             let seen = look(&frame.rgb)?.filter(is_seen);
             last = Some((frame.rgb.clone(), seen.is_some()));
-            seen.map(|seen| Found::New(frame, Box::new(seen)))
+            seen.map(|seen| Sighting::New(frame, Box::new(seen)))
         };
         // The next stage ends early only by a fault of its own.
         if let Some(passed) = passed
@@ -133,12 +133,12 @@ fn look_at(
 }
 
 /// Masks and colours of the frames with the person.
-fn finish(clip: &Clip, found: &Receiver<Found>) -> Result<Vec<Watched>, ClientError> {
+fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, ClientError> {
     let size = clip.size.map(|side| side as usize);
     let mut watched: Vec<Watched> = Vec::new();
     for found in found {
         let next = match found {
-            Found::New(Decoded { index, rgb }, seen) => {
+            Sighting::New(Decoded { index, rgb }, seen) => {
                 let mut points = key_points(index as u32, &seen);
                 points.colours = patches(KeyPointSet::BlazePose33, &points, &rgb, size);
                 let mask = png(&seen.outline.coverage(), clip)?;
@@ -148,7 +148,7 @@ fn finish(clip: &Clip, found: &Receiver<Found>) -> Result<Vec<Watched>, ClientEr
                     mask,
                 })
             }
-            Found::Again(index) => watched.last().map(|last| last.again(index)),
+            Sighting::Again(index) => watched.last().map(|last| last.again(index)),
         };
         watched.extend(next);
     }

@@ -25,10 +25,10 @@ pub(super) fn read(
         found.frames.len()
     )];
     let mut about = Found::default();
-    let others = notes.len();
+    let earlier = notes.len();
     let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
     if options.person.is_none() {
-        about.doubts.extend(notes.iter().skip(others).cloned());
+        about.doubts.extend(notes.iter().skip(earlier).cloned());
     }
     let numbers = found.numbers(clip, at)?;
     let wanted = clip.selected(options)?;

@@ -1,4 +1,4 @@
-//! A file with everything that a command says, of which its terminal may show a part.
+//! A file with everything that a command says, also what its terminal does not show.
 
 use std::fs::File;
 use std::io::{Result, Write};

@@ -51,7 +51,7 @@ pub async fn check_result(
     }
 }
 
-/// Checks that the result is short beside the files of a render: each watcher and each list of jobs gets it.
+/// Checks the length of the result without the files of a render, because each watcher and each list of jobs gets it.
 fn check_length(result: &JobResult) -> Result<(), RequestError> {
     let files: usize = match &result.kind {
         Some(job_result::Kind::Render(render)) => {

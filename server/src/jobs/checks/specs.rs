@@ -113,8 +113,7 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
     Ok(())
 }
 
-/// Checks the number of pictures of a capture's motion, where the catalogue knows it: of a capture with gaps, only the
-/// worker does.
+/// Checks the number of pictures of a capture's motion, unless the capture has gaps: then only the worker knows it.
 async fn check_pictures(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
     let Some(What::Motion(motion)) = &render.what else {
         return Ok(());

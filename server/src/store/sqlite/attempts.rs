@@ -74,7 +74,7 @@ pub async fn outcome(
     row.map(|row| parse(&row.text("outcome")?)).transpose()
 }
 
-/// The newest attempts of a job, oldest first. Their numbers count them: tokens are for the workers alone.
+/// The newest attempts of a job, oldest first. They are numbered from 1, because only workers may know the tokens.
 pub async fn list(
     conn: &mut SqliteConnection,
     job_id: &str,

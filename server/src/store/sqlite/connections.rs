@@ -1,7 +1,7 @@
 //! Connections to the database: one that writes, and some that read.
 //!
-//! A connection whose transaction did not end is thrown away. SQLite itself rolls back a transaction that the disk
-//! has no room for; the driver still counts it as open then, and refuses every later one on that connection.
+//! A connection with an open transaction is closed when it returns to its pool. When the disk is full, SQLite rolls a
+//! transaction back by itself, but the driver counts it as open and refuses all later transactions on that connection.
 
 use super::rows::During;
 use crate::private;
@@ -32,8 +32,8 @@ fn options(path: &Path) -> SqliteConnectOptions {
 /// # Errors
 /// When the file can't be opened.
 pub async fn writer(path: &Path) -> Result<SqlitePool, StoreError> {
-    // SQLite gives the files beside it the same mode. An existing file is left alone: closing it here would end the
-    // locks of another connection of this process.
+    // SQLite gives its journal files the mode of the database. An existing file is not opened: closing it would release
+    // the locks of other connections of this process.
     match private::writable().create_new(true).open(path) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => {
             return Err(sqlx::Error::Io(error)).during("creating the database");
@@ -64,9 +64,9 @@ fn pool(connections: u32) -> SqlitePoolOptions {
         .after_release(|connection, _| Box::pin(is_usable(connection)))
 }
 
-/// Whether no transaction is open on a connection that was given back.
+/// Whether a connection that returns to its pool has no open transaction.
 async fn is_usable(connection: &mut SqliteConnection) -> Result<bool, sqlx::Error> {
-    // A rollback may still be on its way to the connection's thread; the answer to a ping comes after it.
+    // The ping is answered after any rollback that is still queued for the connection's thread.
     connection.ping().await?;
     let usable = !connection.is_in_transaction();
     if !usable {
@@ -94,7 +94,7 @@ mod tests {
         let path = dir.path().join("yoto.db");
         let opened = SqliteStore::open(&path, Arc::new(SystemClock)).await;
         let store = opened.expect("opens");
-        // A limit of this one connection, with which SQLite fails as on a full disk.
+        // With this limit of the connection, SQLite fails as on a full disk.
         let mut connection = store.writer.acquire().await.expect("the writer");
         sqlx::query("PRAGMA max_page_count = 1")
             .execute(&mut *connection)

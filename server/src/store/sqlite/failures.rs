@@ -1,16 +1,17 @@
-//! Failures of the driver, by what a caller can do about them.
+//! Classifies errors of the SQLite driver by what a caller can do about them.
 
 use crate::store::StoreError;
 
-/// Failures that pass by themselves, or as soon as an operator makes room (<https://sqlite.org/rescode.html>): BUSY,
-/// LOCKED, NOMEM, READONLY, IOERR, FULL, CANTOPEN, PROTOCOL. A disk beyond its quota says IOERR.
+/// Result codes of failures that end without a repair, or once there is room on the disk
+/// (<https://sqlite.org/rescode.html>): BUSY, LOCKED, NOMEM, READONLY, IOERR, FULL, CANTOPEN, PROTOCOL. An exceeded
+/// disk quota is reported as IOERR.
 const PASSING: [i32; 8] = [5, 6, 7, 8, 10, 13, 14, 15];
-/// A row contradicts another one: another call came first.
+/// Result code of a violated constraint: another call changed the rows first.
 const CONSTRAINT: i32 = 19;
-/// The part of a result code that names its kind; the bits above it name the case.
+/// Mask of the primary result code; the bits above it are the extended code.
 const KIND: i32 = 0xff;
 
-/// The store's error for one of the driver while it was at `action`.
+/// The store's error for an error of the driver during `action`.
 pub fn of_driver(action: &'static str, error: sqlx::Error) -> StoreError {
     let passing = matches!(
         error,
@@ -26,7 +27,7 @@ pub fn of_driver(action: &'static str, error: sqlx::Error) -> StoreError {
     }
 }
 
-/// The kind of SQLite's result code, if the error has one.
+/// The primary result code, if the error comes from SQLite.
 fn kind(error: &sqlx::Error) -> Option<i32> {
     let code = error.as_database_error()?.code()?;
     Some(code.parse::<i32>().ok()? & KIND)
@@ -39,7 +40,7 @@ mod tests {
     use sqlx::{ConnectOptions, Executor};
     use std::time::Duration;
 
-    /// The class of the failure of the last of `statements`.
+    /// The error of the first of `statements` that fails.
     async fn failure(statements: &[&'static str]) -> StoreError {
         let dir = tempfile::tempdir().expect("a folder");
         let options = SqliteConnectOptions::new()
@@ -64,7 +65,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_passes_is_told_from_what_is_broken() {
+    async fn errors_are_classified_by_what_a_caller_can_do() {
         let locked = failure(&["BEGIN IMMEDIATE"]).await;
         assert!(matches!(locked, StoreError::Unavailable { .. }), "{locked}");
         let full = failure(&[

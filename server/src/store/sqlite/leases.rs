@@ -120,10 +120,11 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOu
     })
 }
 
-/// Bits of the distance between the tokens of two leases. The database's 63 bits hold four million of them.
+/// Bits of the difference between successive tokens. The database's 63 bits have room for 8 million maximum
+/// differences.
 const GAP_BITS: u32 = 40;
 
-/// The distance from the last token of a job to the next: nobody can guess a token from others that they have seen.
+/// A random difference between the last token of a job and the next one, so that a token can't be guessed from others.
 pub fn gap() -> i64 {
     let random = uuid::Uuid::new_v4().as_u128() & ((1 << GAP_BITS) - 1);
     random as i64 + 1

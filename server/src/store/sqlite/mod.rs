@@ -27,6 +27,7 @@ mod requests;
 mod rows;
 mod steps;
 mod subjects;
+mod ticks;
 
 #[cfg(test)]
 mod upgrade_tests;
@@ -60,7 +61,7 @@ pub struct SqliteStore {
     writer: SqlitePool,
     readers: SqlitePool,
     clock: Arc<dyn Clock>,
-    /// Both clocks at the start of this process, or after the last step of the clock.
+    /// Reading of both clocks at the first check of this process, or after the last step of the clock.
     first_reading: Mutex<Option<Reading>>,
 }
 

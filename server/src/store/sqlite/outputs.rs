@@ -55,13 +55,13 @@ pub async fn list(
     rows.iter().map(read).collect()
 }
 
-/// The committed files of the pictures of a range, by their names.
+/// The committed files of a range, ordered by name.
 pub async fn between(
     conn: &mut SqliteConnection,
     job_id: &str,
     range: &PictureRange,
 ) -> Result<Vec<RenderedFile>, StoreError> {
-    // Names of pictures have the order of their numbers: all have six digits.
+    // The order of names is that of indices, because all have six digits.
     let last = range.first + range.count.saturating_sub(1);
     let rows = sqlx::query(
         "SELECT * FROM job_outputs WHERE job = ?1 AND file BETWEEN ?2 AND ?3

@@ -9,7 +9,7 @@ use sqlx::SqliteConnection;
 use yoto_proto::v1::PictureRange;
 
 /// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
-/// range that it already has. Also whether all pictures are drawn.
+/// range that it already has. Also returns whether all pictures are drawn.
 pub async fn take(
     conn: &mut SqliteConnection,
     lease: &LeaseKey,
@@ -42,8 +42,8 @@ pub async fn take(
     Ok((range, finished))
 }
 
-/// The committed files of a `range` that was taken; of a finished render, all of its files. Read outside of the
-/// transaction that took it: a render has up to a million files.
+/// The committed files of a `range` that was taken; of a finished render, all of its files. Read outside the
+/// transaction that took the range: a render has thousands of files, and other writers would wait.
 pub async fn taken(
     conn: &mut SqliteConnection,
     job_id: &str,

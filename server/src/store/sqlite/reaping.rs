@@ -1,6 +1,7 @@
 //! Jobs of silent workers.
 
 use super::rows::{Columns, During};
+use super::ticks::Ticks;
 use super::{helpers, jobs, outcome};
 use crate::rules::losses::{Verdict, verdict};
 use crate::rules::outage;
@@ -58,14 +59,7 @@ pub async fn tick(
             .await
             .during("reading expired leases of helpers")?;
     reaped.extend(do_without(conn, &helpers, now).await?);
-    sqlx::query(
-        "INSERT INTO lease_clock (id, last_tick) VALUES (1, ?1)
-         ON CONFLICT (id) DO UPDATE SET last_tick = ?1",
-    )
-    .bind(now)
-    .execute(conn)
-    .await
-    .during("recording when leases were looked after")?;
+    Ticks::Leases.record(conn, now).await?;
     Ok(reaped)
 }
 
@@ -75,11 +69,7 @@ async fn forgive(
     lease_seconds: f64,
     now: f64,
 ) -> Result<(), StoreError> {
-    let row = sqlx::query("SELECT last_tick FROM lease_clock WHERE id = 1")
-        .fetch_optional(&mut *conn)
-        .await
-        .during("reading when leases were looked after")?;
-    let last_tick = row.map_or(Ok(None), |row| row.real("last_tick"))?;
+    let last_tick = Ticks::Leases.last(conn).await?;
     let Some(shift) = last_tick.and_then(|last| outage::shift(last, now, lease_seconds)) else {
         return Ok(());
     };

@@ -10,7 +10,7 @@ use yoto_proto::v1::ObjectRef;
 
 /// Adds the action to errors of the driver.
 pub trait During<T> {
-    /// Adds `action`, e.g. "reading a job", and finds the class of the failure.
+    /// Adds `action`, e.g. "reading a job", and classifies the failure.
     fn during(self, action: &'static str) -> Result<T, StoreError>;
 }
 

@@ -1,6 +1,7 @@
-//! The ages of rows, in time that the service spent: steps of the clock do not count.
+//! Ages of rows in the service's running time: steps of the clock are recorded, and do not count.
 
-use super::rows::{Columns, During};
+use super::rows::During;
+use super::ticks::Ticks;
 use super::{SqliteStore, commit};
 use crate::rules::retries;
 use crate::rules::steps::{Reading, Step, while_down};
@@ -10,7 +11,7 @@ use sqlx::SqliteConnection;
 /// Time after which a step is forgotten, seconds: a year, longer than any row is kept.
 const KEEP: f64 = 366.0 * 24.0 * 3600.0;
 
-/// Seconds that the service spent from the time stamp in `$column` until `?1`.
+/// Seconds of running time from the time stamp in `$column` to `?1`.
 macro_rules! age {
     ($column:literal) => {
         concat!(
@@ -24,9 +25,10 @@ macro_rules! age {
 }
 pub(super) use age;
 
-/// Records the time, and a step of the clock since the last call. Returns the time.
+/// Records the time, and a step of the clock since the last call. Returns the time; differences too small for a step
+/// are left out of it.
 pub async fn keep_time(store: &SqliteStore) -> Result<f64, StoreError> {
-    // Held until the step is recorded: no other call may find it as well.
+    // Held until the step is recorded, so that no other call records it again.
     let mut first = store.first_reading.lock().await;
     let mut tx = store.write().await?;
     let reading = Reading {
@@ -35,23 +37,23 @@ pub async fn keep_time(store: &SqliteStore) -> Result<f64, StoreError> {
     };
     let step = match *first {
         Some(first) => first.step_to(reading),
-        None => (last_tick(&mut tx).await?).and_then(|it| while_down(it, reading.now)),
+        None => (Ticks::Clock.last(&mut tx).await?).and_then(|it| while_down(it, reading.now)),
     };
     if let Some(step) = step {
         record(&mut tx, step, reading.now).await?;
-        // A job waits while the service is down as well.
+        // Waits go on while the service is down, so they move only if it ran, or if the clock was set back.
         if first.is_some() || step.seconds < 0.0 {
             let latest = reading.now + retries::LONGEST_WAIT;
             move_waits(&mut tx, step.seconds, latest).await?;
         }
     }
-    tick(&mut tx, reading.now).await?;
+    Ticks::Clock.record(&mut tx, reading.now).await?;
     commit(tx).await?;
     if let (Some(step), true) = (step, first.is_some()) {
         let seconds = step.seconds;
         tracing::warn!(
             seconds,
-            "the clock was set, or the machine slept: nothing ages by it"
+            "the clock was set, or the machine slept: this time does not count for ages"
         );
     }
     // Small differences add up until they are a step.
@@ -62,39 +64,17 @@ pub async fn keep_time(store: &SqliteStore) -> Result<f64, StoreError> {
     Ok(since.expected(reading.steady))
 }
 
-/// When the service last looked at its clock; `None` before the first time.
-async fn last_tick(conn: &mut SqliteConnection) -> Result<Option<f64>, StoreError> {
-    let row = sqlx::query("SELECT last_tick FROM service_clock WHERE id = 1")
-        .fetch_optional(conn)
-        .await
-        .during("reading when the clock was looked at")?;
-    row.map_or(Ok(None), |row| row.real("last_tick"))
-}
-
-/// Records that the clock shows `now`.
-async fn tick(conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
-    sqlx::query(
-        "INSERT INTO service_clock (id, last_tick) VALUES (1, ?1)
-         ON CONFLICT (id) DO UPDATE SET last_tick = ?1",
-    )
-    .bind(now)
-    .execute(conn)
-    .await
-    .during("recording the time")?;
-    Ok(())
-}
-
-/// Time stamps that decide when something is deleted, and that nobody sees.
+/// Corrections of the time stamps on which deletions depend. Users do not see these stamps.
 const STAMPS: [&str; 3] = [
     "UPDATE captures SET write_time = ?2 WHERE write_time > ?1",
     "UPDATE garbage SET first_seen = ?2 WHERE first_seen > ?1",
     "UPDATE request_ids SET create_time = ?2 WHERE create_time > ?1",
 ];
-/// Seconds after a step at which a stamp is from after it.
+/// Seconds from a step to a stamp that counts as made after it.
 const AFTER: f64 = 0.001;
 
-/// Records a step, after which the clock shows `now`, and forgets old ones. Stamps that are in the future then become
-/// stamps of now: the rows are kept for their whole time again, and not until the clock has caught up.
+/// Records a step, after which the clock shows `now`, and forgets old steps. Stamps later than `now` are set to `now`, so
+/// that their rows are kept for their full time again. Otherwise they would be kept until the clock catches up.
 async fn record(conn: &mut SqliteConnection, step: Step, now: f64) -> Result<(), StoreError> {
     for stamps in STAMPS {
         sqlx::query(stamps)
@@ -102,7 +82,7 @@ async fn record(conn: &mut SqliteConnection, step: Step, now: f64) -> Result<(),
             .bind(now + AFTER)
             .execute(&mut *conn)
             .await
-            .during("correcting stamps of the future")?;
+            .during("correcting time stamps in the future")?;
     }
     sqlx::query("DELETE FROM clock_steps WHERE at < ?1")
         .bind(now - KEEP)
@@ -118,7 +98,7 @@ async fn record(conn: &mut SqliteConnection, step: Step, now: f64) -> Result<(),
     Ok(())
 }
 
-/// Moves the times before which postponed jobs wait by `seconds`; none is later than `latest`.
+/// Moves the times until which postponed jobs wait by `seconds`, but to `latest` at most.
 async fn move_waits(
     conn: &mut SqliteConnection,
     seconds: f64,
@@ -150,7 +130,7 @@ mod tests {
     };
 
     #[tokio::test]
-    async fn a_request_is_remembered_for_a_week_that_the_service_spent() {
+    async fn a_request_is_remembered_for_a_week_of_running_time() {
         let dir = tempfile::tempdir().expect("a folder");
         let clock = Arc::new(ManualClock::at(1e9));
         let own = Arc::clone(&clock);

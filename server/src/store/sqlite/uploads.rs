@@ -8,6 +8,7 @@ use crate::store::{
 };
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use yoto_proto::names::Collection;
+use yoto_proto::reasons::UPLOAD_INCOMPLETE;
 use yoto_proto::v1::{Capture, IngestSpec, JobSpec, job_spec};
 
 /// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
@@ -179,7 +180,7 @@ pub async fn finish(
         ingest(conn, id, now).await?;
     } else if get(conn, id).await?.open {
         return Err(StoreError::Rule {
-            reason: "UPLOAD_INCOMPLETE",
+            reason: UPLOAD_INCOMPLETE,
             message: format!("{} is not complete", Collection::Uploads.name(id)),
         });
     }

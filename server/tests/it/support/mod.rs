@@ -8,9 +8,11 @@
 
 mod capture;
 mod expect;
+mod trained;
 
 pub use capture::{File, chunk, chunks, file, headers};
 pub use expect::{assert_invalid, assert_refused, eventually};
+pub use trained::Trained;
 
 use futures::stream;
 use object_store::ObjectStoreExt;
@@ -541,7 +543,7 @@ pub async fn sql(database: &std::path::Path, statement: &str) {
     );
 }
 
-/// Locks the database for writes, as another program on the machine can, until the answer is closed.
+/// Locks the database for writes, as another program on the machine can, until the connection is closed.
 pub async fn lock_writes(database: &std::path::Path) -> SqliteConnection {
     let options = SqliteConnectOptions::new().filename(database);
     let mut connection = options.connect().await.expect("opens");

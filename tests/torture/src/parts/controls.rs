@@ -109,7 +109,7 @@ impl Controls {
         kinds.find(|it| it.fault().name() == text)
     }
 
-    /// Has the coordinator's writes to files fail, as on a full disk, or work.
+    /// Sets whether the coordinator's writes to files fail, as on a full disk.
     ///
     /// # Errors
     /// When the file can't be written.

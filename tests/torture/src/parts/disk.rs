@@ -1,4 +1,4 @@
-//! Disks without room: the largest file that a process can write.
+//! Simulates full disks with a limit on the size of files that this process writes.
 
 use super::controls::Controls;
 use anyhow::{Context, Result};
@@ -6,10 +6,10 @@ use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
 use nix::sys::signal::{SigHandler, Signal, signal};
 use std::time::Duration;
 
-/// Interval of looks at the controls.
-const LOOK: Duration = Duration::from_millis(20);
+/// Interval of reads of the controls.
+const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Has writes beyond `bytes` of a file fail with an error; 0: all writes to files.
+/// Makes writes beyond the first `bytes` of a file fail with an error; with 0, all writes to files.
 ///
 /// # Errors
 /// When the system refuses the limit.
@@ -20,14 +20,15 @@ pub fn limit(bytes: u64) -> Result<()> {
     setrlimit(Resource::RLIMIT_FSIZE, bytes.min(hard), hard).context("limiting files")
 }
 
-/// Has all writes of this process to files fail while the controls say so, for ever.
+/// Makes all writes of this process to files fail while the controls say so. Never returns.
 pub async fn follow(controls: Controls) {
     let mut full = false;
     loop {
-        tokio::time::sleep(LOOK).await;
-        if controls.is_full() != full {
-            match limit(if full { RLIM_INFINITY } else { 0 }) {
-                Ok(()) => full = !full,
+        tokio::time::sleep(INTERVAL).await;
+        let wanted = controls.is_full();
+        if wanted != full {
+            match limit(if wanted { 0 } else { RLIM_INFINITY }) {
+                Ok(()) => full = wanted,
                 Err(error) => tracing::error!(%error, "could not change the limit of files"),
             }
         }

@@ -76,7 +76,7 @@ impl Part {
         tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
-            // A full disk takes no log either, and the report of it would panic.
+            // On a full disk, writes to the log fail too, and reporting that would panic.
             .log_internal_errors(false)
             .with_ansi(false)
             .init();

@@ -1,4 +1,4 @@
-//! A worker with a faulty object store, and with a full disk if told so.
+//! A worker with a faulty object store, and with a full disk on request.
 
 use super::controls::Controls;
 use super::store::FaultyStore;

@@ -10,10 +10,10 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 use yoto_capture::camera::Pose;
 use yoto_ops::splat::harmonics::add_view_colours;
-use yoto_ops::splat::{MIN_ALPHA, ROW, View};
+use yoto_ops::splat::{ROW, View};
 use yoto_ops::warp::skin::weights::SkinningWeights;
 
-/// Most levels that are kept at once, with that of all splats.
+/// Most levels that are kept at once, including that of all splats.
 const LEVELS: usize = 8;
 
 /// What people keep, by level of detail.
@@ -26,7 +26,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Nothing yet of people in as many slots, with all splats.
+    /// Nothing yet, of as many people as there are `slots`; frames have all splats.
     pub fn new(slots: usize) -> Self {
         Self {
             levels: vec![(1.0, empty(slots))],
@@ -41,8 +41,8 @@ impl Kept {
         levels.for_each(|(_, slots)| slots.push(OnceLock::new()));
     }
 
-    /// Frames have this `share` of the splats from now on. What was kept of it before still is, unless there were many
-    /// others since.
+    /// Frames have this `share` of the splats from now on. Of more than [`LEVELS`] levels the oldest goes, but never that
+    /// of all splats.
     pub fn choose(&mut self, share: f32) {
         let known = self.levels.iter().position(|(known, _)| *known == share);
         self.chosen = known.unwrap_or_else(|| {
@@ -148,10 +148,11 @@ fn level(
 ) -> (Vec<f32>, Option<Vec<f32>>) {
     let rows = rows.as_chunks::<ROW>().0;
     let numbers = harmonics.map_or(0, |it| it.len() / rows.len().max(1));
+    let own = |index: usize| &harmonics.unwrap_or_default()[numbers * index..][..numbers];
     let (mut seen, mut splats) = (Vec::new(), Vec::new());
     for (index, row) in rows.iter().enumerate() {
-        let splat = of_row(row, shares.largest(index));
-        if splat.opacity > MIN_ALPHA && row.iter().all(|v| v.is_finite()) {
+        let splat = LevelSplat::of_row(row, shares.largest(index));
+        if splat.is_visible() && own(index).iter().all(|v| v.is_finite()) {
             seen.push(index);
             splats.push(splat);
         }
@@ -163,40 +164,15 @@ fn level(
         let (splat, weights) = merged(&splats, &group);
         match *group.as_slice() {
             [only] => fewer.extend(rows[seen[only]]),
-            _ => fewer.extend(to_row(&splat)),
+            _ => fewer.extend(splat.to_row()),
         }
-        let own = harmonics.unwrap_or_default();
         mixed.extend((0..numbers).map(|k| {
             let members = weights.iter().zip(&group);
-            let terms = members.map(|(weight, at)| weight * own[numbers * seen[*at] + k]);
+            let terms = members.map(|(weight, at)| weight * own(seen[*at])[k]);
             terms.sum::<f32>()
         }));
     }
     (fewer, harmonics.map(|_| mixed))
-}
-
-fn of_row(row: &[f32; ROW], bone: u16) -> LevelSplat {
-    let [x, y, z, a, b, c, d, scales @ .., opacity, red, green, blue] = *row;
-    let length = (a * a + b * b + c * c + d * d).sqrt();
-    LevelSplat {
-        mean: [x, y, z],
-        turn: [a, b, c, d].map(|q| q / length.max(f32::MIN_POSITIVE)),
-        deviations: scales.map(f32::exp),
-        opacity: 1.0 / (1.0 + (-opacity).exp()),
-        colour: [red, green, blue],
-        bone,
-    }
-}
-
-fn to_row(splat: &LevelSplat) -> [f32; ROW] {
-    let [x, y, z] = splat.mean;
-    let [a, b, c, d] = splat.turn;
-    let [first, second, third] = splat.deviations.map(f32::ln);
-    let logit = (splat.opacity / (1.0 - splat.opacity)).ln();
-    let [red, green, blue] = splat.colour;
-    [
-        x, y, z, a, b, c, d, first, second, third, logit, red, green, blue,
-    ]
 }
 
 #[cfg(test)]

@@ -234,7 +234,7 @@ impl Renderer {
         settings.check()?;
         check_precision(settings.precision, &self.device())?;
         if settings.splats < 1.0 && !self.has_levels() {
-            let message = "settings.splats: must be 1: only splats that nothing but bones moves have levels of detail";
+            let message = "settings.splats: must be 1: only splats that bones alone move have levels of detail";
             return Err(RenderError::Settings(message.into()));
         }
         self.kept.choose(settings.splats);

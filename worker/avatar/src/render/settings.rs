@@ -31,8 +31,8 @@ pub struct RenderSettings {
     /// result is enlarged to full size, so that frames of all scales can be compared.
     #[serde(default = "whole")]
     pub scale: f32,
-    /// Share of the splats of each person that can be seen, above 0 and at most 1: fewer ones stand for all. Of models
-    /// with a field, 1.
+    /// Number of splats of each person, as a share of those that can be seen: above 0 and at most 1. Models with a field
+    /// have 1.
     #[serde(default = "whole")]
     pub splats: f32,
 }

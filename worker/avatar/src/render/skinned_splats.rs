@@ -8,9 +8,9 @@ use crate::host::read;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
+use yoto_ops::splat::ROW;
 use yoto_ops::splat::harmonics;
 use yoto_ops::splat::light::LIGHTS;
-use yoto_ops::splat::{MIN_ALPHA, ROW};
 use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.
@@ -89,10 +89,10 @@ impl Renderer {
 }
 
 impl SkinnedSplats {
-    /// The same person of at most `count` splats: fewer ones stand for near ones of the same part of the body.
+    /// The same person with at most `count` splats: near ones of the same part of the body become one.
     #[must_use]
     pub fn reduced_to(&self, count: usize) -> Self {
-        let all: Vec<LevelSplat> = self.splats.iter().map(SkinnedSplat::of_level).collect();
+        let all: Vec<LevelSplat> = self.splats.iter().map(SkinnedSplat::level).collect();
         let groups = groups(&all, count).into_iter();
         Self {
             splats: groups.map(|group| self.merged(&all, &group)).collect(),
@@ -119,24 +119,29 @@ impl SkinnedSplats {
             }
         }
         let shares = shares.into_iter().filter(|(_, share)| *share > 0.0);
-        SkinnedSplat {
+        let shares = shares.map(|(bone, share)| (usize::from(bone), share));
+        SkinnedSplat::of_level(&level, harmonics, most(shares.collect()))
+    }
+}
+
+impl SkinnedSplat {
+    fn of_level(
+        level: &LevelSplat,
+        harmonics: [[f32; 3]; harmonics::HARMONICS],
+        bones: [(u16, f32); BONES],
+    ) -> Self {
+        Self {
             mean: level.mean,
             turn: level.turn,
             deviations: level.deviations,
             opacity: level.opacity,
             colour: level.colour,
             harmonics,
-            bones: most(
-                shares
-                    .map(|(bone, share)| (usize::from(bone), share))
-                    .collect(),
-            ),
+            bones,
         }
     }
-}
 
-impl SkinnedSplat {
-    fn of_level(&self) -> LevelSplat {
+    fn level(&self) -> LevelSplat {
         LevelSplat {
             mean: self.mean,
             turn: self.turn,
@@ -149,27 +154,17 @@ impl SkinnedSplat {
 
     /// Whether the renderer draws it at all.
     fn is_visible(&self) -> bool {
-        let numbers = self.mean.iter().chain(&self.turn).chain(&self.deviations);
-        let colours = self.colour.iter().chain(self.harmonics.as_flattened());
-        let mut numbers = numbers.chain(colours);
-        self.opacity > MIN_ALPHA && numbers.all(|number| number.is_finite())
+        let mut harmonics = self.harmonics.as_flattened().iter();
+        self.level().is_visible() && harmonics.all(|number| number.is_finite())
     }
 }
 
 /// The splat of a row, with its harmonics.
 fn skinned(row: &[f32; ROW], own: &[[f32; 3]], skinning: &Skinning<'_>) -> SkinnedSplat {
-    let [x, y, z, a, b, c, d, scales @ .., opacity, red, green, blue] = *row;
-    let length = (a * a + b * b + c * c + d * d).sqrt();
-    let mean = [x, y, z];
-    SkinnedSplat {
-        mean,
-        turn: [a, b, c, d].map(|q| q / length.max(f32::MIN_POSITIVE)),
-        deviations: scales.map(f32::exp),
-        opacity: 1.0 / (1.0 + (-opacity).exp()),
-        colour: [red, green, blue],
-        harmonics: std::array::from_fn(|k| own.get(k).copied().unwrap_or_default()),
-        bones: most(skinning.skinning_weights(mean)),
-    }
+    let bones = most(skinning.skinning_weights([row[0], row[1], row[2]]));
+    let level = LevelSplat::of_row(row, bones[0].0);
+    let harmonics = std::array::from_fn(|k| own.get(k).copied().unwrap_or_default());
+    SkinnedSplat::of_level(&level, harmonics, bones)
 }
 
 /// The [`BONES`] largest of `shares`, which sum to 1 again.

@@ -1,15 +1,15 @@
-//! Fewer splats stand for all of a person, and a request for time is answered by them.
+//! Levels of detail: fewer splats look like the whole person, and a limit of seconds per frame chooses among them.
 
+use super::splats::view_of;
 use crate::support::{options, people, run};
 use burn::tensor::Device;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
-use yoto_avatar::render::{FrameExposure, RenderSettings, RenderView, Renderer};
+use yoto_avatar::render::{FrameExposure, RenderSettings, Renderer};
 use yoto_avatar::tradeoff::{
     Axes, Machine, SweepError, SweepOptions, SweepView, Want, choose, sweep,
 };
 use yoto_avatar::train::{Person, Trainer};
-use yoto_capture::camera::{Camera, Pose};
 
 const SIZE: u32 = 64;
 
@@ -25,24 +25,13 @@ fn trained(harmonics: usize) -> (Renderer, Person) {
     (trainer.renderer(), film)
 }
 
-fn view(film: &Person, place: usize) -> RenderView {
-    let track = &film.shard.track;
-    let frame = &track.frames[place];
-    RenderView {
-        slot: 0,
-        pose: Pose::from_frame(frame).expect("a pose"),
-        camera: Camera::from_frame(frame, track.image_size).expect("a camera"),
-        background: [0.0; 3],
-    }
-}
-
 #[test]
 fn a_level_looks_like_the_whole_in_every_pose() {
     for harmonics in [0, 2] {
         let (mut renderer, film) = trained(harmonics);
         let own = renderer.settings();
         assert_eq!(own.splats, 1.0);
-        let views = [0, 6].map(|place| view(&film, place));
+        let views = [0, 6].map(|place| view_of(&film, 0, place));
         let whole = views
             .each_ref()
             .map(|view| renderer.render(view).expect("renders"));
@@ -92,7 +81,7 @@ fn little_time_buys_fewer_splats() {
     let (mut renderer, film) = trained(0);
     let own = renderer.settings();
     let views = [0, 6].map(|place| SweepView {
-        view: view(&film, place),
+        view: view_of(&film, 0, place),
         truth: Some(film.shard.image(place)),
         exposure: FrameExposure::NEUTRAL,
     });
@@ -126,7 +115,7 @@ fn little_time_buys_fewer_splats() {
     );
     assert!(curve.points.iter().all(|it| it.psnr_mask_box.is_some()));
     assert!(curve.points.iter().all(|it| it.fixed_seconds.is_some()));
-    // Times of a busy machine prove nothing: those of a quiet one.
+    // Times of a busy machine prove nothing, so these are made up.
     for (point, seconds) in curve.points.iter_mut().zip([0.010, 0.007, 0.005, 0.004]) {
         (point.seconds, point.fixed_seconds) = (seconds, Some(0.5 * seconds));
     }

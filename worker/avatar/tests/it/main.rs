@@ -21,6 +21,7 @@ mod plain;
 mod refinement;
 mod sharing;
 mod speed;
+mod splat_scenes;
 mod splats;
 mod support;
 mod together;

@@ -20,7 +20,7 @@ const SLOW: f64 = 90.0;
 /// out, at `DOWN` and below they are down.
 const OUT: f64 = 0.75;
 const DOWN: f64 = 0.55;
-/// Share of frames without a part of the body that is too small to matter: the bound of masks that are cut off.
+/// Largest share of frames in which a part of the body may be outside of the picture; that of masks that are cut off.
 const CUT: f64 = 0.02;
 
 /// What to do about sides, arms and speed.
@@ -29,10 +29,10 @@ const TURN: &str = "turn once, slowly, arms out, then down";
 const STEP_BACK: &str = "keep head, hands and feet in the picture";
 /// What to do about blur.
 const SHARPER: &str = "more light and a fixed focus, so that nothing is blurred";
-/// What to do about colours that are lost.
+/// What to do about colours that are too bright or too dark.
 const LIGHT: &str = "even light, neither glaring nor dim";
 
-/// What is known of a film.
+/// The findings about a film that advice depends on.
 pub(super) struct Film<'a> {
     pub motion: &'a Motion,
     pub framing: &'a Framing,
@@ -56,18 +56,17 @@ pub(super) fn lacks(film: &Film<'_>) -> Vec<Lack> {
         .iter()
         .filter(|(_, directions)| seen(*directions) == 0);
     let unseen: Vec<&str> = unseen.map(|(side, _)| *side).collect();
-    match unseen.len() {
-        0 => {}
-        1 => lacks.push(lack(
-            format!("the {} was never seen", unseen[0]),
-            "it will be guessed",
-            TURN,
-        )),
-        _ => lacks.push(lack(
-            format!("the {} were never seen", listed(&unseen)),
-            "they will be guessed",
-            TURN,
-        )),
+    match unseen.as_slice() {
+        [] => {}
+        [side] => {
+            let what = format!("the {side} was never seen");
+            lacks.push(lack(what, "it will be guessed", TURN));
+        }
+        [first @ .., last] => {
+            let first = first.join(", the ");
+            let what = format!("the {first} and the {last} were never seen");
+            lacks.push(lack(what, "they will be guessed", TURN));
+        }
     }
     for (side, directions) in SIDES {
         let frames = seen(directions);
@@ -121,15 +120,6 @@ pub(super) fn advice(lacks: &[Lack]) -> Vec<String> {
         advice.push(format!("better: {instead}"));
     }
     advice
-}
-
-/// `front, the back and the left side`.
-fn listed(names: &[&str]) -> String {
-    match names {
-        [] => String::new(),
-        [name] => (*name).to_owned(),
-        [first @ .., last] => format!("{} and the {last}", first.join(", the ")),
-    }
 }
 
 #[cfg(test)]

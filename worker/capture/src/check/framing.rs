@@ -1,13 +1,13 @@
-//! Parts of the body that leave the picture.
+//! Counts the frames in which head, hands or feet are outside of the picture.
 
 use super::fit::view;
 use crate::skeleton::Skeleton;
 use yoto_proto::pose_track::PoseTrack;
 
-/// Joints lower than this are the feet's, and higher than the second one the head's, as shares of the height at rest.
+/// Joints below the first and above the second are those of feet and head, as shares of the height at rest.
 const FEET: f64 = 0.1;
 const HEAD: f64 = 0.9;
-/// Joints farther aside than this are the hands', as a share of the farthest at rest.
+/// Joints farther aside than this are those of hands, as a share of the farthest joint's distance at rest.
 const HANDS: f64 = 0.8;
 
 /// Frames of a track in which a part is outside of the picture.

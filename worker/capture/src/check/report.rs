@@ -198,7 +198,7 @@ pub struct Report {
     /// What the film lacks.
     #[serde(default)]
     pub lacks: Vec<Lack>,
-    /// The same as advice for the next film; empty if nothing is missing.
+    /// The lacks in words, and how to film instead; empty if nothing is missing.
     #[serde(default)]
     pub advice: Vec<String>,
     /// The readings that were tried, the best first.

@@ -1,33 +1,8 @@
 //! Values of options that several commands have.
 
-use clap::Args;
-use clap::builder::OsStringValueParser;
-use std::ffi::OsString;
-use std::path::Path;
 use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_proto::protocols::PROTOCOLS;
 use yoto_proto::tiers::{self, TIERS, VARIANTS};
-
-/// The program for videos that yoto does not decode itself.
-#[derive(Debug, Clone, Args)]
-pub(super) struct FfmpegArg {
-    /// The ffmpeg for videos other than H.264 in MP4 or MOV [default: the one in PATH].
-    #[arg(
-        long,
-        env = "YOTO_FFMPEG",
-        value_name = "FILE",
-        value_parser = OsStringValueParser::new(),
-        hide_short_help = true
-    )]
-    ffmpeg: Option<OsString>,
-}
-
-impl FfmpegArg {
-    /// Path of the program, if one was named.
-    pub fn program(&self) -> Option<&Path> {
-        self.ffmpeg.as_deref().map(Path::new)
-    }
-}
 
 /// Parses a tier's name.
 pub(super) fn tier(text: &str) -> Result<String, String> {

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
+use yoto_import::FfmpegArg;
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -75,8 +76,8 @@ pub(super) struct Quality {
     #[arg(long, value_name = "FILE")]
     train_poses: Option<String>,
     /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
-    /// wander off their masks or jump, and finely for all others with splats [default: by the tier: auto, or never for
-    /// the tiers of the paper].
+    /// wander off their masks or jump; with splats, auto makes small corrections to all other poses [default: by the
+    /// tier: auto, or never for the tiers of the paper].
     #[arg(long, value_parser = args::refine_poses, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     refine_poses: Option<Refine>,
     /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
@@ -97,7 +98,7 @@ pub(super) struct Quality {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
-    ffmpeg: args::FfmpegArg,
+    ffmpeg: FfmpegArg,
     #[command(flatten)]
     lpips: LpipsArgs,
 }

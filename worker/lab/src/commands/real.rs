@@ -10,7 +10,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::train::Budget;
-use yoto_import::Options;
+use yoto_import::{FfmpegArg, Options};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -70,7 +70,7 @@ pub(super) struct Real {
     #[arg(long, value_name = "N", default_value_t = 7)]
     seed: u64,
     #[command(flatten)]
-    ffmpeg: args::FfmpegArg,
+    ffmpeg: FfmpegArg,
     #[command(flatten)]
     lpips: LpipsArgs,
 }

@@ -19,7 +19,7 @@ use yoto_capture::check::Grade;
 use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
 use yoto_import::{Format, Options, TrackForm, to_folder};
-use yoto_proto::media_plan::VIDEO_ENDINGS;
+use yoto_proto::media_plan::{VIDEO_ENDINGS, has_ending};
 use yoto_proto::pose_track::FILES;
 
 pub use table::table;
@@ -133,9 +133,7 @@ fn sources(source: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn is_source(path: &Path) -> bool {
-    let extension = path.extension().and_then(|it| it.to_str());
-    let is_clip =
-        extension.is_some_and(|it| VIDEO_ENDINGS.contains(&it.to_ascii_lowercase().as_str()));
+    let is_clip = has_ending(&path.to_string_lossy(), &VIDEO_ENDINGS);
     (is_clip && path.is_file()) || is_capture(path)
 }
 

@@ -24,8 +24,8 @@ pub(super) struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Trains `tier` for `seconds` on `recordings`, whose held-out frames of training films follow what was learned of
-    /// poses and exposures; returns the results and the model.
+    /// Trains `tier` for `seconds` on `recordings`, and sets poses and exposures of their held-out frames to the learned
+    /// ones of neighbouring frames. Returns the results and the model.
     pub(super) fn train(
         &self,
         tier: &str,

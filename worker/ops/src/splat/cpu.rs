@@ -2,9 +2,8 @@
 //! Gradients are summed in the order of the tiles, whatever the number of threads.
 
 use super::light::LIGHTS;
-use super::projected::{
-    Projected, ProjectedGradient, Splat, SplatGradient, project, project_backward,
-};
+use super::projected::{Projected, Splat, project};
+use super::projected_backward::{ProjectedGradient, SplatGradient, project_backward};
 use super::rasterize::{RasterizeTile, RasterizeTileBackward, Tile};
 use super::tiles::{AREA, SIDE, Tiles};
 use super::{ROW, SplatOps, View};

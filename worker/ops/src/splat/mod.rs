@@ -19,6 +19,7 @@ pub mod harmonics;
 pub mod light;
 pub mod probe;
 mod projected;
+mod projected_backward;
 mod rasterize;
 pub mod reference;
 mod tiles;

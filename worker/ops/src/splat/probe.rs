@@ -2,7 +2,8 @@
 
 use super::cpu::{ProjectBackward, SplatSlices};
 use super::light::LIGHTS;
-use super::projected::{Projected, ProjectedGradient};
+use super::projected::Projected;
+use super::projected_backward::ProjectedGradient;
 use super::rasterize::OPAQUE;
 use super::tiles::{SIDE, Tiles};
 use super::{MAX_ALPHA, MIN_ALPHA, View};

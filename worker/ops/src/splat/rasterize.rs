@@ -2,7 +2,8 @@
 //! 2308.04079, eq. 2 and 3), and its gradient. Groups of pixels in a row are loops that the compiler
 //! vectorizes.
 
-use super::projected::{Projected, ProjectedGradient};
+use super::projected::Projected;
+use super::projected_backward::ProjectedGradient;
 use super::tiles::{AREA, SIDE};
 use super::{MAX_ALPHA, MIN_ALPHA};
 use crate::form::{Work, multiply_add};

@@ -17,7 +17,7 @@ const COLOUR: usize = 23;
 const BOUND: f64 = 2e-5;
 /// Largest error of a gradient, over the largest of its kind or 1.
 const SLOPE_BOUND: f64 = 2e-3;
-/// Half of the difference between two values of a parameter, over its size or 1; of a quaternion, over its length.
+/// Half of the difference between two values of a parameter, over its magnitude or 1; of a quaternion, over its length.
 const STEP: f64 = 1e-6;
 
 /// A camera at the origin of the body that looks along z.
@@ -124,6 +124,12 @@ fn doubles(numbers: &[f32]) -> Vec<f64> {
     numbers.iter().map(|v| f64::from(*v)).collect()
 }
 
+/// Prints the row of a case, and compares its picture with the `exact` one.
+fn show(case: &str, found: &Found, exact: &[f64], bound: f64) {
+    let off = Some(error(&found.picture, exact));
+    report("splat", case, &found.picture, &found.gradients, off, bound);
+}
+
 /// Reports the picture of `rows` and its gradients beside those of double precision.
 fn compare(case: &str, rows: &[[f32; ROW]], view: &View) {
     compare_within(case, rows, view, BOUND, SLOPE_BOUND);
@@ -133,15 +139,7 @@ fn compare_within(case: &str, rows: &[[f32; ROW]], view: &View, bound: f64, slop
     let (towards, light) = (towards(view), light());
     let found = run(rows, &light, view, &towards);
     let (exact, light) = (doubles(rows.as_flattened()), doubles(&light));
-    let off = error(&found.picture, &picture(&exact, &light, view));
-    report(
-        "splat",
-        case,
-        &found.picture,
-        &found.gradients,
-        Some(off),
-        bound,
-    );
+    show(case, &found, &picture(&exact, &light, view), bound);
     assert!(found.light.iter().all(|v| v.is_finite()), "{case}: light");
     for (first, columns) in PARTS {
         let at = |index: &usize| (first..first + columns).contains(&(index % ROW));
@@ -176,16 +174,7 @@ fn not_drawn(case: &str, row: [f32; ROW]) {
     let towards = towards(&view);
     let alone = run(&[plain()], &light(), &view, &towards);
     let found = run(&[row, plain()], &light(), &view, &towards);
-    let exact = doubles(&alone.picture);
-    let off = error(&found.picture, &exact);
-    report(
-        "splat",
-        case,
-        &found.picture,
-        &found.gradients,
-        Some(off),
-        0.0,
-    );
+    show(case, &found, &doubles(&alone.picture), 0.0);
     assert_eq!(found.gradients[..ROW], [0.0; ROW], "{case}");
     assert_eq!(found.gradients[ROW..], alone.gradients, "{case}");
     assert_eq!(found.light, alone.light, "{case}");
@@ -238,15 +227,7 @@ fn rotations_of_any_length() {
     // The slope is above what f32 holds.
     let short = run(&[times(1e-38)], &light(), &view, &towards(&view));
     let exact = picture(&doubles(&times(1e-38)), &doubles(&light()), &view);
-    let off = error(&short.picture, &exact);
-    report(
-        "splat",
-        "quaternion of length 1e-38",
-        &short.picture,
-        &short.gradients,
-        Some(off),
-        BOUND,
-    );
+    show("quaternion of length 1e-38", &short, &exact, BOUND);
     let zero = run(&[of([0.0; 4])], &light(), &view, &towards(&view));
     let identity = run(
         &[of([1.0, 0.0, 0.0, 0.0])],
@@ -254,13 +235,10 @@ fn rotations_of_any_length() {
         &view,
         &towards(&view),
     );
-    let off = error(&zero.picture, &doubles(&identity.picture));
-    report(
-        "splat",
+    show(
         "quaternion 0: no rotation",
-        &zero.picture,
-        &zero.gradients,
-        Some(off),
+        &zero,
+        &doubles(&identity.picture),
         0.0,
     );
 }
@@ -277,11 +255,15 @@ fn numbers_that_are_not_finite() {
     ];
     for ((first, columns), name) in PARTS.into_iter().zip(names) {
         for column in first..first + columns {
-            let infinite = [("∞", f32::INFINITY), ("−∞", f32::NEG_INFINITY)];
-            for (shown, value) in [("NaN", f32::NAN)].into_iter().chain(infinite) {
-                // An infinite logit is an opacity of 0 or 1, a scale's logarithm of −∞ a scale of 0.
+            let values = [
+                ("NaN", f32::NAN),
+                ("∞", f32::INFINITY),
+                ("−∞", f32::NEG_INFINITY),
+            ];
+            for (shown, value) in values {
+                // An infinite logit is an opacity of 0 or 1; −∞ as the logarithm of a scale is a scale of 0.
                 let limit = name == "opacity" || (name == "scales" && value < 0.0);
-                if limit && !value.is_nan() {
+                if limit && value.is_infinite() {
                     continue;
                 }
                 let case = format!("{shown} in {name} {}", column - first);
@@ -307,7 +289,7 @@ fn pictures_of_one_pixel_and_of_one_row() {
     compare("a picture of 4096 x 1", &[plain(), far], &view(4096, 1));
 }
 
-/// A tile of a million equal splats that cover it: what is behind the first thousands can't be seen, and is not
+/// A tile of a million equal splats that cover it: what is behind the first thousand can't be seen, and is not
 /// computed. Closed form: 1 − (1 − α)ⁿ.
 #[test]
 fn a_million_splats_in_one_tile() {
@@ -320,22 +302,13 @@ fn a_million_splats_in_one_tile() {
     });
     let found = run(&vec![wide; COUNT], &[0.0; 24], &view, &towards);
     let exact: Vec<f64> = [0.2, 0.5, 0.8, 1.0].repeat(256);
-    // What the tile leaves out behind an opacity of 1 − 5e-4.
-    let off = error(&found.picture, &exact);
-    let case = "10⁶ equal ones that cover a tile";
-    report(
-        "splat",
-        case,
-        &found.picture,
-        &found.gradients,
-        Some(off),
-        5e-4,
-    );
+    // The bound is what the tile leaves out behind an opacity of 1 − 5e-4.
+    show("10⁶ equal ones that cover a tile", &found, &exact, 5e-4);
     let learned = found.gradients.chunks(ROW);
     let learned = learned.filter(|row| row.iter().any(|v| *v != 0.0)).count();
     assert!((100..1000).contains(&learned), "{learned} were blended");
 
-    // Of those of one pixel, the rest of the tile stays clear, so that all are blended.
+    // Splats of one pixel leave the rest of the tile clear, so all are blended.
     let small = with(|it| {
         it[12..15].copy_from_slice(&[0.01, 0.01, 2.0]);
         it[SCALES..OPACITY].fill(-20.0);
@@ -345,14 +318,5 @@ fn a_million_splats_in_one_tile() {
     let mut exact = vec![0.0; 4 * 256];
     // The centre is that of the pixel (8, 8).
     exact[4 * (8 * 16 + 8)..][..4].copy_from_slice(&[0.2, 0.5, 0.8, 1.0]);
-    let off = error(&found.picture, &exact);
-    let case = "10⁶ equal ones at a pixel";
-    report(
-        "splat",
-        case,
-        &found.picture,
-        &found.gradients,
-        Some(off),
-        2e-5,
-    );
+    show("10⁶ equal ones at a pixel", &found, &exact, 2e-5);
 }

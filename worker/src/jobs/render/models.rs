@@ -89,7 +89,7 @@ impl<'a> Models<'a> {
         set.map_err(|error| JobFailure::failed("TRADEOFF", "the chosen settings", &error))
     }
 
-    /// Looks up what frames of the people in `views` need in all poses.
+    /// Computes what does not depend on poses for the people in `views`, once for all pictures.
     pub(super) fn prepare(&self, views: &[View]) -> Result<(), JobFailure> {
         let models: Vec<&Model<'_>> = self.all().collect();
         let actors = views.iter().flat_map(|view| &view.actors);

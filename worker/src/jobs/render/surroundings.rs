@@ -67,15 +67,15 @@ impl<'a> Background<'a> {
     }
 }
 
-/// The middle of `picture`, in the shape of `width` and `height` and scaled to them. It is cut before it is scaled: a
-/// picture of 1,000,000 x 1 pixels that is scaled as a whole to cover a square is 10^6 times as large as that.
+/// The middle of `picture`, cropped to the aspect ratio of `width` to `height` and scaled to that size. Cropping comes
+/// first, unlike in `resize_to_fill`: 8192 x 1 pixels, scaled to cover a square, are 8192 times as many as the
+/// square's.
 fn filling(picture: &DynamicImage, width: u32, height: u32) -> RgbImage {
-    let across = u64::from(picture.width());
-    let down = u64::from(picture.height());
-    let (width_, height_) = (u64::from(width), u64::from(height));
-    // The largest part of that shape, at least a pixel.
-    let wide = (down * width_ / height_).clamp(1, across) as u32;
-    let high = (across * height_ / width_).clamp(1, down) as u32;
+    let (across, down) = (u64::from(picture.width()), u64::from(picture.height()));
+    let aspect = (u64::from(width), u64::from(height));
+    // The largest part with that aspect ratio, at least a pixel.
+    let wide = (down * aspect.0 / aspect.1).clamp(1, across) as u32;
+    let high = (across * aspect.1 / aspect.0).clamp(1, down) as u32;
     let left = (picture.width() - wide) / 2;
     let top = (picture.height() - high) / 2;
     let part = picture.crop_imm(left, top, wide, high);

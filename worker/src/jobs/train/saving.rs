@@ -18,8 +18,7 @@ const FIRST: Duration = Duration::from_secs(5);
 const SHORTEST: Duration = Duration::from_secs(30);
 /// Share of a training's time that its checkpoints, and the validations that come with them, may take.
 const SHARE: f64 = 0.03;
-
-/// Share of the time between two checkpoints after which one may come early.
+/// Share of the interval between two checkpoints after which the next one may come early.
 const NEAR: f64 = 0.5;
 
 /// When the next checkpoint is due.
@@ -60,7 +59,7 @@ impl Rhythm {
         now.saturating_duration_since(self.since) >= wait
     }
 
-    /// Whether a checkpoint at `now` would be early, but not by much.
+    /// Whether a checkpoint at `now` may come early.
     pub(super) fn is_near(&self, now: Instant) -> bool {
         !self.first && now.saturating_duration_since(self.since) >= self.every().mul_f64(NEAR)
     }
@@ -147,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measured_step_may_be_saved_early_but_not_as_the_first() {
+    fn a_checkpoint_may_come_early_but_not_the_first() {
         let start = Instant::now();
         let mut rhythm = Rhythm::new(Some(seconds(15)), start);
         assert!(!rhythm.is_near(start + seconds(14)));

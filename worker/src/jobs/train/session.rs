@@ -99,20 +99,24 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Whether a checkpoint is due, or will be soon and this step was just measured, which is most of its cost.
+    /// Whether the current step is validated.
+    fn is_validated(&self) -> bool {
+        self.validated == Some(self.trainer.progress().step)
+    }
+
+    /// Whether a checkpoint is due, or may come early because the current step is validated, which is most of its cost.
     fn is_time_to_save(&self) -> bool {
         let now = Instant::now();
-        let is_measured = self.validated == Some(self.trainer.progress().step);
-        self.rhythm.is_due(now) || is_measured && self.rhythm.is_near(now)
+        self.rhythm.is_due(now) || self.is_validated() && self.rhythm.is_near(now)
     }
 
     /// Saves, and continues while the files are copied. A fault is logged: the next checkpoint may reach
     /// the store.
     fn save_beside(&mut self) -> Result<(), JobFailure> {
         let began = Instant::now();
-        let is_measured = self.validated == Some(self.trainer.progress().step);
+        let was_validated = self.is_validated();
         // The best checkpoint is chosen by its own PSNR.
-        if !self.rhythm.is_first() && !is_measured {
+        if !self.rhythm.is_first() && !was_validated {
             self.validate()?;
         }
         self.report("saving");
@@ -124,14 +128,14 @@ impl<'a> Session<'a> {
             Err(failure) => self.not_written(&failure),
         }
         self.outlook.saved(began.elapsed());
-        // The next checkpoint may need a measurement of its own.
-        let measuring = if is_measured {
+        // The next checkpoint may need a validation of its own.
+        let validating = if was_validated {
             self.outlook.validation()
         } else {
             Duration::ZERO
         };
         self.rhythm
-            .saved(Instant::now(), began.elapsed() + measuring);
+            .saved(Instant::now(), began.elapsed() + validating);
         self.report("training");
         Ok(())
     }

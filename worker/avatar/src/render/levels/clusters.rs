@@ -5,14 +5,14 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use yoto_capture::skeleton::transform::from_quaternion;
 
-/// Distance that counts as much as a difference of 1 in colour, metres; chosen by experiment, as the next
+/// Distance that counts as much as a difference of 1 in colour, metres; this and the next were chosen by experiment
 /// (docs/splats.md).
 const NEAR: f64 = 0.2;
 /// Weight of the difference of unit normals: light and outlines depend on them.
 const NORMALS: f64 = 0.3;
 /// Numbers that are compared: position, normal and colour.
 const FEATURES: usize = 9;
-/// Share of the possible pairs that are united in a round, those that cost least: their unions then compete again.
+/// One in this many possible pairs is united in a round, those that cost least: their unions then compete again.
 const PER_ROUND: usize = 4;
 /// Width of a cell of the search, in mean distances of neighbours.
 const CELL: f64 = 2.0;
@@ -38,7 +38,7 @@ struct Pair {
 pub(in crate::render) fn groups(splats: &[LevelSplat], count: usize) -> Vec<Vec<usize>> {
     let mut clusters: Vec<Cluster> = splats.iter().enumerate().map(Cluster::of).collect();
     let count = count.max(1);
-    // Wider when nothing is near, and at last across bones.
+    // The search widens where no pair is near; in the end pairs may be of different bones.
     let (mut wider, mut across) = (1.0, false);
     while clusters.len() > count {
         let cell = wider * CELL * spacing(&clusters);

@@ -2,9 +2,11 @@
 
 use super::LevelSplat;
 use faer::{Mat, Side};
-use yoto_capture::skeleton::transform::{Mat3, from_quaternion, to_quaternion};
+use yoto_capture::skeleton::transform::{
+    IDENTITY_ROTATION, Mat3, cross, from_quaternion, to_quaternion,
+};
 
-/// Largest opacity: of 1 there is no logit.
+/// Largest opacity: 1 has no logit.
 const OPAQUE: f64 = 0.999;
 /// Exponent by which the two largest deviations grow where a group covers more than an opaque splat of its size does; 1/2
 /// would keep the coverage, and blur outlines (docs/splats.md).
@@ -77,10 +79,7 @@ fn ellipsoid(covariance: &Mat3, normal: [f64; 3]) -> (Mat3, [f64; 3]) {
     let matrix = Mat::from_fn(3, 3, |r, c| covariance[r][c]);
     // A symmetric matrix of finite numbers always has eigenvectors.
     let Ok(found) = matrix.self_adjoint_eigen(Side::Lower) else {
-        return (
-            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            [THINNEST; 3],
-        );
+        return (IDENTITY_ROTATION, [THINNEST; 3]);
     };
     let vector = |k: usize| -> [f64; 3] { std::array::from_fn(|r| found.U()[(r, k)]) };
     let along = |k: usize| -> f64 { vector(k).iter().zip(normal).map(|(a, b)| a * b).sum() };
@@ -92,11 +91,7 @@ fn ellipsoid(covariance: &Mat3, normal: [f64; 3]) -> (Mat3, [f64; 3]) {
     let sign = if along(third) < 0.0 { -1.0 } else { 1.0 };
     let (a, c) = (vector(first), vector(third).map(|v| sign * v));
     // A rotation: the second axis is the product of the others.
-    let b = [
-        c[1] * a[2] - c[2] * a[1],
-        c[2] * a[0] - c[0] * a[2],
-        c[0] * a[1] - c[1] * a[0],
-    ];
+    let b = cross(c, a);
     let deviation = |k: usize| found.S()[k].max(0.0).sqrt().max(THINNEST);
     (
         std::array::from_fn(|r| [a[r], b[r], c[r]]),

@@ -96,7 +96,7 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     let explained = causes.first().map(Cause::sentence);
     let fit = found.as_ref().map(|it| it.given.mean);
     let (blur, exposure) = (blur(track, seen), exposure(seen));
-    // Where the numbers mean something else, nothing is known about what is in the picture.
+    // With a wrong reading of the numbers, nobody knows what is in the picture.
     let framing = match causes.is_empty() {
         true => Framing::of(track, skeleton),
         false => Framing::default(),

@@ -1,10 +1,10 @@
 //! The backward pass of projection: from the gradients of projected splats to the parameters of splats and to
-//! the light, with a thread per splat. The counterpart of `project_backward` in `splat/projected.rs`, with the same
-//! equations.
+//! the light, with a thread per splat. The counterpart of `project_backward` in `splat/projected_backward.rs`, with the
+//! same equations.
 
 use super::super::ROW;
 use super::super::light::LIGHTS;
-use super::super::projected::SHORTEST;
+use super::super::projected_backward::SHORTEST;
 use super::projection::{Camera, Projection, camera, light_terms, projection, shade};
 use super::rasterize_backward::SUMS;
 use super::vectors::{

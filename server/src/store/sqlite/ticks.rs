@@ -1,0 +1,49 @@
+//! The last time at which the service checked its leases, or its clock: one table with one row for each.
+
+use super::rows::{Columns, During};
+use crate::store::StoreError;
+use sqlx::SqliteConnection;
+
+/// A recorded check.
+#[derive(Debug, Clone, Copy)]
+pub enum Ticks {
+    /// Leases were checked for expiry.
+    Leases,
+    /// The clock was compared with the steady one.
+    Clock,
+}
+
+impl Ticks {
+    /// The time of the last check; `None` before the first one.
+    pub async fn last(self, conn: &mut SqliteConnection) -> Result<Option<f64>, StoreError> {
+        let statement = match self {
+            Self::Leases => "SELECT last_tick FROM lease_clock WHERE id = 1",
+            Self::Clock => "SELECT last_tick FROM service_clock WHERE id = 1",
+        };
+        let row = sqlx::query(statement)
+            .fetch_optional(conn)
+            .await
+            .during("reading the time of the last check")?;
+        row.map_or(Ok(None), |row| row.real("last_tick"))
+    }
+
+    /// Records a check at `now`.
+    pub async fn record(self, conn: &mut SqliteConnection, now: f64) -> Result<(), StoreError> {
+        let statement = match self {
+            Self::Leases => {
+                "INSERT INTO lease_clock (id, last_tick) VALUES (1, ?1)
+                 ON CONFLICT (id) DO UPDATE SET last_tick = ?1"
+            }
+            Self::Clock => {
+                "INSERT INTO service_clock (id, last_tick) VALUES (1, ?1)
+                 ON CONFLICT (id) DO UPDATE SET last_tick = ?1"
+            }
+        };
+        sqlx::query(statement)
+            .bind(now)
+            .execute(conn)
+            .await
+            .during("recording the time of a check")?;
+        Ok(())
+    }
+}
