@@ -2,47 +2,22 @@
 //!
 //! With a full disk or a locked file, reads still succeed, so each check writes: it records the time.
 
-use crate::api::{
-    JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
-};
 use crate::context::Context;
+use crate::methods::services;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
-use tonic::server::NamedService;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
-use yoto_proto::v1::job_service_server::JobServiceServer;
-use yoto_proto::v1::model_service_server::ModelServiceServer;
-use yoto_proto::v1::object_service_server::ObjectServiceServer;
-use yoto_proto::v1::render_service_server::RenderServiceServer;
-use yoto_proto::v1::status_service_server::StatusServiceServer;
-use yoto_proto::v1::storage_service_server::StorageServiceServer;
-use yoto_proto::v1::subject_service_server::SubjectServiceServer;
-use yoto_proto::v1::upload_service_server::UploadServiceServer;
-use yoto_proto::v1::worker_service_server::WorkerServiceServer;
 
-/// Names of the services whose health is reported. The empty name is the server as a whole.
-const NAMES: [&str; 10] = [
-    "",
-    <SubjectServiceServer<SubjectApi> as NamedService>::NAME,
-    <UploadServiceServer<UploadApi> as NamedService>::NAME,
-    <ModelServiceServer<ModelApi> as NamedService>::NAME,
-    <JobServiceServer<JobApi> as NamedService>::NAME,
-    <ObjectServiceServer<ObjectApi> as NamedService>::NAME,
-    <RenderServiceServer<RenderApi> as NamedService>::NAME,
-    <StatusServiceServer<StatusApi> as NamedService>::NAME,
-    <StorageServiceServer<StorageApi> as NamedService>::NAME,
-    <WorkerServiceServer<WorkerApi> as NamedService>::NAME,
-];
 /// Longest interval between two checks while writes fail.
 const RECHECK: Duration = Duration::from_secs(1);
 /// Time limit of a write, in intervals between checks.
 const PATIENCE: u32 = 2;
 
-/// Sets the status of every service.
+/// Sets the status of every service of the contract, and that of the server as a whole, whose name is empty.
 pub async fn set(reporter: &HealthReporter, status: ServingStatus) {
-    for name in NAMES {
+    for name in services().chain([""]) {
         reporter.set_service_status(name, status).await;
     }
 }

@@ -1,10 +1,13 @@
-//! Tells unary calls from streams by the contract's descriptors, for the layers that treat them differently.
+//! What the contract's descriptors say of its services: their names, for their health, and which calls are unary, for the
+//! layers that treat streams differently.
 
 use prost::Message;
-use prost_types::FileDescriptorSet;
+use prost_types::{FileDescriptorProto, FileDescriptorSet, ServiceDescriptorProto};
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
+/// All services of the contract by their full names.
+static SERVICES: LazyLock<Vec<(String, ServiceDescriptorProto)>> = LazyLock::new(described);
 /// Paths of all unary methods.
 static UNARY: LazyLock<HashSet<String>> = LazyLock::new(unary_paths);
 
@@ -13,21 +16,27 @@ pub fn is_unary(path: &str) -> bool {
     UNARY.contains(path)
 }
 
-fn unary_paths() -> HashSet<String> {
+/// Full names of all services, such as `yoto.v1.JobService`.
+pub fn services() -> impl Iterator<Item = &'static str> {
+    SERVICES.iter().map(|(name, _)| name.as_str())
+}
+
+fn described() -> Vec<(String, ServiceDescriptorProto)> {
     let files = FileDescriptorSet::decode(yoto_proto::DESCRIPTORS).unwrap_or_default();
+    let of_file = |file: FileDescriptorProto| {
+        let package = file.package().to_owned();
+        let services = file.service.into_iter();
+        services.map(move |service| (format!("{package}.{}", service.name()), service))
+    };
+    files.file.into_iter().flat_map(of_file).collect()
+}
+
+fn unary_paths() -> HashSet<String> {
     let mut paths = HashSet::new();
-    for file in &files.file {
-        for service in &file.service {
-            let unary = service
-                .method
-                .iter()
-                .filter(|method| !method.client_streaming() && !method.server_streaming());
-            paths.extend(
-                unary.map(|method| {
-                    format!("/{}.{}/{}", file.package(), service.name(), method.name())
-                }),
-            );
-        }
+    for (name, service) in SERVICES.iter() {
+        let methods = service.method.iter();
+        let unary = methods.filter(|it| !it.client_streaming() && !it.server_streaming());
+        paths.extend(unary.map(|method| format!("/{name}/{}", method.name())));
     }
     paths
 }
@@ -41,5 +50,12 @@ mod tests {
         assert!(is_unary("/yoto.v1.WorkerService/EndJob"), "{UNARY:?}");
         assert!(!is_unary("/yoto.v1.JobService/WatchJob"), "{UNARY:?}");
         assert!(!is_unary("/yoto.v1.ObjectService/DownloadObject"));
+    }
+
+    #[test]
+    fn all_services_have_names() {
+        let names: Vec<_> = services().collect();
+        assert_eq!(names.len(), 9, "{names:?}");
+        assert!(names.contains(&"yoto.v1.WorkerService"));
     }
 }

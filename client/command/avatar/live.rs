@@ -135,17 +135,19 @@ impl Live {
     }
 
     /// Ends the updates, so that the final page can be written.
-    pub(super) async fn end(self) {
-        self.writing.abort();
-        // Its end by `abort` is no failure.
-        let _ = self.writing.await;
+    pub(super) async fn end(&mut self) {
+        if !self.writing.is_finished() {
+            self.writing.abort();
+            // Its end by `abort` is no failure.
+            let _ = (&mut self.writing).await;
+        }
     }
 
     /// Ends the updates with a page that says why there is no avatar.
     ///
     /// # Errors
     /// When it can't be written.
-    pub(super) async fn stop(self, why: &str) -> anyhow::Result<()> {
+    pub(super) async fn stop(mut self, why: &str) -> anyhow::Result<()> {
         let page = self.page.clone();
         let mut state = self.state.borrow().clone();
         state.stopped = Some(why.to_owned());
@@ -246,7 +248,7 @@ mod tests {
             often: Duration::from_millis(1),
             seldom: Duration::from_millis(5),
         };
-        let live = Live::start_with(&path, &report(), rhythm).expect("a page");
+        let mut live = Live::start_with(&path, &report(), rhythm).expect("a page");
         live.doing("rendering a <motion>");
         assert!(shows(&path, "rendering a &lt;motion&gt;").await);
         std::fs::write(&path, "old").expect("written");

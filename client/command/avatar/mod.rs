@@ -142,7 +142,7 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
     };
     let mut report = Report::new(options, captured, checked);
     let page = out.join(PAGE);
-    let live = Live::start(&page, &report)?;
+    let mut live = Live::start(&page, &report)?;
     tell!("the training shows in {}", page.display());
     if options.open {
         let page = page.clone();
@@ -162,7 +162,9 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         report.seconds.total = started.elapsed().as_secs_f64();
         let path = out.join("report.json");
         let json = serde_json::to_vec_pretty(&report).context("writing the report")?;
-        std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))
+        std::fs::write(&path, json).with_context(|| format!("writing {}", path.display()))?;
+        live.end().await;
+        page::write(&page, &report, shown.caption())
     };
     if let Err(error) = made.await {
         if let Err(unwritten) = live.stop(&format!("{error:#}")).await {
@@ -170,8 +172,6 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         }
         return Err(error);
     }
-    live.end().await;
-    page::write(&page, &report, shown.caption())?;
     tell!(
         "done in {}; all notes are in {}",
         duration(report.seconds.total),

@@ -74,12 +74,13 @@ pub(in crate::render) fn merged(splats: &[LevelSplat], group: &[usize]) -> (Leve
     (splat, weights.into_iter().map(|v| v as f32).collect())
 }
 
-/// Axes, column by column, and standard deviations of a covariance. The third axis is the one nearest to `normal`.
+/// Axes, column by column, and standard deviations of a covariance. The third axis is the one nearest to `normal`. Deviations
+/// that can't be found are NaN, so that the splat is not drawn.
 fn ellipsoid(covariance: &Mat3, normal: [f64; 3]) -> (Mat3, [f64; 3]) {
     let matrix = Mat::from_fn(3, 3, |r, c| covariance[r][c]);
     // A symmetric matrix of finite numbers always has eigenvectors.
     let Ok(found) = matrix.self_adjoint_eigen(Side::Lower) else {
-        return (IDENTITY_ROTATION, [THINNEST; 3]);
+        return (IDENTITY_ROTATION, [f64::NAN; 3]);
     };
     let vector = |k: usize| -> [f64; 3] { std::array::from_fn(|r| found.U()[(r, k)]) };
     let along = |k: usize| -> f64 { vector(k).iter().zip(normal).map(|(a, b)| a * b).sum() };
