@@ -23,6 +23,7 @@ mod private;
 mod rules;
 mod serve;
 mod store;
+mod tenant;
 mod traffic;
 mod uploads;
 
@@ -31,6 +32,7 @@ pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use listen::tcp;
 pub use store::StoreError;
+pub use tenant::Tenant;
 pub use traffic::TrafficLimits;
 pub use yoto_objects::ObjectsError;
 
@@ -111,7 +113,8 @@ impl Coordinator {
     /// Serves all services, with health and reflection, on `incoming` until `shutdown` is
     /// ready or the coordinator is closed; then open calls have
     /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, such as on a TCP
-    /// listener and in memory. The future borrows nothing, so it can be spawned.
+    /// listener and in memory. The future borrows nothing, so it can be spawned. All calls are
+    /// those of the default tenant.
     ///
     /// # Errors
     /// When the transport fails.
@@ -126,7 +129,26 @@ impl Coordinator {
         IE: Into<Box<dyn std::error::Error + Send + Sync>>,
         F: Future<Output = ()>,
     {
-        serve::serve(Arc::clone(&self.context), incoming, shutdown)
+        self.serve_tenant(Tenant::default(), incoming, shutdown)
+    }
+
+    /// [`Coordinator::serve`] for the calls of `tenant`.
+    ///
+    /// # Errors
+    /// When the transport fails.
+    pub fn serve_tenant<I, IO, IE, F>(
+        &self,
+        tenant: Tenant,
+        incoming: I,
+        shutdown: F,
+    ) -> impl Future<Output = Result<(), ServerError>> + use<I, IO, IE, F>
+    where
+        I: Stream<Item = Result<IO, IE>>,
+        IO: AsyncRead + AsyncWrite + Connected + Unpin + Send + 'static,
+        IE: Into<Box<dyn std::error::Error + Send + Sync>>,
+        F: Future<Output = ()>,
+    {
+        serve::serve(Arc::clone(&self.context), tenant, incoming, shutdown)
     }
 
     /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].

@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::jobs::{queue, watch};
 use crate::store::{JobFilter, Target};
+use crate::tenant::Tenant;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
@@ -44,16 +45,20 @@ impl JobService for JobApi {
         &self,
         request: Request<CreateJobRequest>,
     ) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateJob", &request.request_id, &request)?;
         let spec = request.spec.unwrap_or_default();
         let new = fields::new_job(spec, request.priority, &request.owner)?;
-        Ok(Response::new(queue::create(&self.context, new, key).await?))
+        Ok(Response::new(
+            queue::create(&self.context, &tenant, new, key).await?,
+        ))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        let job = self.context.store.job_history(&id).await;
+        let job = self.context.store.job_history(&tenant, &id).await;
         Ok(Response::new(job.map_err(RequestError::from)?))
     }
 
@@ -61,6 +66,7 @@ impl JobService for JobApi {
         &self,
         request: Request<ListJobsRequest>,
     ) -> Result<Response<ListJobsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
         let model = &*request.model;
@@ -70,14 +76,27 @@ impl JobService for JobApi {
             kinds: fields::job_kinds("kinds", &request.kinds)?,
             model_id: match model {
                 "" => None,
-                model => Some(fields::id(Collection::Models, "model", model)?),
+                model => {
+                    let id = fields::id(Collection::Models, "model", model)?;
+                    // An unknown model would match no job, and look like an empty queue.
+                    self.context
+                        .store
+                        .model(&tenant, &id)
+                        .await
+                        .map_err(RequestError::from)?;
+                    Some(id)
+                }
             },
             owner: (!owner.is_empty()).then_some(owner),
         };
         let view = JobView::try_from(request.view);
         let view = view.map_err(|error| RequestError::invalid("view", error.to_string()))?;
         let full = view == JobView::Full;
-        let entries = self.context.store.jobs(page.page(), &filter, full).await;
+        let entries = self
+            .context
+            .store
+            .jobs(&tenant, page.page(), &filter, full)
+            .await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
             jobs,
@@ -89,20 +108,24 @@ impl JobService for JobApi {
         &self,
         request: Request<CancelJobRequest>,
     ) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("CancelJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        Ok(Response::new(queue::cancel(&self.context, &id, key).await?))
+        Ok(Response::new(
+            queue::cancel(&self.context, &tenant, &id, key).await?,
+        ))
     }
 
     async fn pause_jobs(
         &self,
         request: Request<PauseJobsRequest>,
     ) -> Result<Response<PauseJobsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let kind = fields::job_kind("kind", request.kind)?;
         let reason = fields::line("reason", &request.reason, REASON_CHARACTERS)?;
-        let paused = self.context.store.pause_jobs(kind, &reason).await;
+        let paused = self.context.store.pause_jobs(&tenant, kind, &reason).await;
         paused.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), reason, "jobs paused");
         Ok(Response::new(PauseJobsResponse {}))
@@ -112,8 +135,9 @@ impl JobService for JobApi {
         &self,
         request: Request<ResumeJobsRequest>,
     ) -> Result<Response<ResumeJobsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let kind = fields::job_kind("kind", request.get_ref().kind)?;
-        let resumed = self.context.store.resume_jobs(kind).await;
+        let resumed = self.context.store.resume_jobs(&tenant, kind).await;
         resumed.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), "jobs resumed");
         Ok(Response::new(ResumeJobsResponse {}))
@@ -123,11 +147,12 @@ impl JobService for JobApi {
         &self,
         request: Request<DeleteJobRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Job(&id), &request.etag, key)
+            .delete(&tenant, Target::Job(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
@@ -138,16 +163,23 @@ impl JobService for JobApi {
         &self,
         request: Request<WatchJobRequest>,
     ) -> Result<Response<Self::WatchJobStream>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
         // An unknown job is answered at once, not as the first item of a stream.
         self.context
             .store
-            .job_state(&id)
+            .job_state(&tenant, &id)
             .await
             .map_err(RequestError::from)?;
         let context = Arc::clone(&self.context);
-        let jobs = watch::watch(context, id, request.after_sequence, self.drain.clone());
+        let jobs = watch::watch(
+            context,
+            tenant,
+            id,
+            request.after_sequence,
+            self.drain.clone(),
+        );
         let answers = jobs.map_ok(|job| WatchJobResponse { job: Some(job) });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
     }

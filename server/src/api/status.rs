@@ -42,6 +42,7 @@ impl From<RequestError> for Status {
             RequestError::Busy(_) => status(Code::Unavailable, text, "BUSY", &[]),
             RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
             RequestError::Stream(status) => status,
+            error @ RequestError::NoTenant => internal(&error),
             RequestError::Store(error) => store(error),
             RequestError::Objects(error) if error.is_torn() => altered(&error),
             RequestError::Objects(error) if error.is_full() => unavailable(&error),

@@ -4,6 +4,7 @@ use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{NewSubject, Target};
+use crate::tenant::Tenant;
 use crate::uploads;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -28,16 +29,17 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<CreateSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
         let store = &self.context.store;
         // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
-            .answered(key.as_ref())
+            .answered(&tenant, key.as_ref())
             .await
             .map_err(RequestError::from)?
         {
-            let subject = store.subject(&id).await;
+            let subject = store.subject(&tenant, &id).await;
             return Ok(Response::new(subject.map_err(RequestError::from)?));
         }
         let note = &request.consent_note;
@@ -46,7 +48,7 @@ impl SubjectService for SubjectApi {
             display_name: fields::display_name(&request.display_name)?,
             consent_note: request.consent_note,
         };
-        let subject = store.create_subject(new, key).await;
+        let subject = store.create_subject(&tenant, new, key).await;
         Ok(Response::new(subject.map_err(RequestError::from)?))
     }
 
@@ -54,8 +56,9 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Subjects, "name", &request.get_ref().name)?;
-        let subject = self.context.store.subject(&id).await;
+        let subject = self.context.store.subject(&tenant, &id).await;
         Ok(Response::new(subject.map_err(RequestError::from)?))
     }
 
@@ -63,9 +66,10 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListSubjectsRequest>,
     ) -> Result<Response<ListSubjectsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("subjects", request.page_size, &request.page_token)?;
-        let entries = self.context.store.subjects(page.page()).await;
+        let entries = self.context.store.subjects(&tenant, page.page()).await;
         let (subjects, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListSubjectsResponse {
             subjects,
@@ -77,8 +81,9 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetCaptureRequest>,
     ) -> Result<Response<Capture>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
-        let capture = self.context.store.capture(&id).await;
+        let capture = self.context.store.capture(&tenant, &id).await;
         Ok(Response::new(capture.map_err(RequestError::from)?))
     }
 
@@ -86,10 +91,11 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<IngestCaptureRequest>,
     ) -> Result<Response<Capture>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("IngestCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
-        let capture = uploads::ingest_again(&self.context, &id, key).await?;
+        let capture = uploads::ingest_again(&self.context, &tenant, &id, key).await?;
         Ok(Response::new(capture))
     }
 
@@ -97,11 +103,12 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteSubjectRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteSubject", &request.request_id, request)?;
         let id = fields::id(Collection::Subjects, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Subject(&id), &request.etag, key)
+            .delete(&tenant, Target::Subject(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
@@ -110,11 +117,12 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteCaptureRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Capture(&id), &request.etag, key)
+            .delete(&tenant, Target::Capture(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }

@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::jobs::{lease, report};
 use crate::store::{Ending, LeaseKey, NewWorker};
+use crate::tenant::Tenant;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
@@ -59,6 +60,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let kinds = fields::job_kinds("kinds", &request.kinds)?;
         if kinds.is_empty() {
@@ -73,7 +75,7 @@ impl WorkerService for WorkerApi {
             kinds,
             embedded: request.embedded,
         };
-        let id = lease::register(&self.context, new).await?;
+        let id = lease::register(&self.context, &tenant, new).await?;
         Ok(Response::new(RegisterWorkerResponse {
             worker: Collection::Workers.name(&id),
             lease_seconds: self.context.config.lease_seconds,
@@ -84,13 +86,21 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<LeaseJobRequest>,
     ) -> Result<Response<LeaseJobResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let id = fields::id(Collection::Workers, "worker", &request.worker)?;
         fields::request_id(&request.request_id)?;
         if self.drain.is_cancelled() {
             return Err(RequestError::ShuttingDown.into());
         }
-        let lease = lease::lease(&self.context, &id, &request.request_id, request.help).await?;
+        let lease = lease::lease(
+            &self.context,
+            &tenant,
+            &id,
+            &request.request_id,
+            request.help,
+        )
+        .await?;
         Ok(Response::new(LeaseJobResponse { lease }))
     }
 
@@ -98,10 +108,11 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let progress = request.progress.map(worker_text::progress);
-        let cancel = report::heartbeat(&self.context, &key, progress).await?;
+        let cancel = report::heartbeat(&self.context, &tenant, &key, progress).await?;
         let lease_seconds = self.context.config.lease_seconds;
         Ok(Response::new(HeartbeatResponse {
             cancel,
@@ -113,12 +124,13 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<PublishCheckpointRequest>,
     ) -> Result<Response<PublishCheckpointResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let checkpoint = request.checkpoint;
         let checkpoint =
             checkpoint.ok_or_else(|| RequestError::invalid("checkpoint", "is missing"))?;
-        report::publish(&self.context, &key, checkpoint).await?;
+        report::publish(&self.context, &tenant, &key, checkpoint).await?;
         Ok(Response::new(PublishCheckpointResponse {}))
     }
 
@@ -126,11 +138,12 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<CommitOutputRequest>,
     ) -> Result<Response<CommitOutputResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let file = request.file;
         let file = file.ok_or_else(|| RequestError::invalid("file", "is missing"))?;
-        report::commit_output(&self.context, &key, &file).await?;
+        report::commit_output(&self.context, &tenant, &key, &file).await?;
         Ok(Response::new(CommitOutputResponse {}))
     }
 
@@ -138,10 +151,11 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<TakeRangeRequest>,
     ) -> Result<Response<TakeRangeResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let (pictures, drawn) = (request.pictures, request.drawn);
-        let taken = report::take_range(&self.context, &key, pictures, drawn).await?;
+        let taken = report::take_range(&self.context, &tenant, &key, pictures, drawn).await?;
         Ok(Response::new(TakeRangeResponse {
             range: taken.range,
             outputs: taken.outputs,
@@ -154,9 +168,10 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<EndJobRequest>,
     ) -> Result<Response<EndJobResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
-        report::end(&self.context, &key, ending(request.outcome)?).await?;
+        report::end(&self.context, &tenant, &key, ending(request.outcome)?).await?;
         Ok(Response::new(EndJobResponse {}))
     }
 }

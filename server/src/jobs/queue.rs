@@ -8,6 +8,7 @@ use super::checks::specs::check_spec;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{JobKind, NewJob, RequestKey};
+use crate::tenant::Tenant;
 use yoto_proto::checks;
 use yoto_proto::v1::Job;
 
@@ -17,19 +18,20 @@ use yoto_proto::v1::Job;
 /// When the spec is malformed, names a missing resource, or can't be served yet.
 pub async fn create(
     context: &Context,
+    tenant: &Tenant,
     new: NewJob,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
     // Comes before every check: a repeated request gets its first answer, whatever has changed since.
-    if let Some(id) = context.store.answered(request.as_ref()).await? {
-        return Ok(context.store.job(&id).await?);
+    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
+        return Ok(context.store.job(tenant, &id).await?);
     }
     if let Some(fault) = checks::job(&new.spec).into_iter().next() {
         return Err(RequestError::invalid(path(&fault.field), fault.message));
     }
-    check_spec(context, &new.spec).await?;
+    check_spec(context, tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
-    let job = context.store.create_job(new, request).await?;
+    let job = context.store.create_job(tenant, new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
 }
@@ -48,10 +50,11 @@ fn path(field: &str) -> String {
 /// When the job does not exist.
 pub async fn cancel(
     context: &Context,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
-    let job = context.store.cancel_job(id, request).await?;
+    let job = context.store.cancel_job(tenant, id, request).await?;
     context.changes.announce(&job.name);
     tracing::info!(
         job = job.name,

@@ -21,18 +21,19 @@ pub use write::receive;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::Upload;
+use crate::tenant::Tenant;
 use yoto_proto::reasons::UPLOAD_INCOMPLETE;
 
 /// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
 /// the call that found this. Otherwise each later write would fail until the upload expires.
-async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestError {
+async fn lost(context: &Context, tenant: &Tenant, id: &str, path: &str, left: u64) -> RequestError {
     tracing::error!(
         upload = id,
         path,
         left,
         "acknowledged bytes of an upload are lost"
     );
-    if let Err(error) = context.store.restart_file(id, path).await {
+    if let Err(error) = context.store.restart_file(tenant, id, path).await {
         return error.into();
     }
     let message =
@@ -44,8 +45,8 @@ async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestErro
 ///
 /// # Errors
 /// When there is none, or it is finished.
-async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
-    let upload = context.store.upload(id).await?;
+async fn open(context: &Context, tenant: &Tenant, id: &str) -> Result<Upload, RequestError> {
+    let upload = context.store.upload(tenant, id).await?;
     if upload.open {
         return Ok(upload);
     }
@@ -57,10 +58,15 @@ async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
 ///
 /// # Errors
 /// When there is none.
-pub async fn get(context: &Context, id: &str, stop_writer: bool) -> Result<Upload, RequestError> {
+pub async fn get(
+    context: &Context,
+    tenant: &Tenant,
+    id: &str,
+    stop_writer: bool,
+) -> Result<Upload, RequestError> {
     let _lock = match stop_writer {
         true => Some(context.upload_locks.acquire(id).await),
         false => None,
     };
-    Ok(context.store.upload(id).await?)
+    Ok(context.store.upload(tenant, id).await?)
 }

@@ -16,6 +16,7 @@ mod scenes;
 mod service;
 mod status;
 mod support;
+mod tenants;
 mod tradeoffs;
 mod traffic;
 mod uploads;

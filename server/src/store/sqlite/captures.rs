@@ -3,6 +3,7 @@
 use super::rows::{Columns, During, integer, state};
 use crate::rules::etag;
 use crate::store::{StoreError, UploadedFile};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use yoto_proto::limits;
 use yoto_proto::names::Collection;
@@ -15,14 +16,19 @@ fn not_found(id: &str) -> StoreError {
 }
 
 /// A capture by id.
-pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, StoreError> {
+pub async fn get(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Capture, StoreError> {
     let row = sqlx::query(
         "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size,
              (SELECT j.id FROM jobs j WHERE j.capture = c.id ORDER BY j.ord DESC LIMIT 1)
                  AS ingest_job
-         FROM captures c WHERE c.id = ?1",
+         FROM captures c JOIN subjects s ON s.id = c.subject WHERE c.id = ?1 AND s.tenant = ?2",
     )
     .bind(id)
+    .bind(tenant.id())
     .fetch_optional(&mut *conn)
     .await
     .during("reading a capture")?
@@ -82,11 +88,18 @@ async fn violations(conn: &mut SqliteConnection, id: &str) -> Result<Vec<Violati
 }
 
 /// The files of a capture, by path.
-pub async fn files(conn: &mut SqliteConnection, id: &str) -> Result<Vec<UploadedFile>, StoreError> {
+pub async fn files(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Vec<UploadedFile>, StoreError> {
     let rows = sqlx::query(
-        "SELECT path, bytes, sha256 FROM capture_files WHERE capture = ?1 ORDER BY path",
+        "SELECT f.path, f.bytes, f.sha256 FROM capture_files f
+             JOIN captures c ON c.id = f.capture JOIN subjects s ON s.id = c.subject
+         WHERE f.capture = ?1 AND s.tenant = ?2 ORDER BY f.path",
     )
     .bind(id)
+    .bind(tenant.id())
     .fetch_all(conn)
     .await
     .during("listing a capture's files")?;

@@ -5,6 +5,7 @@ use super::{garbage, models, pins};
 use crate::checkpoints::retention::{self, Published, Retention};
 use crate::rules::etag;
 use crate::store::StoreError;
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::keys;
@@ -14,10 +15,11 @@ use yoto_proto::v1::{Checkpoint, ObjectRef};
 /// Checkpoints of a model, newest first.
 pub async fn list(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model_id: &str,
     limit: u32,
 ) -> Result<Vec<Checkpoint>, StoreError> {
-    let model = models::get(conn, model_id).await?;
+    let model = models::get(conn, tenant, model_id).await?;
     let rows =
         sqlx::query("SELECT * FROM checkpoints WHERE model = ?1 ORDER BY step DESC LIMIT ?2")
             .bind(model_id)
@@ -108,10 +110,11 @@ async fn judged(
 /// All checkpoints of a model, newest first, with the reasons to keep each.
 pub async fn explained(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model_id: &str,
     default: Retention,
 ) -> Result<Vec<Checkpoint>, StoreError> {
-    models::get(conn, model_id).await?;
+    models::get(conn, tenant, model_id).await?;
     let judged = judged(conn, model_id, default).await?.into_iter();
     let explained = judged.map(|(it, kept_for)| Checkpoint { kept_for, ..it });
     Ok(explained.collect())
@@ -157,6 +160,7 @@ pub async fn remove(
 /// Stores the measured trade-off of a checkpoint, replacing an earlier one.
 pub async fn record_tradeoff(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     checkpoint: &str,
     object: &ObjectRef,
 ) -> Result<(), StoreError> {
@@ -167,13 +171,14 @@ pub async fn record_tradeoff(
     let (model_id, step) = names::parse_checkpoint(checkpoint).map_err(unreadable)?;
     let done = sqlx::query(
         "UPDATE checkpoints SET tradeoff_key = ?3, tradeoff_bytes = ?4, tradeoff_sha256 = ?5
-         WHERE model = ?1 AND step = ?2",
+         WHERE model IN (SELECT id FROM models WHERE id = ?1 AND tenant = ?6) AND step = ?2",
     )
     .bind(model_id)
     .bind(integer("checkpoint.step", step)?)
     .bind(&object.key)
     .bind(integer("result.evaluate.tradeoff.bytes", object.bytes)?)
     .bind(&object.sha256)
+    .bind(tenant.id())
     .execute(conn)
     .await
     .during("storing a trade-off")?;

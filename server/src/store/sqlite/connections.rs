@@ -79,6 +79,7 @@ async fn is_usable(connection: &mut SqliteConnection) -> Result<bool, sqlx::Erro
 mod tests {
     use crate::clock::SystemClock;
     use crate::store::{NewSubject, SqliteStore, Store};
+    use crate::tenant::Tenant;
     use std::sync::Arc;
 
     fn person(consent_note: String) -> NewSubject {
@@ -102,9 +103,13 @@ mod tests {
             .expect("a limit");
         drop(connection);
         let note = "x".repeat(1 << 20);
-        let full = store.create_subject(person(note), None).await;
+        let full = store
+            .create_subject(&Tenant::default(), person(note), None)
+            .await;
         let full = full.expect_err("there is no room");
-        let created = store.create_subject(person(String::new()), None).await;
+        let created = store
+            .create_subject(&Tenant::default(), person(String::new()), None)
+            .await;
         let created = created.unwrap_or_else(|error| panic!("after '{full}': {error}"));
         assert_eq!(created.display_name, "Ada");
         store.keep_time().await.expect("writes work");

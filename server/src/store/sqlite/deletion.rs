@@ -8,6 +8,7 @@ use super::rows::{Columns, During};
 use super::{captures, checkpoints, garbage, jobs, models, pins, requests, subjects, uploads};
 use crate::rules::etag;
 use crate::store::{RequestKey, StoreError, Target};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::needs;
@@ -18,20 +19,23 @@ use yoto_proto::{exports, keys};
 /// `request` gets its first answer.
 pub async fn delete(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     target: Target<'_>,
     etag: &str,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Deleted, StoreError> {
-    if let Some(answer) = requests::answered(conn, request.as_ref()).await? {
+    if let Some(answer) = requests::answered(conn, tenant, request.as_ref()).await? {
         return counted(&answer);
     }
     let deleted = match target {
-        Target::Subject(id) => subject(conn, id, etag, now).await,
-        Target::Capture(id) => capture(conn, id, etag, now).await,
-        Target::Model(id) => model(conn, id, etag, now).await,
-        Target::Checkpoint { model, step } => checkpoint(conn, model, step, etag, now).await,
-        Target::Job(id) => job(conn, id, etag, now).await,
+        Target::Subject(id) => subject(conn, tenant, id, etag, now).await,
+        Target::Capture(id) => capture(conn, tenant, id, etag, now).await,
+        Target::Model(id) => model(conn, tenant, id, etag, now).await,
+        Target::Checkpoint { model, step } => {
+            checkpoint(conn, tenant, model, step, etag, now).await
+        }
+        Target::Job(id) => job(conn, tenant, id, etag, now).await,
     }?;
     let Deleted {
         captures,
@@ -39,7 +43,7 @@ pub async fn delete(
         jobs,
     } = deleted;
     let answer = format!("{captures} {checkpoints} {jobs}");
-    requests::remember(conn, request.as_ref(), &answer, now).await?;
+    requests::remember(conn, tenant, request.as_ref(), &answer, now).await?;
     Ok(deleted)
 }
 
@@ -65,12 +69,13 @@ fn refuse(reason: &'static str, message: String) -> StoreError {
 
 async fn checkpoint(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model_id: &str,
     step: u64,
     etag: &str,
     now: f64,
 ) -> Result<Deleted, StoreError> {
-    let all = checkpoints::list(conn, model_id, u32::MAX).await?;
+    let all = checkpoints::list(conn, tenant, model_id, u32::MAX).await?;
     let name = names::checkpoint(&Collection::Models.name(model_id), step);
     let Some(found) = all.iter().find(|it| it.step == step) else {
         return Err(StoreError::NotFound { name });
@@ -95,11 +100,12 @@ async fn checkpoint(
 
 async fn model(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     etag: &str,
     now: f64,
 ) -> Result<Deleted, StoreError> {
-    let model = models::get(conn, id).await?;
+    let model = models::get(conn, tenant, id).await?;
     etag::check(&model.name, etag, &model.etag)?;
     pins::ensure_idle(conn, &model).await?;
     let rows = sqlx::query("SELECT id FROM jobs WHERE model = ?1 AND kind IN ('render', 'export')")
@@ -124,11 +130,12 @@ async fn model(
 
 async fn job(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     etag: &str,
     now: f64,
 ) -> Result<Deleted, StoreError> {
-    let job = jobs::get(conn, id).await?;
+    let job = jobs::get(conn, tenant, id).await?;
     etag::check(&job.name, etag, &job.etag)?;
     if matches!(job.state(), job::State::Queued | job::State::Running) {
         let message = format!(
@@ -153,11 +160,12 @@ async fn job(
 
 async fn capture(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     etag: &str,
     now: f64,
 ) -> Result<Deleted, StoreError> {
-    let capture = captures::get(conn, id).await?;
+    let capture = captures::get(conn, tenant, id).await?;
     etag::check(&capture.name, etag, &capture.etag)?;
     let subject = captures::subject_id(&capture)?.to_owned();
     if capture.state() == capture::State::Ready {
@@ -179,18 +187,19 @@ async fn capture(
             );
             return Err(refuse("CAPTURE_IN_MODEL", message));
         }
-        ensure_unused(conn, &subject, &capture.name).await?;
+        ensure_unused(conn, tenant, &subject, &capture.name).await?;
     }
     remove_capture(conn, id, &capture, now).await
 }
 
 async fn subject(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     etag: &str,
     now: f64,
 ) -> Result<Deleted, StoreError> {
-    let subject = subjects::get(conn, id).await?;
+    let subject = subjects::get(conn, tenant, id).await?;
     etag::check(&subject.display_name, etag, &subject.etag)?;
     let person = &subject.display_name;
     if let Some(model) = model_of(conn, id).await? {
@@ -200,11 +209,11 @@ async fn subject(
         );
         return Err(refuse("SUBJECT_IN_MODEL", message));
     }
-    ensure_unused(conn, id, person).await?;
+    ensure_unused(conn, tenant, id, person).await?;
     let mut deleted = Deleted::default();
     for name in &subject.captures {
         let capture_id = name.strip_prefix("captures/").unwrap_or(name);
-        let capture = captures::get(conn, capture_id).await?;
+        let capture = captures::get(conn, tenant, capture_id).await?;
         let of_it = remove_capture(conn, capture_id, &capture, now).await?;
         deleted.captures += of_it.captures;
         deleted.jobs += of_it.jobs;
@@ -257,15 +266,17 @@ async fn model_of(
 /// Refuses if an open job uses the subject: in its model, or as the source of a motion.
 async fn ensure_unused(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     subject_id: &str,
     what: &str,
 ) -> Result<(), StoreError> {
     let rows = sqlx::query(
         "SELECT j.id, j.spec, EXISTS (SELECT 1 FROM slots s
              WHERE s.model = j.model AND s.subject = ?1) AS has_slot
-         FROM jobs j WHERE j.state IN ('QUEUED', 'RUNNING') AND j.kind <> 'ingest' ORDER BY j.ord",
+         FROM jobs j WHERE j.state IN ('QUEUED', 'RUNNING') AND j.tenant = ?2 AND j.kind <> 'ingest' ORDER BY j.ord",
     )
     .bind(subject_id)
+    .bind(tenant.id())
     .fetch_all(conn)
     .await
     .during("looking for jobs of a subject")?;

@@ -2,7 +2,7 @@
 //!
 //! Such a lease is an attempt with a deadline. Its end never ends the job: its ranges go to others.
 
-use super::leases::{Ask, gap, refusal};
+use super::leases::{Ask, gap};
 use super::rows::{Columns, During};
 use super::{attempts, jobs, outcome};
 use crate::store::{Ending, LeaseKey, StoreError};
@@ -91,7 +91,7 @@ pub async fn heartbeat(
     .during("recording a heartbeat")?;
     match row {
         Some(row) => row.flag("cancel_requested"),
-        None => Err(refusal(conn, lease).await),
+        None => Err(lease.stale()),
     }
 }
 
@@ -120,9 +120,7 @@ pub async fn end(
     if !lasts(conn, lease).await? {
         return Ok(false);
     }
-    if matches!(ending, Ending::Cancelled)
-        && !jobs::get(conn, &lease.job_id).await?.cancel_requested
-    {
+    if matches!(ending, Ending::Cancelled) && !jobs::cancel_requested(conn, &lease.job_id).await? {
         return Err(outcome::not_requested());
     }
     let (outcome, error) = match ending {

@@ -4,6 +4,7 @@
 use super::{captures, checkpoints, models, outputs, pins, subjects};
 use crate::checkpoints::best::to_use;
 use crate::store::{StoreError, UploadedFile};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use yoto_proto::names::{Collection, NameError};
 use yoto_proto::v1::{
@@ -18,11 +19,12 @@ const CHECKPOINTS: usize = 8;
 /// The inputs of a leased job.
 pub async fn resolve(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     job_id: &str,
     spec: &JobSpec,
 ) -> Result<Inputs, StoreError> {
     let (model, wanted, tradeoff) = match &spec.kind {
-        Some(job_spec::Kind::Ingest(ingest)) => return ingest_inputs(conn, ingest).await,
+        Some(job_spec::Kind::Ingest(ingest)) => return ingest_inputs(conn, tenant, ingest).await,
         Some(job_spec::Kind::Train(train)) => (&train.model, None, false),
         Some(job_spec::Kind::Render(it)) => {
             let tradeoff = it.quality.as_ref().is_some_and(tiers::needs_tradeoff);
@@ -33,12 +35,12 @@ pub async fn resolve(
         None => return Err(unreadable("the job has no kind")),
     };
     let id = parse(Collection::Models, model)?.to_owned();
-    let model = models::get(conn, &id).await?;
+    let model = models::get(conn, tenant, &id).await?;
     let mut shards = Vec::new();
     for subject in pins::people(spec, &model) {
-        shards.push(shard(conn, job_id, &subject).await?);
+        shards.push(shard(conn, tenant, job_id, &subject).await?);
     }
-    let all = checkpoints::list(conn, &id, u32::MAX).await?;
+    let all = checkpoints::list(conn, tenant, &id, u32::MAX).await?;
     let mut checkpoints = match wanted {
         Some(wanted) => {
             let pinned = pins::of_job(conn, job_id).await?;
@@ -53,25 +55,26 @@ pub async fn resolve(
         shards,
         checkpoints,
         outputs: committed(conn, job_id, spec).await?,
-        other_models: other_models(conn, job_id, spec).await?,
+        other_models: other_models(conn, tenant, job_id, spec).await?,
     })
 }
 
 /// The other models with people that a job shows, each with its chosen checkpoint first.
 async fn other_models(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     job_id: &str,
     spec: &JobSpec,
 ) -> Result<Vec<OtherModel>, StoreError> {
     let mut others = Vec::new();
     for name in pins::others(spec) {
         let id = parse(Collection::Models, name)?;
-        let all = checkpoints::list(conn, id, u32::MAX).await?;
+        let all = checkpoints::list(conn, tenant, id, u32::MAX).await?;
         let pinned = pins::of_other(conn, job_id, id).await?;
         let mut checkpoints = pinned_first(to_use(all, "", false), pinned);
         checkpoints.truncate(CHECKPOINTS);
         others.push(OtherModel {
-            model: Some(models::get(conn, id).await?),
+            model: Some(models::get(conn, tenant, id).await?),
             checkpoints,
         });
     }
@@ -91,10 +94,11 @@ async fn committed(
 
 async fn ingest_inputs(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     ingest: &IngestSpec,
 ) -> Result<Inputs, StoreError> {
     let id = parse(Collection::Captures, &ingest.capture)?;
-    let files = captures::files(conn, id).await?;
+    let files = captures::files(conn, tenant, id).await?;
     Ok(Inputs {
         files: files.iter().map(|file| input_file(id, file)).collect(),
         ..Inputs::default()
@@ -117,13 +121,14 @@ fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {
 /// has no pinned capture, and gets their newest one.
 async fn shard(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     job_id: &str,
     subject: &str,
 ) -> Result<SubjectShard, StoreError> {
     let id = parse(Collection::Subjects, subject)?;
     let capture = match pins::capture(conn, job_id, id).await? {
         Some(capture) => capture,
-        None => pins::pin_capture(conn, job_id, id).await?,
+        None => pins::pin_capture(conn, tenant, job_id, id).await?,
     };
     let shard = subjects::shard_of(conn, &capture).await?;
     shard.ok_or_else(|| unreadable(&format!("{subject} no longer has a shard")))

@@ -3,11 +3,12 @@
 use super::rows::{Columns, During, state};
 use super::{attempts, models, outcome, pins, requests};
 use crate::store::{Entry, JobFilter, JobKind, NewJob, Page, RequestKey, StoreError, new_id};
+use crate::tenant::Tenant;
 use prost::Message;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{Job, JobPriority, JobSpec, job, job_spec};
+use yoto_proto::v1::{Job, JobPriority, JobSpec, Progress, job, job_spec};
 
 /// Priorities by their column.
 const PRIORITIES: [JobPriority; 4] = [
@@ -26,9 +27,10 @@ macro_rules! select_jobs {
                  j.start_time, j.end_time, j.priority, j.owner, j.waiting_error, j.not_before,
                  CASE WHEN j.state = 'QUEUED' THEN
                      (SELECT count(*) FROM jobs q
-                      WHERE q.state = 'QUEUED' AND q.priority > j.priority)
+                      WHERE q.state = 'QUEUED' AND q.tenant = j.tenant AND q.priority > j.priority)
                      + (SELECT count(*) FROM jobs q
-                        WHERE q.state = 'QUEUED' AND q.priority = j.priority AND q.ord < j.ord)
+                        WHERE q.state = 'QUEUED' AND q.tenant = j.tenant
+                            AND q.priority = j.priority AND q.ord < j.ord)
                  ELSE 0 END AS queue_position,
                  CASE WHEN j.kind IN ('render', 'export') THEN
                      (SELECT count(*) FROM job_outputs o WHERE o.job = j.id)
@@ -82,21 +84,23 @@ fn read(row: &SqliteRow) -> Result<Job, StoreError> {
 /// Queues a job, or returns the one that `request` queued before.
 pub async fn create(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     new: NewJob,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Job, StoreError> {
-    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
-        return get(conn, &id).await;
+    if let Some(id) = requests::answered(conn, tenant, request.as_ref()).await? {
+        return get(conn, tenant, &id).await;
     }
-    let id = insert(conn, new, now).await?;
-    requests::remember(conn, request.as_ref(), &id, now).await?;
-    get(conn, &id).await
+    let id = insert(conn, tenant, new, now).await?;
+    requests::remember(conn, tenant, request.as_ref(), &id, now).await?;
+    get(conn, tenant, &id).await
 }
 
 /// Queues a job and returns its id. The names in the order were parsed before.
 pub async fn insert(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     new: NewJob,
     now: f64,
 ) -> Result<String, StoreError> {
@@ -129,13 +133,13 @@ pub async fn insert(
     let mut people = Vec::new();
     if !ingest {
         // It may have been deleted since the order was checked.
-        people = pins::people(spec, &models::get(conn, target).await?);
+        people = pins::people(spec, &models::get(conn, tenant, target).await?);
     }
-    let pinned = pins::chosen(conn, spec).await?;
+    let pinned = pins::chosen(conn, tenant, spec).await?;
     sqlx::query(
         "INSERT INTO jobs
-             (id, kind, capture, model, spec, pinned_step, priority, owner, create_time)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
+             (id, kind, capture, model, spec, pinned_step, priority, owner, create_time, tenant)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
     )
     .bind(&id)
     .bind(kind.as_str())
@@ -146,16 +150,59 @@ pub async fn insert(
     .bind(new.priority)
     .bind(&new.owner)
     .bind(now)
+    .bind(tenant.id())
     .execute(&mut *conn)
     .await
     .during("queueing a job")?;
-    pins::pin_others(conn, &id, spec).await?;
+    pins::pin_others(conn, tenant, &id, spec).await?;
     for subject in people {
         let subject = Collection::Subjects.parse(&subject);
         let subject = subject.map_err(|error| unreadable(error.to_string()))?;
-        pins::pin_capture(conn, &id, subject).await?;
+        pins::pin_capture(conn, tenant, &id, subject).await?;
     }
     Ok(id)
+}
+
+/// Checks that the tenant has the job.
+pub async fn require(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<(), StoreError> {
+    let row =
+        sqlx::query("SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND tenant = ?2) AS found")
+            .bind(id)
+            .bind(tenant.id())
+            .fetch_one(conn)
+            .await
+            .during("looking for a job")?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(not_found(id)),
+    }
+}
+
+/// Whether a job is to be cancelled.
+pub async fn cancel_requested(conn: &mut SqliteConnection, id: &str) -> Result<bool, StoreError> {
+    sqlx::query("SELECT cancel_requested FROM jobs WHERE id = ?1")
+        .bind(id)
+        .fetch_one(conn)
+        .await
+        .during("reading whether a job is to be cancelled")?
+        .flag("cancel_requested")
+}
+
+/// The progress of a job.
+pub async fn progress(
+    conn: &mut SqliteConnection,
+    id: &str,
+) -> Result<Option<Progress>, StoreError> {
+    let row = sqlx::query("SELECT progress FROM jobs WHERE id = ?1")
+        .bind(id)
+        .fetch_one(conn)
+        .await
+        .during("reading a job's progress")?;
+    row.message("progress")
 }
 
 /// The order of a job.
@@ -178,9 +225,14 @@ fn not_found(id: &str) -> StoreError {
 }
 
 /// A job by id, without its order.
-pub async fn without_order(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreError> {
-    let row = sqlx::query(select_jobs!("WHERE j.id = ?1"))
+pub async fn without_order(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Job, StoreError> {
+    let row = sqlx::query(select_jobs!("WHERE j.id = ?1 AND j.tenant = ?2"))
         .bind(id)
+        .bind(tenant.id())
         .fetch_optional(&mut *conn)
         .await
         .during("reading a job")?;
@@ -191,16 +243,25 @@ pub async fn without_order(conn: &mut SqliteConnection, id: &str) -> Result<Job,
 }
 
 /// A job by id, with its order.
-pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreError> {
+pub async fn get(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Job, StoreError> {
+    let job = without_order(conn, tenant, id).await?;
     Ok(Job {
         spec: Some(spec(conn, id).await?),
-        ..without_order(conn, id).await?
+        ..job
     })
 }
 
 /// A job by id, with its order and its attempts.
-pub async fn with_attempts(conn: &mut SqliteConnection, id: &str) -> Result<Job, StoreError> {
-    let job = get(conn, id).await?;
+pub async fn with_attempts(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Job, StoreError> {
+    let job = get(conn, tenant, id).await?;
     Ok(Job {
         attempts: attempts::list(conn, id).await?,
         ..job
@@ -210,12 +271,14 @@ pub async fn with_attempts(conn: &mut SqliteConnection, id: &str) -> Result<Job,
 /// Jobs that match the filter, newest first; with their orders if `full`.
 pub async fn list(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     page: Page,
     filter: &JobFilter,
     full: bool,
 ) -> Result<Vec<Entry<Job>>, StoreError> {
     let mut query = QueryBuilder::<Sqlite>::new(select_jobs!("WHERE j.ord < "));
     query.push_bind(page.after.unwrap_or(i64::MAX));
+    query.push(" AND j.tenant = ").push_bind(tenant.id());
     if !filter.states.is_empty() {
         query.push(" AND j.state IN (");
         let mut states = query.separated(", ");
@@ -261,12 +324,13 @@ pub async fn list(
 }
 
 /// Numbers of QUEUED and RUNNING jobs.
-pub async fn open(conn: &mut SqliteConnection) -> Result<(u64, u64), StoreError> {
+pub async fn open(conn: &mut SqliteConnection, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
     let row = sqlx::query(
         "SELECT count(*) FILTER (WHERE state = 'QUEUED') AS queued,
              count(*) FILTER (WHERE state = 'RUNNING') AS running
-         FROM jobs WHERE state IN ('QUEUED', 'RUNNING')",
+         FROM jobs WHERE state IN ('QUEUED', 'RUNNING') AND tenant = ?1",
     )
+    .bind(tenant.id())
     .fetch_one(conn)
     .await
     .during("counting jobs")?;
@@ -276,14 +340,15 @@ pub async fn open(conn: &mut SqliteConnection) -> Result<(u64, u64), StoreError>
 /// Ends a QUEUED job at once and marks a RUNNING one; a repeated `request` changes nothing.
 pub async fn cancel(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Job, StoreError> {
-    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
-        return get(conn, &id).await;
+    if let Some(id) = requests::answered(conn, tenant, request.as_ref()).await? {
+        return get(conn, tenant, &id).await;
     }
-    let job = get(conn, id).await?;
+    let job = get(conn, tenant, id).await?;
     if job.state() == job::State::Queued {
         outcome::cancel_queued(conn, id, now).await?;
     } else {
@@ -296,6 +361,6 @@ pub async fn cancel(
         .await
         .during("asking for a job to be cancelled")?;
     }
-    requests::remember(conn, request.as_ref(), id, now).await?;
-    get(conn, id).await
+    requests::remember(conn, tenant, request.as_ref(), id, now).await?;
+    get(conn, tenant, id).await
 }

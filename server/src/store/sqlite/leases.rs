@@ -5,9 +5,12 @@
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
 use super::rows::{Columns, During, integer};
-use super::{attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, queue, ranges};
+use super::{
+    attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, queue, ranges, workers,
+};
 use crate::checkpoints::retention::Retention;
 use crate::store::{LeaseKey, LeaseOutcome, LeasedJob, StoreError};
+use crate::tenant::Tenant;
 use prost::Message;
 use sqlx::query::Query;
 use sqlx::sqlite::SqliteArguments;
@@ -60,6 +63,8 @@ pub(super) fn bound<'q>(
 
 /// A worker's request for a job.
 pub struct Ask<'a> {
+    /// The worker's tenant.
+    pub tenant: &'a Tenant,
     pub worker_id: &'a str,
     /// A repeated id finds its lease again; empty: none.
     pub request_id: &'a str,
@@ -87,14 +92,14 @@ pub async fn lease(conn: &mut SqliteConnection, ask: &Ask<'_>) -> Result<LeaseOu
             && let Some(id) = queue::to_help(conn, ask.worker_id, priority).await?
         {
             let key = helpers::begin(conn, ask, &id).await?;
-            let leased = Some(leased(conn, &key).await?);
+            let leased = Some(leased(conn, ask.tenant, &key).await?);
             return Ok(LeaseOutcome { leased, failed });
         }
         let Some(queue::Next { id, .. }) = next else {
             break;
         };
         let key = begin(conn, ask, &id).await?;
-        match inputs_of(conn, &key).await {
+        match inputs_of(conn, ask.tenant, &key).await {
             Ok(leased) => {
                 return Ok(LeaseOutcome {
                     leased: Some(leased),
@@ -162,14 +167,18 @@ async fn begin(
 }
 
 /// Chooses the checkpoint of a job that was just leased, and finds its inputs.
-async fn inputs_of(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
+async fn inputs_of(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    key: &LeaseKey,
+) -> Result<LeasedJob, StoreError> {
     // A render that has begun continues with the checkpoint that it began with.
     let begun = !outputs::list(conn, &key.job_id).await?.is_empty();
     if !begun && !ranges::any(conn, &key.job_id).await? {
         let spec = jobs::spec(conn, &key.job_id).await?;
-        pins::renew(conn, &key.job_id, &spec).await?;
+        pins::renew(conn, tenant, &key.job_id, &spec).await?;
     }
-    leased(conn, key).await
+    leased(conn, tenant, key).await
 }
 
 /// Restarts the lease clock if no lease runs: the gap before the first lease is not an outage.
@@ -234,13 +243,17 @@ async fn again(
             None => return Ok(None),
         },
     };
-    leased(conn, &key).await.map(Some)
+    leased(conn, ask.tenant, &key).await.map(Some)
 }
 
-async fn leased(conn: &mut SqliteConnection, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
-    let job = jobs::get(conn, &key.job_id).await?;
+async fn leased(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    key: &LeaseKey,
+) -> Result<LeasedJob, StoreError> {
+    let job = jobs::get(conn, tenant, &key.job_id).await?;
     let spec = jobs::spec(conn, &key.job_id).await?;
-    let inputs = inputs::resolve(conn, &key.job_id, &spec).await?;
+    let inputs = inputs::resolve(conn, tenant, &key.job_id, &spec).await?;
     let runs = bound(guarded!("SELECT 1 FROM jobs"), key)?
         .fetch_optional(conn)
         .await
@@ -262,12 +275,15 @@ pub async fn is_held(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<bo
     Ok(row.is_some())
 }
 
-/// The reason why a guarded write matched no row: the job does not exist, or the lease is stale.
-pub async fn refusal(conn: &mut SqliteConnection, lease: &LeaseKey) -> StoreError {
-    match jobs::get(conn, &lease.job_id).await {
-        Ok(_) => lease.stale(),
-        Err(error) => error,
-    }
+/// Checks that the tenant has the job and the worker of a claim. A guarded write that matches no row after this has a stale
+/// lease.
+pub async fn require(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    lease: &LeaseKey,
+) -> Result<(), StoreError> {
+    jobs::require(conn, tenant, &lease.job_id).await?;
+    workers::require(conn, tenant, &lease.worker_id).await
 }
 
 /// The order of a leased job.
@@ -278,7 +294,7 @@ pub async fn spec(conn: &mut SqliteConnection, lease: &LeaseKey) -> Result<JobSp
         .during("reading a leased job")?;
     match row {
         Some(row) => Ok(row.message("spec")?.unwrap_or_default()),
-        None => Err(refusal(conn, lease).await),
+        None => Err(lease.stale()),
     }
 }
 
@@ -331,6 +347,6 @@ pub async fn publish(
             checkpoints::record(conn, &model, &lease.job_id, checkpoint, now).await?;
             checkpoints::thin_out(conn, &model, default, now).await
         }
-        None => Err(refusal(conn, lease).await),
+        None => Err(lease.stale()),
     }
 }

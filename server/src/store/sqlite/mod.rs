@@ -43,6 +43,7 @@ use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
 use crate::faults::{self, Moment};
 use crate::rules::steps::Reading;
+use crate::tenant::Tenant;
 use async_trait::async_trait;
 use rows::During;
 use sqlx::pool::PoolConnection;
@@ -100,6 +101,17 @@ impl SqliteStore {
             .await
             .during("starting a transaction")
     }
+
+    /// Starts a write under a lease, whose job and worker must be of the tenant.
+    async fn write_under(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+    ) -> Result<Transaction<'static, Sqlite>, StoreError> {
+        let mut tx = self.write().await?;
+        leases::require(&mut tx, tenant, lease).await?;
+        Ok(tx)
+    }
 }
 
 async fn commit(tx: Transaction<'static, Sqlite>) -> Result<(), StoreError> {
@@ -113,64 +125,80 @@ async fn commit(tx: Transaction<'static, Sqlite>) -> Result<(), StoreError> {
 impl Store for SqliteStore {
     async fn create_subject(
         &self,
+        tenant: &Tenant,
         new: NewSubject,
         request: Option<RequestKey>,
     ) -> Result<Subject, StoreError> {
         let mut tx = self.write().await?;
-        let subject = subjects::create(&mut tx, new, request, self.clock.now()).await?;
+        let subject = subjects::create(&mut tx, tenant, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(subject)
     }
 
-    async fn subject(&self, id: &str) -> Result<Subject, StoreError> {
-        subjects::get(&mut *self.read().await?, id).await
+    async fn subject(&self, tenant: &Tenant, id: &str) -> Result<Subject, StoreError> {
+        subjects::get(&mut *self.read().await?, tenant, id).await
     }
 
-    async fn subjects(&self, page: Page) -> Result<Vec<Entry<Subject>>, StoreError> {
-        subjects::list(&mut *self.read().await?, page).await
+    async fn subjects(
+        &self,
+        tenant: &Tenant,
+        page: Page,
+    ) -> Result<Vec<Entry<Subject>>, StoreError> {
+        subjects::list(&mut *self.read().await?, tenant, page).await
     }
 
-    async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError> {
-        subjects::shard(&mut *self.read().await?, subject_id).await
+    async fn shard(
+        &self,
+        tenant: &Tenant,
+        subject_id: &str,
+    ) -> Result<Option<SubjectShard>, StoreError> {
+        subjects::shard(&mut *self.read().await?, tenant, subject_id).await
     }
 
     async fn create_upload(
         &self,
+        tenant: &Tenant,
         new: NewUpload,
         request: Option<RequestKey>,
     ) -> Result<String, StoreError> {
         let mut tx = self.write().await?;
-        let id = uploads::create(&mut tx, new, request, self.clock.now()).await?;
+        let id = uploads::create(&mut tx, tenant, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(id)
     }
 
-    async fn upload(&self, id: &str) -> Result<Upload, StoreError> {
+    async fn upload(&self, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
         let mut conn = self.read().await?;
         // In a transaction, so that both reads see the same state.
         let mut tx = conn.begin().await.during("starting to read an upload")?;
-        uploads::get(&mut tx, id).await
+        uploads::get(&mut tx, tenant, id).await
     }
 
-    async fn commit_parts(&self, id: &str, parts: &[CommittedPart]) -> Result<(), StoreError> {
+    async fn commit_parts(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        parts: &[CommittedPart],
+    ) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        uploads::commit(&mut tx, id, parts, self.clock.now()).await?;
+        uploads::commit(&mut tx, tenant, id, parts, self.clock.now()).await?;
         commit(tx).await
     }
 
-    async fn restart_file(&self, id: &str, path: &str) -> Result<(), StoreError> {
+    async fn restart_file(&self, tenant: &Tenant, id: &str, path: &str) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        uploads::restart(&mut tx, id, path).await?;
+        uploads::restart(&mut tx, tenant, id, path).await?;
         commit(tx).await
     }
 
     async fn finish_upload(
         &self,
+        tenant: &Tenant,
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError> {
         let mut tx = self.write().await?;
-        let capture = uploads::finish(&mut tx, id, request, self.clock.now()).await?;
+        let capture = uploads::finish(&mut tx, tenant, id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(capture)
     }
@@ -185,106 +213,147 @@ impl Store for SqliteStore {
 
     async fn ingest_capture(
         &self,
+        tenant: &Tenant,
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError> {
         let mut tx = self.write().await?;
-        let capture = uploads::ingest_again(&mut tx, id, request, self.clock.now()).await?;
+        let capture = uploads::ingest_again(&mut tx, tenant, id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(capture)
     }
 
-    async fn answered(&self, request: Option<&RequestKey>) -> Result<Option<String>, StoreError> {
-        requests::answered(&mut *self.read().await?, request).await
+    async fn answered(
+        &self,
+        tenant: &Tenant,
+        request: Option<&RequestKey>,
+    ) -> Result<Option<String>, StoreError> {
+        requests::answered(&mut *self.read().await?, tenant, request).await
     }
 
-    async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError> {
-        captures::files(&mut *self.read().await?, id).await
+    async fn capture_files(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+    ) -> Result<Vec<UploadedFile>, StoreError> {
+        captures::files(&mut *self.read().await?, tenant, id).await
     }
 
-    async fn capture(&self, id: &str) -> Result<Capture, StoreError> {
-        captures::get(&mut *self.read().await?, id).await
+    async fn capture(&self, tenant: &Tenant, id: &str) -> Result<Capture, StoreError> {
+        captures::get(&mut *self.read().await?, tenant, id).await
     }
 
     async fn create_model(
         &self,
+        tenant: &Tenant,
         new: NewModel,
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model = models::create(&mut tx, new, request, self.clock.now()).await?;
+        let model = models::create(&mut tx, tenant, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(model)
     }
 
-    async fn model(&self, id: &str) -> Result<Model, StoreError> {
-        models::get(&mut *self.read().await?, id).await
+    async fn model(&self, tenant: &Tenant, id: &str) -> Result<Model, StoreError> {
+        models::get(&mut *self.read().await?, tenant, id).await
     }
 
-    async fn models(&self, page: Page) -> Result<Vec<Entry<Model>>, StoreError> {
-        models::list(&mut *self.read().await?, page).await
+    async fn models(&self, tenant: &Tenant, page: Page) -> Result<Vec<Entry<Model>>, StoreError> {
+        models::list(&mut *self.read().await?, tenant, page).await
     }
 
     async fn add_identity(
         &self,
+        tenant: &Tenant,
         model_id: &str,
         subject_id: &str,
         request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError> {
         let mut tx = self.write().await?;
-        let slot =
-            models::add_identity(&mut tx, model_id, subject_id, request, self.clock.now()).await?;
+        let slot = models::add_identity(
+            &mut tx,
+            tenant,
+            model_id,
+            subject_id,
+            request,
+            self.clock.now(),
+        )
+        .await?;
         commit(tx).await?;
         Ok(slot)
     }
 
     async fn remove_identity(
         &self,
+        tenant: &Tenant,
         model_id: &str,
         subject_id: &str,
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model =
-            models::remove_identity(&mut tx, model_id, subject_id, request, self.clock.now())
-                .await?;
+        let model = models::remove_identity(
+            &mut tx,
+            tenant,
+            model_id,
+            subject_id,
+            request,
+            self.clock.now(),
+        )
+        .await?;
         commit(tx).await?;
         Ok(model)
     }
 
-    async fn checkpoints(&self, model_id: &str, limit: u32) -> Result<Vec<Checkpoint>, StoreError> {
-        checkpoints::list(&mut *self.read().await?, model_id, limit).await
+    async fn checkpoints(
+        &self,
+        tenant: &Tenant,
+        model_id: &str,
+        limit: u32,
+    ) -> Result<Vec<Checkpoint>, StoreError> {
+        checkpoints::list(&mut *self.read().await?, tenant, model_id, limit).await
     }
 
     async fn kept_checkpoints(
         &self,
+        tenant: &Tenant,
         model_id: &str,
         default: Retention,
     ) -> Result<Vec<Checkpoint>, StoreError> {
-        checkpoints::explained(&mut *self.read().await?, model_id, default).await
+        checkpoints::explained(&mut *self.read().await?, tenant, model_id, default).await
     }
 
     async fn set_retention(
         &self,
+        tenant: &Tenant,
         model_id: &str,
         retention: v1::Retention,
         default: Retention,
     ) -> Result<Model, StoreError> {
         let mut tx = self.write().await?;
-        let model =
-            models::set_retention(&mut tx, model_id, &retention, default, self.clock.now()).await?;
+        let model = models::set_retention(
+            &mut tx,
+            tenant,
+            model_id,
+            &retention,
+            default,
+            self.clock.now(),
+        )
+        .await?;
         commit(tx).await?;
         Ok(model)
     }
 
     async fn delete(
         &self,
+        tenant: &Tenant,
         target: Target<'_>,
         etag: &str,
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError> {
         let mut tx = self.write().await?;
-        let deleted = deletion::delete(&mut tx, target, etag, request, self.clock.now()).await?;
+        let deleted =
+            deletion::delete(&mut tx, tenant, target, etag, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(deleted)
     }
@@ -311,92 +380,113 @@ impl Store for SqliteStore {
 
     async fn create_job(
         &self,
+        tenant: &Tenant,
         new: NewJob,
         request: Option<RequestKey>,
     ) -> Result<Job, StoreError> {
         let mut tx = self.write().await?;
-        let job = jobs::create(&mut tx, new, request, self.clock.now()).await?;
+        let job = jobs::create(&mut tx, tenant, new, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(job)
     }
 
-    async fn job(&self, id: &str) -> Result<Job, StoreError> {
-        jobs::get(&mut *self.read().await?, id).await
+    async fn job(&self, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+        jobs::get(&mut *self.read().await?, tenant, id).await
     }
 
-    async fn job_state(&self, id: &str) -> Result<Job, StoreError> {
-        jobs::without_order(&mut *self.read().await?, id).await
+    async fn job_state(&self, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+        jobs::without_order(&mut *self.read().await?, tenant, id).await
     }
 
-    async fn job_history(&self, id: &str) -> Result<Job, StoreError> {
-        jobs::with_attempts(&mut *self.read().await?, id).await
+    async fn job_history(&self, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+        jobs::with_attempts(&mut *self.read().await?, tenant, id).await
     }
 
     async fn jobs(
         &self,
+        tenant: &Tenant,
         page: Page,
         filter: &JobFilter,
         full: bool,
     ) -> Result<Vec<Entry<Job>>, StoreError> {
-        jobs::list(&mut *self.read().await?, page, filter, full).await
+        jobs::list(&mut *self.read().await?, tenant, page, filter, full).await
     }
 
-    async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
-        outputs::list(&mut *self.read().await?, job_id).await
+    async fn outputs(
+        &self,
+        tenant: &Tenant,
+        job_id: &str,
+    ) -> Result<Vec<RenderedFile>, StoreError> {
+        let mut conn = self.read().await?;
+        jobs::require(&mut conn, tenant, job_id).await?;
+        outputs::list(&mut conn, job_id).await
     }
 
-    async fn open_jobs(&self) -> Result<(u64, u64), StoreError> {
-        jobs::open(&mut *self.read().await?).await
+    async fn open_jobs(&self, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
+        jobs::open(&mut *self.read().await?, tenant).await
     }
 
-    async fn cancel_job(&self, id: &str, request: Option<RequestKey>) -> Result<Job, StoreError> {
+    async fn cancel_job(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Job, StoreError> {
         let mut tx = self.write().await?;
-        let job = jobs::cancel(&mut tx, id, request, self.clock.now()).await?;
+        let job = jobs::cancel(&mut tx, tenant, id, request, self.clock.now()).await?;
         commit(tx).await?;
         Ok(job)
     }
 
-    async fn pause_jobs(&self, kind: JobKind, reason: &str) -> Result<(), StoreError> {
+    async fn pause_jobs(
+        &self,
+        tenant: &Tenant,
+        kind: JobKind,
+        reason: &str,
+    ) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        pauses::pause(&mut tx, kind, reason, self.clock.now()).await?;
+        pauses::pause(&mut tx, tenant, kind, reason, self.clock.now()).await?;
         commit(tx).await
     }
 
-    async fn resume_jobs(&self, kind: JobKind) -> Result<(), StoreError> {
+    async fn resume_jobs(&self, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
         let mut tx = self.write().await?;
-        pauses::resume(&mut tx, kind).await?;
+        pauses::resume(&mut tx, tenant, kind).await?;
         commit(tx).await
     }
 
-    async fn paused_kinds(&self) -> Result<Vec<PausedKind>, StoreError> {
-        pauses::list(&mut *self.read().await?).await
+    async fn paused_kinds(&self, tenant: &Tenant) -> Result<Vec<PausedKind>, StoreError> {
+        pauses::list(&mut *self.read().await?, tenant).await
     }
 
-    async fn register_worker(&self, new: NewWorker) -> Result<String, StoreError> {
+    async fn register_worker(&self, tenant: &Tenant, new: NewWorker) -> Result<String, StoreError> {
         let mut tx = self.write().await?;
-        let id = workers::register(&mut tx, new, self.clock.now()).await?;
+        let id = workers::register(&mut tx, tenant, new, self.clock.now()).await?;
         commit(tx).await?;
         Ok(id)
     }
 
     async fn active_workers(
         &self,
+        tenant: &Tenant,
         ids: &[&str],
         lease_seconds: f64,
     ) -> Result<Vec<WorkerStatus>, StoreError> {
-        workers::active(&mut *self.read().await?, ids, lease_seconds).await
+        workers::active(&mut *self.read().await?, tenant, ids, lease_seconds).await
     }
 
     async fn workers(
         &self,
+        tenant: &Tenant,
         page: Page,
         lease_seconds: f64,
     ) -> Result<Vec<Entry<WorkerStatus>>, StoreError> {
-        workers::list(&mut *self.read().await?, page, lease_seconds).await
+        workers::list(&mut *self.read().await?, tenant, page, lease_seconds).await
     }
 
     async fn lease_job(
         &self,
+        tenant: &Tenant,
         worker_id: &str,
         request_id: &str,
         help: bool,
@@ -404,6 +494,7 @@ impl Store for SqliteStore {
     ) -> Result<LeaseOutcome, StoreError> {
         let now = self.clock.now();
         let mut reader = self.read().await?;
+        workers::require(&mut reader, tenant, worker_id).await?;
         let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
             || queue::any(&mut reader, worker_id, now).await?
             || help
@@ -416,6 +507,7 @@ impl Store for SqliteStore {
         drop(reader);
         let mut tx = self.write().await?;
         let ask = leases::Ask {
+            tenant,
             worker_id,
             request_id,
             help,
@@ -427,17 +519,20 @@ impl Store for SqliteStore {
         Ok(outcome)
     }
 
-    async fn leased_spec(&self, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
-        leases::spec(&mut *self.read().await?, lease).await
+    async fn leased_spec(&self, tenant: &Tenant, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
+        let mut conn = self.read().await?;
+        leases::require(&mut conn, tenant, lease).await?;
+        leases::spec(&mut conn, lease).await
     }
 
     async fn heartbeat(
         &self,
+        tenant: &Tenant,
         lease: &LeaseKey,
         progress: Option<Progress>,
         lease_seconds: f64,
     ) -> Result<bool, StoreError> {
-        let mut tx = self.write().await?;
+        let mut tx = self.write_under(tenant, lease).await?;
         let deadline = self.clock.now() + lease_seconds;
         let cancel = leases::heartbeat(&mut tx, lease, progress, deadline).await?;
         commit(tx).await?;
@@ -446,36 +541,48 @@ impl Store for SqliteStore {
 
     async fn publish_checkpoint(
         &self,
+        tenant: &Tenant,
         lease: &LeaseKey,
         checkpoint: Checkpoint,
         default: Retention,
     ) -> Result<(), StoreError> {
-        let mut tx = self.write().await?;
+        let mut tx = self.write_under(tenant, lease).await?;
         leases::publish(&mut tx, lease, checkpoint, default, self.clock.now()).await?;
         commit(tx).await
     }
 
-    async fn commit_output(&self, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError> {
-        let mut tx = self.write().await?;
+    async fn commit_output(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        file: &RenderedFile,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
         outputs::commit(&mut tx, lease, file).await?;
         commit(tx).await
     }
 
     async fn take_range(
         &self,
+        tenant: &Tenant,
         lease: &LeaseKey,
         pictures: u32,
         drawn: Option<u32>,
     ) -> Result<TakenRange, StoreError> {
-        let mut tx = self.write().await?;
+        let mut tx = self.write_under(tenant, lease).await?;
         let (range, finished) = ranges::take(&mut tx, lease, pictures, drawn).await?;
         commit(tx).await?;
         ranges::taken(&mut *self.read().await?, &lease.job_id, range, finished).await
     }
 
-    async fn end_job(&self, lease: &LeaseKey, ending: Ending) -> Result<(), StoreError> {
-        let mut tx = self.write().await?;
-        outcome::end(&mut tx, lease, ending, self.clock.now()).await?;
+    async fn end_job(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        ending: Ending,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
+        outcome::end(&mut tx, tenant, lease, ending, self.clock.now()).await?;
         commit(tx).await
     }
 

@@ -5,6 +5,7 @@ use super::{checkpoints, pins, requests, subjects};
 use crate::checkpoints::retention::Retention;
 use crate::rules::etag;
 use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::names::Collection;
@@ -16,17 +17,18 @@ const SINGLE_SUBJECT_VARIANT: &str = "humannerf";
 /// Creates a model, or returns the one that `request` created before.
 pub async fn create(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     new: NewModel,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Model, StoreError> {
-    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
-        return get(conn, &id).await;
+    if let Some(id) = requests::answered(conn, tenant, request.as_ref()).await? {
+        return get(conn, tenant, &id).await;
     }
     let id = new_id();
     sqlx::query(
-        "INSERT INTO models (id, display_name, tier, variant, keep_newest, keep_every, create_time)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+        "INSERT INTO models (id, display_name, tier, variant, keep_newest, keep_every, create_time, tenant)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
     )
     .bind(&id)
     .bind(&new.display_name)
@@ -35,11 +37,12 @@ pub async fn create(
     .bind(new.retention.newest)
     .bind(new.retention.every)
     .bind(now)
+    .bind(tenant.id())
     .execute(&mut *conn)
     .await
     .during("creating a model")?;
-    requests::remember(conn, request.as_ref(), &id, now).await?;
-    get(conn, &id).await
+    requests::remember(conn, tenant, request.as_ref(), &id, now).await?;
+    get(conn, tenant, &id).await
 }
 
 async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, StoreError> {
@@ -78,12 +81,13 @@ async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Model, Sto
 /// Changes which checkpoints a model keeps, and removes the others.
 pub async fn set_retention(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     retention: &v1::Retention,
     default: Retention,
     now: f64,
 ) -> Result<Model, StoreError> {
-    get(conn, id).await?;
+    get(conn, tenant, id).await?;
     sqlx::query("UPDATE models SET keep_newest = ?2, keep_every = ?3 WHERE id = ?1")
         .bind(id)
         .bind(retention.newest)
@@ -92,7 +96,7 @@ pub async fn set_retention(
         .await
         .during("changing which checkpoints a model keeps")?;
     checkpoints::thin_out(conn, id, default, now).await?;
-    get(conn, id).await
+    get(conn, tenant, id).await
 }
 
 /// Slots that the newest checkpoint of a model was trained with.
@@ -131,9 +135,14 @@ async fn trained(conn: &mut SqliteConnection, model_id: &str) -> Result<Trained,
 }
 
 /// A model by id.
-pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Model, StoreError> {
-    let row = sqlx::query("SELECT * FROM models WHERE id = ?1")
+pub async fn get(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Model, StoreError> {
+    let row = sqlx::query("SELECT * FROM models WHERE id = ?1 AND tenant = ?2")
         .bind(id)
+        .bind(tenant.id())
         .fetch_optional(&mut *conn)
         .await
         .during("reading a model")?;
@@ -148,14 +157,17 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Model, StoreEr
 /// Models, oldest first.
 pub async fn list(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     page: Page,
 ) -> Result<Vec<Entry<Model>>, StoreError> {
-    let rows = sqlx::query("SELECT * FROM models WHERE ord > ?1 ORDER BY ord LIMIT ?2")
-        .bind(page.after.unwrap_or(0))
-        .bind(page.limit)
-        .fetch_all(&mut *conn)
-        .await
-        .during("listing models")?;
+    let rows =
+        sqlx::query("SELECT * FROM models WHERE tenant = ?3 AND ord > ?1 ORDER BY ord LIMIT ?2")
+            .bind(page.after.unwrap_or(0))
+            .bind(page.limit)
+            .bind(tenant.id())
+            .fetch_all(&mut *conn)
+            .await
+            .during("listing models")?;
     let mut entries = Vec::with_capacity(rows.len());
     for row in &rows {
         entries.push(Entry {
@@ -170,12 +182,13 @@ pub async fn list(
 /// slot that was removed since then is not created again.
 pub async fn add_identity(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model_id: &str,
     subject_id: &str,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<IdentitySlot, StoreError> {
-    if let Some(slot) = requests::answered(conn, request.as_ref()).await? {
+    if let Some(slot) = requests::answered(conn, tenant, request.as_ref()).await? {
         return Ok(IdentitySlot {
             slot: slot.parse().map_err(|_| StoreError::Corrupt {
                 what: "request_ids.answer",
@@ -185,18 +198,19 @@ pub async fn add_identity(
             trained: false,
         });
     }
-    let slot = next_identity(conn, model_id, subject_id).await?;
-    requests::remember(conn, request.as_ref(), &slot.slot.to_string(), now).await?;
+    let slot = next_identity(conn, tenant, model_id, subject_id).await?;
+    requests::remember(conn, tenant, request.as_ref(), &slot.slot.to_string(), now).await?;
     Ok(slot)
 }
 
 async fn next_identity(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model_id: &str,
     subject_id: &str,
 ) -> Result<IdentitySlot, StoreError> {
-    let model = get(conn, model_id).await?;
-    let subject = subjects::get(conn, subject_id).await?;
+    let model = get(conn, tenant, model_id).await?;
+    let subject = subjects::get(conn, tenant, subject_id).await?;
     if let Some(slot) = model.slots.iter().find(|slot| slot.subject == subject.name) {
         return Ok(slot.clone());
     }
@@ -244,15 +258,19 @@ async fn next_identity(
 /// Removes a subject's slot that no checkpoint was trained with. Its number is not used again.
 pub async fn remove_identity(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model_id: &str,
     subject_id: &str,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Model, StoreError> {
-    if requests::answered(conn, request.as_ref()).await?.is_some() {
-        return get(conn, model_id).await;
+    if requests::answered(conn, tenant, request.as_ref())
+        .await?
+        .is_some()
+    {
+        return get(conn, tenant, model_id).await;
     }
-    let model = get(conn, model_id).await?;
+    let model = get(conn, tenant, model_id).await?;
     let name = Collection::Subjects.name(subject_id);
     let Some(slot) = model.slots.iter().find(|slot| slot.subject == name) else {
         return Err(StoreError::NotFound {
@@ -260,7 +278,7 @@ pub async fn remove_identity(
         });
     };
     if slot.trained {
-        let person = subjects::get(conn, subject_id).await?.display_name;
+        let person = subjects::get(conn, tenant, subject_id).await?.display_name;
         return Err(StoreError::Rule {
             reason: "SLOT_TRAINED",
             message: format!(
@@ -276,6 +294,6 @@ pub async fn remove_identity(
         .execute(&mut *conn)
         .await
         .during("removing a slot")?;
-    requests::remember(conn, request.as_ref(), model_id, now).await?;
-    get(conn, model_id).await
+    requests::remember(conn, tenant, request.as_ref(), model_id, now).await?;
+    get(conn, tenant, model_id).await
 }

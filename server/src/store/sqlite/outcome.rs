@@ -3,11 +3,12 @@
 //! An ingest job and its capture change in one transaction, as do an evaluate job and its
 //! checkpoint's trade-off, so that the two never contradict each other.
 
-use super::leases::{self, bound, guarded};
+use super::leases::{bound, guarded};
 use super::rows::{Columns, During};
 use super::{attempts, captures, checkpoints, helpers, jobs};
 use crate::rules::retries;
 use crate::store::{Ending, LeaseKey, StoreError};
+use crate::tenant::Tenant;
 use prost::Message;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
@@ -17,6 +18,7 @@ use yoto_proto::v1::{JobError, JobResult, Progress, Violation, job, job_result};
 /// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
 pub async fn end(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     lease: &LeaseKey,
     ending: Ending,
     now: f64,
@@ -27,11 +29,11 @@ pub async fn end(
         }
         return match attempts::outcome(conn, lease).await? {
             Some(ended) if is_repeat(ended, &ending) => Ok(()),
-            _ => Err(leases::refusal(conn, lease).await),
+            _ => Err(lease.stale()),
         };
     };
     match ending {
-        Ending::Succeeded(result) => complete(conn, lease, result, now).await,
+        Ending::Succeeded(result) => complete(conn, tenant, lease, result, now).await,
         Ending::Failed(error) => fail(conn, lease, error, now).await,
         Ending::Cancelled if !cancel_requested => Err(not_requested()),
         Ending::Cancelled => cancel(conn, lease, now).await,
@@ -76,6 +78,7 @@ async fn cancel_requested(
 /// Ends the job with its result.
 async fn complete(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     lease: &LeaseKey,
     result: JobResult,
     now: f64,
@@ -96,7 +99,7 @@ async fn complete(
     if let Some(job_result::Kind::Evaluate(evaluate)) = &result.kind
         && let Some(object) = &evaluate.tradeoff
     {
-        checkpoints::record_tradeoff(conn, &evaluate.checkpoint, object).await?;
+        checkpoints::record_tradeoff(conn, tenant, &evaluate.checkpoint, object).await?;
     }
     Ok(())
 }
@@ -107,7 +110,7 @@ async fn end_progress(conn: &mut SqliteConnection, job_id: &str) -> Result<(), S
         phase: "done".into(),
         fraction: 1.0,
         seconds_left: 0.0,
-        ..jobs::get(conn, job_id).await?.progress.unwrap_or_default()
+        ..jobs::progress(conn, job_id).await?.unwrap_or_default()
     };
     sqlx::query("UPDATE jobs SET progress = ?2 WHERE id = ?1")
         .bind(job_id)
@@ -177,7 +180,7 @@ pub async fn requeue(
         .await
         .during("putting a job back into the queue")?;
     if done.rows_affected() == 0 {
-        return Err(leases::refusal(conn, lease).await);
+        return Err(lease.stale());
     }
     stand_still(conn, &lease.job_id).await?;
     attempts::end(conn, lease, outcome, None, now).await
@@ -215,7 +218,7 @@ async fn postpone(
         .await
         .during("putting a job back for later")?;
     if done.rows_affected() == 0 {
-        return Err(leases::refusal(conn, lease).await);
+        return Err(lease.stale());
     }
     stand_still(conn, &lease.job_id).await?;
     attempts::end(conn, lease, Outcome::Postponed, Some(&error), now).await
@@ -223,7 +226,7 @@ async fn postpone(
 
 /// Removes speed and time left from the progress of a job without a worker: they are those of the last worker.
 async fn stand_still(conn: &mut SqliteConnection, job_id: &str) -> Result<(), StoreError> {
-    let Some(progress) = jobs::get(conn, job_id).await?.progress else {
+    let Some(progress) = jobs::progress(conn, job_id).await? else {
         return Ok(());
     };
     let progress = Progress {
@@ -308,7 +311,7 @@ async fn finish(
         .await
         .during("ending a job")?;
     let Some(row) = row else {
-        return Err(leases::refusal(conn, lease).await);
+        return Err(lease.stale());
     };
     attempts::end(conn, lease, end.outcome, end.error, now).await?;
     helpers::dismiss(conn, &lease.job_id, end.state, now).await?;

@@ -1,6 +1,6 @@
 //! Files of renders and exports, committed one by one.
 
-use super::leases::{self, bound, held};
+use super::leases::{bound, held};
 use super::rows::{Columns, During, integer};
 use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
@@ -25,7 +25,7 @@ pub async fn commit(
         .await
         .during("checking a lease")?;
     if running.rows_affected() == 0 {
-        return Err(leases::refusal(conn, lease).await);
+        return Err(lease.stale());
     }
     sqlx::query(
         "INSERT INTO job_outputs (job, file, key, bytes, sha256) VALUES (?1, ?2, ?3, ?4, ?5)

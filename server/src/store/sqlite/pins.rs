@@ -13,6 +13,7 @@ use super::rows::{Columns, During, integer};
 use crate::checkpoints::best::to_use;
 use crate::checkpoints::retention::Pins;
 use crate::store::StoreError;
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
@@ -74,6 +75,7 @@ pub async fn of_model(conn: &mut SqliteConnection, model_id: &str) -> Result<Pin
 /// particular one.
 pub async fn chosen(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     spec: &JobSpec,
 ) -> Result<Option<i64>, StoreError> {
     let (model, wanted, tradeoff) = match &spec.kind {
@@ -85,17 +87,20 @@ pub async fn chosen(
         Some(job_spec::Kind::Export(it)) => (&it.model, &it.checkpoint, false),
         Some(job_spec::Kind::Ingest(_) | job_spec::Kind::Train(_)) | None => return Ok(None),
     };
-    step_of(conn, model, wanted, tradeoff).await.map(Some)
+    step_of(conn, tenant, model, wanted, tradeoff)
+        .await
+        .map(Some)
 }
 
 /// Step of the checkpoint of `model` that a job uses: the one with the name `wanted`, or the best one.
 async fn step_of(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     model: &str,
     wanted: &str,
     tradeoff: bool,
 ) -> Result<i64, StoreError> {
-    let all = checkpoints::list(conn, model_id(model)?, u32::MAX).await?;
+    let all = checkpoints::list(conn, tenant, model_id(model)?, u32::MAX).await?;
     let Some(used) = to_use(all, wanted, tradeoff).into_iter().next() else {
         return Err(StoreError::Rule {
             reason: "NO_CHECKPOINT",
@@ -127,11 +132,12 @@ pub fn others(spec: &JobSpec) -> Vec<&str> {
 /// Chooses the checkpoint of each other model that a job uses. Each of these models must have one.
 pub async fn pin_others(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     job_id: &str,
     spec: &JobSpec,
 ) -> Result<(), StoreError> {
     for model in others(spec) {
-        let step = step_of(conn, model, "", false).await?;
+        let step = step_of(conn, tenant, model, "", false).await?;
         sqlx::query(
             "INSERT INTO job_models (job, model, step) VALUES (?1, ?2, ?3)
              ON CONFLICT (job, model) DO UPDATE SET step = excluded.step",
@@ -149,10 +155,11 @@ pub async fn pin_others(
 /// Chooses the checkpoints of a leased job again.
 pub async fn renew(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     job_id: &str,
     spec: &JobSpec,
 ) -> Result<(), StoreError> {
-    let step = match chosen(conn, spec).await {
+    let step = match chosen(conn, tenant, spec).await {
         Ok(Some(step)) => step,
         // The worker finds no checkpoint and says so.
         Ok(None) | Err(StoreError::Rule { .. }) => return Ok(()),
@@ -164,7 +171,7 @@ pub async fn renew(
         .execute(&mut *conn)
         .await
         .during("recording which checkpoint a job uses")?;
-    pin_others(conn, job_id, spec).await
+    pin_others(conn, tenant, job_id, spec).await
 }
 
 /// The people that a job on `model` needs, `subjects/{id}`, each once.
@@ -197,17 +204,20 @@ fn each_once(needs: Vec<Need<'_>>) -> Vec<String> {
 /// Pins the newest capture of a person to a job; the capture's id.
 pub async fn pin_capture(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     job_id: &str,
     subject_id: &str,
 ) -> Result<String, StoreError> {
     let row = sqlx::query(
         "INSERT INTO job_captures (job, subject, capture)
-         SELECT ?1, ?2, id FROM captures WHERE subject = ?2 AND state = 'READY'
-         ORDER BY ord DESC LIMIT 1
+         SELECT ?1, ?2, c.id FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.subject = ?2 AND s.tenant = ?3 AND c.state = 'READY'
+         ORDER BY c.ord DESC LIMIT 1
          RETURNING capture",
     )
     .bind(job_id)
     .bind(subject_id)
+    .bind(tenant.id())
     .fetch_optional(conn)
     .await
     .during("choosing a capture for a job")?;

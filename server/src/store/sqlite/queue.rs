@@ -5,7 +5,6 @@
 use super::rows::{Columns, During};
 use crate::store::StoreError;
 use sqlx::SqliteConnection;
-use yoto_proto::names::Collection;
 
 /// Number of workers lost over a render after which no more helpers are assigned: its pictures may be what
 /// crashes them, and only losses of the worker that runs the job count towards its failure.
@@ -20,12 +19,13 @@ pub struct Next {
     pub priority: i64,
 }
 
-/// Jobs `q` that worker `?1` may lease at time `?2`.
+/// Jobs `q` of the tenant of worker `?1` that it may lease at time `?2`.
 macro_rules! waiting {
     () => {
-        "q.state = 'QUEUED' AND (q.not_before IS NULL OR q.not_before <= ?2)
+        "q.state = 'QUEUED' AND q.tenant = (SELECT tenant FROM workers WHERE id = ?1)
+           AND (q.not_before IS NULL OR q.not_before <= ?2)
            AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1
-                          EXCEPT SELECT kind FROM paused_kinds)
+                          EXCEPT SELECT kind FROM paused_kinds WHERE tenant = q.tenant)
            AND NOT (q.kind = 'train' AND EXISTS (
                SELECT 1 FROM jobs r
                WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING'))"
@@ -42,19 +42,14 @@ pub async fn any(
     let row = sqlx::query(concat!(
         "SELECT EXISTS (SELECT 1 FROM jobs q WHERE ",
         waiting!(),
-        ") AS waiting FROM workers w WHERE w.id = ?1"
+        ") AS waiting"
     ))
     .bind(worker_id)
     .bind(now)
-    .fetch_optional(conn)
+    .fetch_one(conn)
     .await
     .during("looking for a queued job")?;
-    match row {
-        Some(row) => row.flag("waiting"),
-        None => Err(StoreError::NotFound {
-            name: Collection::Workers.name(worker_id),
-        }),
-    }
+    row.flag("waiting")
 }
 
 /// The first job in the queue that the worker may run.
@@ -65,7 +60,8 @@ pub async fn next(
 ) -> Result<Option<Next>, StoreError> {
     let row = sqlx::query(concat!(
         "WITH running AS (
-             SELECT owner, count(*) AS jobs FROM jobs WHERE state = 'RUNNING' GROUP BY owner)
+             SELECT owner, count(*) AS jobs FROM jobs
+             WHERE state = 'RUNNING' AND tenant = (SELECT tenant FROM workers WHERE id = ?1) GROUP BY owner)
          SELECT j.id, j.priority FROM jobs j WHERE j.ord = (
              SELECT q.ord FROM jobs q LEFT JOIN running r ON r.owner = q.owner WHERE ",
         waiting!(),
@@ -95,9 +91,10 @@ pub async fn to_help(
 ) -> Result<Option<String>, StoreError> {
     let row = sqlx::query(
         "SELECT j.id FROM jobs j
-         WHERE j.state = 'RUNNING' AND j.kind = 'render' AND j.cancel_requested = 0
+         WHERE j.state = 'RUNNING' AND j.tenant = (SELECT tenant FROM workers WHERE id = ?1)
+             AND j.kind = 'render' AND j.cancel_requested = 0
              AND j.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1
-                            EXCEPT SELECT kind FROM paused_kinds)
+                            EXCEPT SELECT kind FROM paused_kinds WHERE tenant = j.tenant)
              AND j.priority > coalesce(?2, -1) AND j.lost_workers < ?3
              AND EXISTS (SELECT 1 FROM render_ranges r
                          WHERE r.job = j.id AND r.token IS NULL AND r.drawn = 0)

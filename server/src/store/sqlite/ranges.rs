@@ -1,6 +1,6 @@
 //! Ranges of a render's pictures, each drawn by one lease at a time.
 
-use super::leases::{is_held, refusal};
+use super::leases::is_held;
 use super::outputs;
 use super::rows::{Columns, During};
 use crate::rules::ranges::split;
@@ -17,7 +17,7 @@ pub async fn take(
     drawn: Option<u32>,
 ) -> Result<(Option<PictureRange>, bool), StoreError> {
     if !is_held(conn, lease).await? {
-        return Err(refusal(conn, lease).await);
+        return Err(lease.stale());
     }
     divide(conn, lease, pictures).await?;
     if let Some(first) = drawn {

@@ -1,8 +1,8 @@
 //! Jobs of silent workers.
 
-use super::rows::{Columns, During};
+use super::rows::{Columns, During, state};
 use super::ticks::Ticks;
-use super::{helpers, jobs, outcome};
+use super::{helpers, outcome};
 use crate::rules::losses::{Verdict, verdict};
 use crate::rules::outage;
 use crate::store::{LeaseKey, Reaped, StoreError};
@@ -144,17 +144,16 @@ async fn do_without(
         if !helpers::lose(conn, &lease, now).await? {
             continue;
         }
-        let losses = sqlx::query("SELECT losses FROM jobs WHERE id = ?1")
+        let row = sqlx::query("SELECT losses, state FROM jobs WHERE id = ?1")
             .bind(&lease.job_id)
             .fetch_one(&mut *conn)
             .await
-            .during("counting a lost worker")?
-            .number("losses")?;
+            .during("counting a lost worker")?;
         reaped.push(Reaped {
             job: Collection::Jobs.name(&lease.job_id),
             worker: Collection::Workers.name(&lease.worker_id),
-            losses,
-            state: jobs::get(conn, &lease.job_id).await?.state(),
+            losses: row.number("losses")?,
+            state: state("jobs.state", &row.text("state")?, job::State::from_str_name)?,
         });
     }
     Ok(reaped)

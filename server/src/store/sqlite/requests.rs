@@ -3,19 +3,22 @@
 use super::rows::{Columns, During};
 use super::steps::age;
 use crate::store::{RequestKey, StoreError};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 
 /// The id in the earlier answer to the same request, if there was one.
 pub async fn answered(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     request: Option<&RequestKey>,
 ) -> Result<Option<String>, StoreError> {
     let Some(request) = request else {
         return Ok(None);
     };
     let row = sqlx::query(
-        "SELECT body_sha256, answer FROM request_ids WHERE method = ?1 AND request_id = ?2",
+        "SELECT body_sha256, answer FROM request_ids WHERE tenant = ?1 AND method = ?2 AND request_id = ?3",
     )
+    .bind(tenant.id())
     .bind(request.method)
     .bind(&request.request_id)
     .fetch_optional(conn)
@@ -35,6 +38,7 @@ pub async fn answered(
 /// Stores the answer to a request.
 pub async fn remember(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     request: Option<&RequestKey>,
     answer: &str,
     now: f64,
@@ -43,9 +47,10 @@ pub async fn remember(
         return Ok(());
     };
     sqlx::query(
-        "INSERT INTO request_ids (method, request_id, body_sha256, answer, create_time)
-         VALUES (?1, ?2, ?3, ?4, ?5)",
+        "INSERT INTO request_ids (tenant, method, request_id, body_sha256, answer, create_time)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
     )
+    .bind(tenant.id())
     .bind(request.method)
     .bind(&request.request_id)
     .bind(&request.body_sha256)

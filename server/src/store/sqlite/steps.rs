@@ -120,6 +120,7 @@ async fn move_waits(
 mod tests {
     use crate::clock::ManualClock;
     use crate::store::{Horizons, NewSubject, RequestKey, SqliteStore, Store};
+    use crate::tenant::Tenant;
     use std::sync::Arc;
 
     const DAY: f64 = 24.0 * 3600.0;
@@ -146,15 +147,23 @@ mod tests {
             display_name: "Ada".to_owned(),
             consent_note: String::new(),
         };
-        let created = store.create_subject(ada, Some(request.clone())).await;
+        let created = store
+            .create_subject(&Tenant::default(), ada, Some(request.clone()))
+            .await;
         created.expect("creates");
         clock.set_ahead(8.0 * DAY);
         assert_eq!(store.forget(WEEK).await.expect("forgets"), 0);
-        let known = store.answered(Some(&request)).await.expect("reads");
+        let known = store
+            .answered(&Tenant::default(), Some(&request))
+            .await
+            .expect("reads");
         assert!(known.is_some());
         clock.advance(8.0 * DAY);
         assert_eq!(store.forget(WEEK).await.expect("forgets"), 1);
-        let known = store.answered(Some(&request)).await.expect("reads");
+        let known = store
+            .answered(&Tenant::default(), Some(&request))
+            .await
+            .expect("reads");
         assert!(known.is_none());
     }
 }

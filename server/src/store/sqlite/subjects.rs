@@ -4,6 +4,7 @@ use super::requests;
 use super::rows::{Columns, During, state};
 use crate::rules::etag;
 use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::names::Collection;
@@ -35,30 +36,37 @@ fn read(row: &SqliteRow) -> Result<Subject, StoreError> {
 /// Creates a subject, or returns the one that `request` created before.
 pub async fn create(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     new: NewSubject,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Subject, StoreError> {
-    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
-        return get(conn, &id).await;
+    if let Some(id) = requests::answered(conn, tenant, request.as_ref()).await? {
+        return get(conn, tenant, &id).await;
     }
     let id = new_id();
-    sqlx::query("INSERT INTO subjects (id, display_name, consent_note, create_time) VALUES (?1, ?2, ?3, ?4)")
+    sqlx::query("INSERT INTO subjects (id, display_name, consent_note, create_time, tenant) VALUES (?1, ?2, ?3, ?4, ?5)")
         .bind(&id)
         .bind(&new.display_name)
         .bind(&new.consent_note)
         .bind(now)
+        .bind(tenant.id())
         .execute(&mut *conn)
         .await
         .during("creating a subject")?;
-    requests::remember(conn, request.as_ref(), &id, now).await?;
-    get(conn, &id).await
+    requests::remember(conn, tenant, request.as_ref(), &id, now).await?;
+    get(conn, tenant, &id).await
 }
 
 /// A subject by id.
-pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Subject, StoreError> {
-    let row = sqlx::query("SELECT * FROM subject_catalogue WHERE id = ?1")
+pub async fn get(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Subject, StoreError> {
+    let row = sqlx::query("SELECT * FROM subject_catalogue WHERE id = ?1 AND tenant = ?2")
         .bind(id)
+        .bind(tenant.id())
         .fetch_optional(conn)
         .await
         .during("reading a subject")?;
@@ -73,14 +81,18 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Subject, Store
 /// Subjects, oldest first.
 pub async fn list(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     page: Page,
 ) -> Result<Vec<Entry<Subject>>, StoreError> {
-    let rows = sqlx::query("SELECT * FROM subject_catalogue WHERE ord > ?1 ORDER BY ord LIMIT ?2")
-        .bind(page.after.unwrap_or(0))
-        .bind(page.limit)
-        .fetch_all(conn)
-        .await
-        .during("listing subjects")?;
+    let rows = sqlx::query(
+        "SELECT * FROM subject_catalogue WHERE tenant = ?3 AND ord > ?1 ORDER BY ord LIMIT ?2",
+    )
+    .bind(page.after.unwrap_or(0))
+    .bind(page.limit)
+    .bind(tenant.id())
+    .fetch_all(conn)
+    .await
+    .during("listing subjects")?;
     rows.iter()
         .map(|row| {
             Ok(Entry {
@@ -94,12 +106,15 @@ pub async fn list(
 /// The shard of the subject's newest READY capture.
 pub async fn shard(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
 ) -> Result<Option<SubjectShard>, StoreError> {
     let row = sqlx::query(
-        "SELECT id FROM captures WHERE subject = ?1 AND state = 'READY' ORDER BY ord DESC LIMIT 1",
+        "SELECT c.id FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.subject = ?1 AND s.tenant = ?2 AND c.state = 'READY' ORDER BY c.ord DESC LIMIT 1",
     )
     .bind(id)
+    .bind(tenant.id())
     .fetch_optional(&mut *conn)
     .await
     .during("looking up a subject's shard")?;

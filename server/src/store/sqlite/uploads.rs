@@ -6,6 +6,7 @@ use super::{captures, garbage, jobs, requests};
 use crate::store::{
     CommittedPart, NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id,
 };
+use crate::tenant::Tenant;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use yoto_proto::names::Collection;
 use yoto_proto::reasons::UPLOAD_INCOMPLETE;
@@ -25,21 +26,23 @@ fn not_found(id: &str) -> StoreError {
 /// Opens an upload, or returns the one that `request` opened before. Returns its id.
 pub async fn create(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     new: NewUpload,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<String, StoreError> {
-    if let Some(id) = requests::answered(conn, request.as_ref()).await? {
+    if let Some(id) = requests::answered(conn, tenant, request.as_ref()).await? {
         return Ok(id);
     }
     let id = new_id();
     let done = sqlx::query(
         "INSERT INTO captures (id, subject, create_time, write_time)
-             SELECT ?1, id, ?3, ?3 FROM subjects WHERE id = ?2",
+             SELECT ?1, id, ?3, ?3 FROM subjects WHERE id = ?2 AND tenant = ?4",
     )
     .bind(&id)
     .bind(&new.subject_id)
     .bind(now)
+    .bind(tenant.id())
     .execute(&mut *conn)
     .await
     .during("opening an upload")?;
@@ -69,14 +72,21 @@ pub async fn create(
             .await
             .during("recording a capture's files")?;
     }
-    requests::remember(conn, request.as_ref(), &id, now).await?;
+    requests::remember(conn, tenant, request.as_ref(), &id, now).await?;
     Ok(id)
 }
 
 /// An upload by id, finished or not.
-pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Upload, StoreError> {
-    let row = sqlx::query("SELECT subject, state, write_time FROM captures WHERE id = ?1")
+pub async fn get(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Upload, StoreError> {
+    let row = sqlx::query(
+        "SELECT c.subject, c.state, c.write_time FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.id = ?1 AND s.tenant = ?2")
         .bind(id)
+        .bind(tenant.id())
         .fetch_optional(&mut *conn)
         .await
         .during("reading an upload")?
@@ -108,17 +118,21 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Upload, StoreE
 /// Records what is on disk. Each part begins where the committed bytes of its file end.
 pub async fn commit(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     parts: &[CommittedPart],
     now: f64,
 ) -> Result<(), StoreError> {
-    let done =
-        sqlx::query("UPDATE captures SET write_time = ?2 WHERE id = ?1 AND state = 'UPLOADING'")
-            .bind(id)
-            .bind(now)
-            .execute(&mut *conn)
-            .await
-            .during("noting the write of an upload")?;
+    let done = sqlx::query(
+        "UPDATE captures SET write_time = ?2 WHERE id = ?1 AND state = 'UPLOADING'
+             AND subject IN (SELECT id FROM subjects WHERE tenant = ?3)",
+    )
+    .bind(id)
+    .bind(now)
+    .bind(tenant.id())
+    .execute(&mut *conn)
+    .await
+    .during("noting the write of an upload")?;
     if done.rows_affected() == 0 {
         return Err(not_found(id));
     }
@@ -148,10 +162,17 @@ pub async fn commit(
 }
 
 /// Forgets the bytes of a file whose checksum differs from the announced one.
-pub async fn restart(conn: &mut SqliteConnection, id: &str, path: &str) -> Result<(), StoreError> {
-    sqlx::query("UPDATE capture_files SET committed = 0 WHERE capture = ?1 AND path = ?2")
+pub async fn restart(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+    path: &str,
+) -> Result<(), StoreError> {
+    sqlx::query("UPDATE capture_files SET committed = 0 WHERE capture = ?1 AND path = ?2
+             AND capture IN (SELECT c.id FROM captures c JOIN subjects s ON s.id = c.subject WHERE s.tenant = ?3)")
         .bind(id)
         .bind(path)
+        .bind(tenant.id())
         .execute(conn)
         .await
         .during("starting a file of an upload anew")?;
@@ -161,42 +182,53 @@ pub async fn restart(conn: &mut SqliteConnection, id: &str, path: &str) -> Resul
 /// Ends an upload and queues its ingest job. One that has ended already is not changed.
 pub async fn finish(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Capture, StoreError> {
-    if requests::answered(conn, request.as_ref()).await?.is_some() {
-        return captures::get(conn, id).await;
+    if requests::answered(conn, tenant, request.as_ref())
+        .await?
+        .is_some()
+    {
+        return captures::get(conn, tenant, id).await;
     }
     let done = sqlx::query(
         "UPDATE captures SET state = 'INGESTING' WHERE id = ?1 AND state = 'UPLOADING'
+             AND subject IN (SELECT id FROM subjects WHERE tenant = ?2)
              AND NOT EXISTS (SELECT 1 FROM capture_files f WHERE f.capture = ?1 AND f.committed < f.bytes)",
     )
     .bind(id)
+    .bind(tenant.id())
     .execute(&mut *conn)
     .await
     .during("ending an upload")?;
     if done.rows_affected() > 0 {
-        ingest(conn, id, now).await?;
-    } else if get(conn, id).await?.open {
+        ingest(conn, tenant, id, now).await?;
+    } else if get(conn, tenant, id).await?.open {
         return Err(StoreError::Rule {
             reason: UPLOAD_INCOMPLETE,
             message: format!("{} is not complete", Collection::Uploads.name(id)),
         });
     }
-    requests::remember(conn, request.as_ref(), id, now).await?;
-    captures::get(conn, id).await
+    requests::remember(conn, tenant, request.as_ref(), id, now).await?;
+    captures::get(conn, tenant, id).await
 }
 
 /// Queues an ingest job of the capture.
-async fn ingest(conn: &mut SqliteConnection, id: &str, now: f64) -> Result<(), StoreError> {
+async fn ingest(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+    now: f64,
+) -> Result<(), StoreError> {
     let ingest = IngestSpec {
         capture: Collection::Captures.name(id),
     };
     let spec = JobSpec {
         kind: Some(job_spec::Kind::Ingest(ingest)),
     };
-    jobs::insert(conn, NewJob::normal(spec), now)
+    jobs::insert(conn, tenant, NewJob::normal(spec), now)
         .await
         .map(drop)
 }
@@ -204,14 +236,18 @@ async fn ingest(conn: &mut SqliteConnection, id: &str, now: f64) -> Result<(), S
 /// Queues another ingest job for a capture whose last one made no shard.
 pub async fn ingest_again(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
     now: f64,
 ) -> Result<Capture, StoreError> {
-    if requests::answered(conn, request.as_ref()).await?.is_some() {
-        return captures::get(conn, id).await;
+    if requests::answered(conn, tenant, request.as_ref())
+        .await?
+        .is_some()
+    {
+        return captures::get(conn, tenant, id).await;
     }
-    let before = captures::get(conn, id).await?;
+    let before = captures::get(conn, tenant, id).await?;
     let done = sqlx::query(
         "UPDATE captures SET state = 'INGESTING' WHERE id = ?1 AND state IN ('UPLOADED', 'REJECTED')",
     )
@@ -234,9 +270,9 @@ pub async fn ingest_again(
         .execute(&mut *conn)
         .await
         .during("forgetting a capture's violations")?;
-    ingest(conn, id, now).await?;
-    requests::remember(conn, request.as_ref(), id, now).await?;
-    captures::get(conn, id).await
+    ingest(conn, tenant, id, now).await?;
+    requests::remember(conn, tenant, request.as_ref(), id, now).await?;
+    captures::get(conn, tenant, id).await
 }
 
 /// Ends the uploads without a write for `idle` seconds. Returns their ids.

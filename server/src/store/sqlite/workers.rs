@@ -3,6 +3,7 @@
 use super::rows::{Columns, During};
 use super::steps::age;
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
+use crate::tenant::Tenant;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::names::Collection;
@@ -11,6 +12,7 @@ use yoto_proto::v1::{WorkerDevice, WorkerStatus};
 /// Adds a worker.
 pub async fn register(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     new: NewWorker,
     now: f64,
 ) -> Result<String, StoreError> {
@@ -19,8 +21,8 @@ pub async fn register(
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sqlx::query(
         "INSERT INTO workers
-             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
     )
     .bind(&id)
     .bind(&new.display_name)
@@ -30,6 +32,7 @@ pub async fn register(
     .bind(memory)
     .bind(new.embedded)
     .bind(now)
+    .bind(tenant.id())
     .execute(&mut *conn)
     .await
     .during("registering a worker")?;
@@ -42,6 +45,27 @@ pub async fn register(
             .during("recording what a worker runs")?;
     }
     Ok(id)
+}
+
+/// Checks that the tenant has the worker.
+pub async fn require(
+    conn: &mut SqliteConnection,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<(), StoreError> {
+    let row =
+        sqlx::query("SELECT EXISTS (SELECT 1 FROM workers WHERE id = ?1 AND tenant = ?2) AS found")
+            .bind(id)
+            .bind(tenant.id())
+            .fetch_one(conn)
+            .await
+            .during("looking for a worker")?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(StoreError::NotFound {
+            name: Collection::Workers.name(id),
+        }),
+    }
 }
 
 /// Selects workers with the job that each runs or helps with, and when it last reported on it: `?1` seconds
@@ -62,17 +86,19 @@ macro_rules! select_workers {
 /// in either order.
 pub async fn active(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     ids: &[&str],
     lease_seconds: f64,
 ) -> Result<Vec<WorkerStatus>, StoreError> {
     // Ids are hex digits and dashes: a space separates them.
     let ids = format!(" {} ", ids.join(" "));
     let rows = sqlx::query(select_workers!(
-        "WHERE l.job IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0 \
+        "WHERE w.tenant = ?3 AND (l.job IS NOT NULL OR instr(?2, ' ' || w.id || ' ') > 0) \
          ORDER BY w.display_name, w.ord"
     ))
     .bind(lease_seconds)
     .bind(ids)
+    .bind(tenant.id())
     .fetch_all(conn)
     .await
     .during("listing active workers")?;
@@ -82,15 +108,17 @@ pub async fn active(
 /// All registered workers, newest first.
 pub async fn list(
     conn: &mut SqliteConnection,
+    tenant: &Tenant,
     page: Page,
     lease_seconds: f64,
 ) -> Result<Vec<Entry<WorkerStatus>>, StoreError> {
     let rows = sqlx::query(select_workers!(
-        "WHERE w.ord < ?2 ORDER BY w.ord DESC LIMIT ?3"
+        "WHERE w.tenant = ?4 AND w.ord < ?2 ORDER BY w.ord DESC LIMIT ?3"
     ))
     .bind(lease_seconds)
     .bind(page.after.unwrap_or(i64::MAX))
     .bind(page.limit)
+    .bind(tenant.id())
     .fetch_all(conn)
     .await
     .during("listing workers")?;
