@@ -47,7 +47,7 @@ use objects::disk::ObjectDisk;
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
-use store::SqliteStore;
+use store::Store;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -84,11 +84,11 @@ impl Coordinator {
             None => folder_url(&data_dir.join(OBJECTS_FOLDER))?,
         };
         let (disk, objects) = ObjectDisk::open(&objects_url)?;
-        let store = SqliteStore::open(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
+        let store = Store::open_sqlite(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
         let started = config.clock.time();
         let context = Arc::new(Context {
             config,
-            store: Arc::new(store),
+            store,
             objects,
             objects_url,
             disk,
