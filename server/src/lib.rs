@@ -37,6 +37,7 @@ pub use yoto_objects::ObjectsError;
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
+use jobs::feed::JobFeed;
 use jobs::reaper;
 use jobs::roster::Roster;
 use lock::DataDirLock;
@@ -91,6 +92,7 @@ impl Coordinator {
             objects_url,
             disk,
             changes: JobChanges::default(),
+            feed: JobFeed::default(),
             roster: Roster::default(),
             started,
             writable: tokio::sync::watch::Sender::new(true),

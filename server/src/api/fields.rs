@@ -64,15 +64,10 @@ pub fn job_kind(field: &str, number: i32) -> Result<JobKind, RequestError> {
 /// An order as a call gives it.
 pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, RequestError> {
     let unknown = || RequestError::invalid("priority", format!("{priority} is not a priority"));
-    let priority = match JobPriority::try_from(priority).map_err(|_| unknown())? {
-        JobPriority::Low => 0,
-        JobPriority::Unspecified | JobPriority::Normal => NewJob::NORMAL,
-        JobPriority::High => 2,
-        JobPriority::Urgent => 3,
-    };
+    let known = JobPriority::try_from(priority).map_err(|_| unknown())?;
     Ok(NewJob {
         spec,
-        priority,
+        priority: NewJob::column(known),
         owner: line("owner", owner, OWNER_CHARACTERS)?,
     })
 }

@@ -3,20 +3,22 @@
 use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::jobs::{queue, watch};
+use crate::jobs::{queue, retry, watch, watch_all};
 use crate::store::{JobFilter, Target};
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
+use std::collections::HashMap;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
-use yoto_proto::limits::REASON_CHARACTERS;
+use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, REASON_CHARACTERS};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::job_service_server::JobService;
 use yoto_proto::v1::{
-    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job, JobView,
-    ListJobsRequest, ListJobsResponse, PauseJobsRequest, PauseJobsResponse, ResumeJobsRequest,
-    ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job,
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobMetricsRequest,
+    GetJobRequest, Job, JobMetrics, JobView, ListJobsRequest, ListJobsResponse, PauseJobsRequest,
+    PauseJobsResponse, ResumeJobsRequest, ResumeJobsResponse, RetryJobRequest, WatchJobRequest,
+    WatchJobResponse, WatchJobsRequest, WatchJobsResponse, job,
 };
 
 /// The states with these numbers. An unknown number is refused: it would match no job, and look like an empty
@@ -28,6 +30,20 @@ fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
         state.ok_or_else(|| RequestError::invalid("states", format!("{number} is not a state")))
     };
     numbers.iter().map(known).collect()
+}
+
+/// The jobs of these kinds, of this model and of this owner; an empty value: of all.
+fn filter(kinds: &[i32], model: &str, owner: &str) -> Result<JobFilter, RequestError> {
+    let owner = fields::line("owner", owner, usize::MAX)?;
+    Ok(JobFilter {
+        states: Vec::new(),
+        kinds: fields::job_kinds("kinds", kinds)?,
+        model_id: match model {
+            "" => None,
+            model => Some(fields::id(Collection::Models, "model", model)?),
+        },
+        owner: (!owner.is_empty()).then_some(owner),
+    })
 }
 
 /// Jobs for the workers, and their progress.
@@ -63,16 +79,9 @@ impl JobService for JobApi {
     ) -> Result<Response<ListJobsResponse>, Status> {
         let request = request.get_ref();
         let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
-        let model = &*request.model;
-        let owner = fields::line("owner", &request.owner, usize::MAX)?;
         let filter = JobFilter {
             states: states(&request.states)?,
-            kinds: fields::job_kinds("kinds", &request.kinds)?,
-            model_id: match model {
-                "" => None,
-                model => Some(fields::id(Collection::Models, "model", model)?),
-            },
-            owner: (!owner.is_empty()).then_some(owner),
+            ..filter(&request.kinds, &request.model, &request.owner)?
         };
         let view = JobView::try_from(request.view);
         let view = view.map_err(|error| RequestError::invalid("view", error.to_string()))?;
@@ -150,5 +159,43 @@ impl JobService for JobApi {
         let jobs = watch::watch(context, id, request.after_sequence, self.drain.clone());
         let answers = jobs.map_ok(|job| WatchJobResponse { job: Some(job) });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
+    }
+
+    type WatchJobsStream = BoxStream<'static, Result<WatchJobsResponse, Status>>;
+
+    async fn watch_jobs(
+        &self,
+        request: Request<WatchJobsRequest>,
+    ) -> Result<Response<Self::WatchJobsStream>, Status> {
+        let request = request.into_inner();
+        let filter = filter(&request.kinds, &request.model, &request.owner)?;
+        if request.known.len() > LONGEST_PAGE_ENTRIES as usize {
+            let message = format!("at most {LONGEST_PAGE_ENTRIES} jobs are allowed");
+            return Err(RequestError::invalid("known", message).into());
+        }
+        let mut known = HashMap::new();
+        for (index, job) in request.known.into_iter().enumerate() {
+            fields::id(Collection::Jobs, &format!("known[{index}].name"), &job.name)?;
+            known.insert(job.name, job.sequence);
+        }
+        let context = Arc::clone(&self.context);
+        let answers = watch_all::watch_all(context, filter, known, self.drain.clone());
+        Ok(Response::new(answers.map_err(Status::from).boxed()))
+    }
+
+    async fn get_job_metrics(
+        &self,
+        request: Request<GetJobMetricsRequest>,
+    ) -> Result<Response<JobMetrics>, Status> {
+        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
+        let metrics = self.context.store.job_metrics(&id).await;
+        Ok(Response::new(metrics.map_err(RequestError::from)?))
+    }
+
+    async fn retry_job(&self, request: Request<RetryJobRequest>) -> Result<Response<Job>, Status> {
+        let request = request.get_ref();
+        let key = fields::request_key("RetryJob", &request.request_id, request)?;
+        let id = fields::id(Collection::Jobs, "name", &request.name)?;
+        Ok(Response::new(retry::retry(&self.context, &id, key).await?))
     }
 }
