@@ -12,6 +12,7 @@ pub mod config;
 mod context;
 mod error;
 pub mod faults;
+mod field_faults;
 mod health;
 mod in_memory;
 mod jobs;

@@ -3,6 +3,7 @@
 use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::{all, both};
 use crate::jobs::{queue, retry, watch, watch_all};
 use crate::store::{JobFilter, Target};
 use futures::stream::BoxStream;
@@ -29,19 +30,22 @@ fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
         let state = state.filter(|state| *state != job::State::Unspecified);
         state.ok_or_else(|| RequestError::invalid("states", format!("{number} is not a state")))
     };
-    numbers.iter().map(known).collect()
+    all(numbers.iter().map(known))
 }
 
 /// The jobs of these kinds, of this model and of this owner; an empty value: of all.
 fn filter(kinds: &[i32], model: &str, owner: &str) -> Result<JobFilter, RequestError> {
-    let owner = fields::line("owner", owner, usize::MAX)?;
+    let model_id = match model {
+        "" => Ok(None),
+        model => fields::id(Collection::Models, "model", model).map(Some),
+    };
+    let owner = fields::line("owner", owner, usize::MAX);
+    let kinds = fields::job_kinds("kinds", kinds);
+    let ((kinds, model_id), owner) = both(both(kinds, model_id), owner)?;
     Ok(JobFilter {
         states: Vec::new(),
-        kinds: fields::job_kinds("kinds", kinds)?,
-        model_id: match model {
-            "" => None,
-            model => Some(fields::id(Collection::Models, "model", model)?),
-        },
+        kinds,
+        model_id,
         owner: (!owner.is_empty()).then_some(owner),
     })
 }
@@ -61,9 +65,10 @@ impl JobService for JobApi {
         request: Request<CreateJobRequest>,
     ) -> Result<Response<Job>, Status> {
         let request = request.into_inner();
-        let key = fields::request_key("CreateJob", &request.request_id, &request)?;
+        let key = fields::request_key("CreateJob", &request.request_id, &request);
         let spec = request.spec.unwrap_or_default();
-        let new = fields::new_job(spec, request.priority, &request.owner)?;
+        let new = fields::new_job(spec, request.priority, &request.owner);
+        let (key, new) = both(key, new)?;
         Ok(Response::new(queue::create(&self.context, new, key).await?))
     }
 
@@ -78,13 +83,18 @@ impl JobService for JobApi {
         request: Request<ListJobsRequest>,
     ) -> Result<Response<ListJobsResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
-        let filter = JobFilter {
-            states: states(&request.states)?,
-            ..filter(&request.kinds, &request.model, &request.owner)?
+        let rest = ListJobsRequest {
+            page_size: 0,
+            page_token: String::new(),
+            ..request.clone()
         };
+        let page = paging::Request::read("jobs", request.page_size, &request.page_token, &rest);
+        let of_states = both(page, states(&request.states));
+        let filter = filter(&request.kinds, &request.model, &request.owner);
         let view = JobView::try_from(request.view);
-        let view = view.map_err(|error| RequestError::invalid("view", error.to_string()))?;
+        let view = view.map_err(|error| RequestError::invalid("view", error.to_string()));
+        let ((page, states), (filter, view)) = both(of_states, both(filter, view))?;
+        let filter = JobFilter { states, ..filter };
         let full = view == JobView::Full;
         let entries = self.context.store.jobs(page.page(), &filter, full).await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
@@ -109,8 +119,9 @@ impl JobService for JobApi {
         request: Request<PauseJobsRequest>,
     ) -> Result<Response<PauseJobsResponse>, Status> {
         let request = request.get_ref();
-        let kind = fields::job_kind("kind", request.kind)?;
-        let reason = fields::line("reason", &request.reason, REASON_CHARACTERS)?;
+        let kind = fields::job_kind("kind", request.kind);
+        let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
+        let (kind, reason) = both(kind, reason)?;
         let paused = self.context.store.pause_jobs(kind, &reason).await;
         paused.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), reason, "jobs paused");

@@ -7,7 +7,7 @@ use crate::error::RequestError;
 use crate::store::{NewJob, RequestKey, StoreError};
 use crate::uploads;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{Capture, Job, JobKind, job};
+use yoto_proto::v1::{Capture, ErrorReason, Job, JobKind, job};
 
 /// Queues the order of a job that FAILED or was CANCELLED as a new job. An ingest job belongs to its capture, whose files are
 /// read again.
@@ -34,7 +34,10 @@ pub async fn retry(
             ended.name,
             ended.state().as_str_name()
         );
-        return Err(RequestError::precondition("NOT_REPEATABLE", message));
+        return Err(RequestError::precondition(
+            ErrorReason::NotRepeatable,
+            message,
+        ));
     }
     if ended.kind() == JobKind::Ingest {
         let id = Collection::Captures.parse(&ended.capture);
@@ -46,6 +49,8 @@ pub async fn retry(
         owner: ended.owner,
         spec: ended.spec.unwrap_or_default(),
     };
+    // It was accepted by an earlier version of the service, perhaps.
+    queue::check_order(&new.spec)?;
     queue::create(context, new, request).await
 }
 

@@ -6,6 +6,7 @@ mod deletions;
 mod evaluations;
 mod exports;
 mod faults;
+mod faulty_fields;
 mod garbage;
 mod helpers;
 mod leases;
