@@ -12,6 +12,8 @@ pub mod config;
 mod context;
 mod error;
 pub mod faults;
+mod feed;
+mod field_faults;
 mod health;
 mod in_memory;
 mod jobs;
@@ -38,6 +40,7 @@ pub use yoto_objects::ObjectsError;
 
 use changes::JobChanges;
 use context::Context;
+use feed::JobFeed;
 use futures::Stream;
 use jobs::reaper;
 use jobs::roster::Roster;
@@ -93,6 +96,7 @@ impl Coordinator {
             objects_url,
             disk,
             changes: JobChanges::default(),
+            feed: JobFeed::default(),
             roster: Roster::default(),
             started,
             writable: tokio::sync::watch::Sender::new(true),

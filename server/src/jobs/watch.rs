@@ -3,20 +3,13 @@
 use crate::changes::{WatchedState, subscribe};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::rules::states::is_terminal;
 use crate::tenant::Tenant;
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
-use yoto_proto::v1::{Job, job};
-
-/// Whether `state` is terminal.
-pub fn is_terminal(state: job::State) -> bool {
-    matches!(
-        state,
-        job::State::Succeeded | job::State::Failed | job::State::Cancelled
-    )
-}
+use yoto_proto::v1::Job;
 
 struct Watcher {
     context: Arc<Context>,

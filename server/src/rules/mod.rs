@@ -3,17 +3,21 @@
 //!
 //! | rule | where |
 //! |---|---|
-//! | the order of the queue: priority, then the owner with the fewest running jobs, then age | `store/sqlite/queue.rs`, since only the database can search |
+//! | the order of the queue: priority, then the owner with the fewest running jobs, then age | `store/scripts/queue.rs`, since only the database can search |
 //! | a job that keeps losing workers ends | [`losses`] |
 //! | a job whose resources fail waits longer each time | [`retries`] |
 //! | how a render is divided among workers | [`ranges`] |
 //! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
+//! | which states of a job are terminal | [`states`] |
 //! | steps of the clock do not count for ages | [`steps`] |
+//! | the figures that are kept for a training's curve | [`thinning`] |
 
 pub mod etag;
 pub mod losses;
 pub mod outage;
 pub mod ranges;
 pub mod retries;
+pub mod states;
 pub mod steps;
+pub mod thinning;

@@ -11,7 +11,8 @@ mod scripts;
 mod types;
 
 pub use job_types::{
-    Ending, JobFilter, JobKind, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped, TakenRange,
+    Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped,
+    TakenRange,
 };
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,

@@ -1,9 +1,11 @@
 //! Jobs for their owners, and answers to repeated requests.
 
-use crate::store::scripts::{jobs, outputs, pauses, requests};
-use crate::store::{Entry, JobFilter, JobKind, NewJob, Page, RequestKey, Store, StoreError};
+use crate::store::scripts::{jobs, metrics, outputs, pauses, requests, versions};
+use crate::store::{
+    Entry, JobFilter, JobKind, JobVersions, NewJob, Page, RequestKey, Store, StoreError,
+};
 use crate::tenant::Tenant;
-use yoto_proto::v1::{Job, PausedKind, RenderedFile};
+use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
 
 impl Store {
     /// The stored answer to `request`, in most cases an id.
@@ -52,6 +54,21 @@ impl Store {
         full: bool,
     ) -> Result<Vec<Entry<Job>>, StoreError> {
         jobs::list(&mut self.db.read().await?, tenant, page, filter, full).await
+    }
+
+    /// The figures of a job over its steps.
+    pub async fn job_metrics(&self, tenant: &Tenant, id: &str) -> Result<JobMetrics, StoreError> {
+        metrics::of_job(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// The tenant's open jobs, and all of its jobs after the position `after`, with the position of its newest job. Without
+    /// `after`, only the open jobs.
+    pub async fn job_versions(
+        &self,
+        tenant: &Tenant,
+        after: Option<i64>,
+    ) -> Result<JobVersions, StoreError> {
+        versions::list(&mut self.db.read().await?, tenant, after).await
     }
 
     /// The files that a render has committed so far.

@@ -37,6 +37,8 @@ impl Stage {
             device: WorkerDevice::default(),
             kinds: vec![JobKind::Train, JobKind::Render],
             embedded: false,
+            version: String::new(),
+            order_level: 1,
         };
         let worker = store
             .register_worker(&own(), worker)

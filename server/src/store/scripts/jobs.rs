@@ -6,6 +6,7 @@ use crate::store::{Entry, JobFilter, JobKind, NewJob, Page, RequestKey, StoreErr
 use crate::tenant::Tenant;
 use prost::Message;
 use yoto_proto::names::Collection;
+use yoto_proto::orders;
 use yoto_proto::v1::{Job, JobPriority, JobSpec, Progress, job, job_spec};
 
 /// Priorities by their column.
@@ -130,8 +131,9 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
     }
     let pinned = pins::chosen(tx, tenant, spec).await?;
     sql("INSERT INTO jobs
-             (id, kind, capture, model, spec, pinned_step, priority, owner, create_time, tenant)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)")
+             (id, kind, capture, model, spec, pinned_step, priority, owner, create_time, tenant,
+              order_level)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)")
     .bind(&id)
     .bind(kind.as_str())
     .bind(ingest.then_some(target))
@@ -142,6 +144,7 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
     .bind(&new.owner)
     .bind(tx.now())
     .bind(tenant.id())
+    .bind(orders::level(spec))
     .execute(tx, "queueing a job")
     .await?;
     pins::pin_others(tx, tenant, &id, spec).await?;

@@ -5,7 +5,8 @@
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
 use super::{
-    attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, queue, ranges, workers,
+    attempts, checkpoints, helpers, inputs, jobs, metrics, outcome, outputs, pins, queue, ranges,
+    workers,
 };
 use crate::checkpoints::retention::Retention;
 use crate::store::db::{Lock, Statement, Tx, integer, sql};
@@ -282,11 +283,16 @@ pub async fn heartbeat(
     );
     let row = bound(statement, lease)?
         .bind(tx.now() + lease_seconds)
-        .bind(progress.map(|progress| progress.encode_to_vec()))
+        .bind(progress.as_ref().map(Message::encode_to_vec))
         .row(tx, "recording a heartbeat")
         .await?;
     match row {
-        Some(row) => row.flag("cancel_requested"),
+        Some(row) => {
+            if let Some(progress) = &progress {
+                metrics::record(tx, &lease.job_id, progress).await?;
+            }
+            row.flag("cancel_requested")
+        }
         None => helpers::heartbeat(tx, lease, lease_seconds).await,
     }
 }

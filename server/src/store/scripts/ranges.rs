@@ -6,7 +6,7 @@ use crate::store::db::{Tx, sql};
 
 use crate::rules::ranges::split;
 use crate::store::{LeaseKey, StoreError, TakenRange};
-use yoto_proto::v1::PictureRange;
+use yoto_proto::v1::{ErrorReason, PictureRange};
 
 /// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
 /// range that it already has. Also returns whether all pictures are drawn.
@@ -76,7 +76,7 @@ async fn divide(tx: &mut Tx, lease: &LeaseKey, pictures: u32) -> Result<(), Stor
     if !row.flag("runs")? {
         let message = format!("the render has {known} pictures, not {pictures}");
         return Err(StoreError::Rule {
-            reason: "OTHER_PICTURES",
+            reason: ErrorReason::OtherPictures,
             message,
         });
     }

@@ -8,8 +8,7 @@ use crate::store::{
 };
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
-use yoto_proto::reasons::UPLOAD_INCOMPLETE;
-use yoto_proto::v1::{Capture, IngestSpec, JobSpec, job_spec};
+use yoto_proto::v1::{Capture, ErrorReason, IngestSpec, JobSpec, job_spec};
 
 /// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
 const ROWS_PER_STATEMENT: usize = 4000;
@@ -129,7 +128,7 @@ pub async fn commit(
         .await?;
         if done == 0 {
             return Err(StoreError::Rule {
-                reason: "UPLOAD_OFFSET",
+                reason: ErrorReason::UploadOffset,
                 message: format!(
                     "{}: bytes {} to {} do not follow what was committed",
                     part.path, part.from, part.to
@@ -178,7 +177,7 @@ pub async fn finish(
         ingest(tx, tenant, id).await?;
     } else if get(tx, tenant, id).await?.open {
         return Err(StoreError::Rule {
-            reason: UPLOAD_INCOMPLETE,
+            reason: ErrorReason::UploadIncomplete,
             message: format!("{} is not complete", Collection::Uploads.name(id)),
         });
     }
@@ -221,7 +220,7 @@ pub async fn ingest_again(
     .execute(tx, "starting an ingest anew").await?;
     if done == 0 {
         return Err(StoreError::Rule {
-            reason: "NOT_REPEATABLE",
+            reason: ErrorReason::NotRepeatable,
             message: format!(
                 "{} is {}: only one that is UPLOADED or REJECTED is read again",
                 before.name,

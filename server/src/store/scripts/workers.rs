@@ -13,8 +13,9 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     // No device has more memory than fits into the column.
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sql("INSERT INTO workers
-             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9)")
+             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant,
+              version, order_level)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)")
     .bind(&id)
     .bind(&new.display_name)
     .bind(&new.device.backend)
@@ -24,6 +25,8 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     .bind(new.embedded)
     .bind(tx.now())
     .bind(tenant.id())
+    .bind(&new.version)
+    .bind(new.order_level)
     .execute(tx, "registering a worker")
     .await?;
     for kind in new.kinds {
@@ -148,5 +151,7 @@ fn read(row: &Row) -> Result<WorkerStatus, StoreError> {
         kinds: kinds.collect::<Result<_, StoreError>>()?,
         last_seen: row.time("reported")?,
         job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
+        version: row.text("version")?,
+        order_level: row.number("order_level")?,
     })
 }

@@ -79,16 +79,18 @@ const NO_NAMES: &[&str] = &[
     "slots",
     "tier",
     "variant",
+    "version",
 ];
 
-/// Messages in which a worker reports on its own lease: their names are compared with those of the leased order, and not
-/// looked up. An ingest job can't be ordered at all.
+/// Messages whose names are never answered with NOT_FOUND: a worker's reports on its own lease, which are compared with the
+/// leased order; an ingest job, which can't be ordered; and jobs that a watcher knows, which are answered as deleted.
 const REPORTS: &[&str] = &[
     "Checkpoint",
     "JobResult",
     "JobError",
     "Progress",
     "IngestSpec",
+    "KnownJob",
 ];
 
 /// What a message needs besides the name in one field to be looked at, as JSON: on the way to a field of it, or to any.
@@ -175,7 +177,7 @@ fn collect(
     }
 }
 
-/// Whether the field at the end of `path` is part of a worker's report.
+/// Whether the field at the end of `path` is in a message whose names are never answered with NOT_FOUND.
 pub fn is_report(path: &[FieldDescriptor]) -> bool {
     path.iter()
         .any(|it| REPORTS.contains(&it.parent_message().name()))

@@ -29,6 +29,12 @@ pub fn migrations() -> Migrator {
     let clock =
         include_str!("../../../../../migrations/sqlite/0014_clock_steps.sql").into_sql_str();
     let tenants = include_str!("../../../../../migrations/sqlite/0015_tenants.sql").into_sql_str();
+    let metrics =
+        include_str!("../../../../../migrations/sqlite/0017_job_metrics.sql").into_sql_str();
+    let levels =
+        include_str!("../../../../../migrations/sqlite/0018_order_levels.sql").into_sql_str();
+    let turns =
+        include_str!("../../../../../migrations/sqlite/0021_turns_of_tenants.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -49,5 +55,8 @@ pub fn migrations() -> Migrator {
         step(13, "export jobs", exports, true),
         step(14, "clock steps", clock, false),
         step(15, "tenants", tenants, false),
+        step(17, "job metrics", metrics, false),
+        step(18, "order levels", levels, false),
+        step(21, "turns of tenants", turns, false),
     ])
 }

@@ -96,6 +96,8 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         display_name: "new".into(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Evaluate],
+        version: String::new(),
+        order_level: 1,
     };
     let worker = store
         .register_worker(&Tenant::default(), new)
@@ -187,7 +189,16 @@ async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
     published.expect("publishes");
     let ended = store.end_job(&own, &lease, Ending::Returned).await;
     ended.expect("returns the job");
-    let again = store.lease_job(&own, "w", "", false, 20.0).await;
+    let new = NewWorker {
+        embedded: false,
+        display_name: "new".into(),
+        device: WorkerDevice::default(),
+        kinds: vec![JobKind::Train],
+        version: String::new(),
+        order_level: 1,
+    };
+    let worker = store.register_worker(&own, new).await.expect("registers");
+    let again = store.lease_job(&own, &worker, "", false, 20.0).await;
     let again = again.expect("answers").leased.expect("the job waits");
     assert_eq!(again.job.name, "jobs/j");
     assert!(again.token > 77);
