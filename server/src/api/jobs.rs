@@ -1,6 +1,6 @@
 //! `yoto.v1.JobService`.
 
-use super::{fields, paging};
+use super::{fields, paging, public};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
@@ -81,16 +81,20 @@ impl JobService for JobApi {
         let spec = request.spec.unwrap_or_default();
         let new = fields::new_job(spec, request.priority, &request.owner);
         let (key, new) = both(key, new)?;
-        Ok(Response::new(
-            queue::create(&self.context, &tenant, new, key).await?,
-        ))
+        if request.validate_only {
+            let priority = request.priority;
+            let job = queue::validate(&self.context, &tenant, new).await?;
+            return Ok(Response::new(Job { priority, ..job }));
+        }
+        let job = queue::create(&self.context, &tenant, new, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
         let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
         let job = self.context.store.job_history(&tenant, &id).await;
-        Ok(Response::new(job.map_err(RequestError::from)?))
+        Ok(Response::new(public::job(job.map_err(RequestError::from)?)))
     }
 
     async fn list_jobs(
@@ -120,7 +124,7 @@ impl JobService for JobApi {
             .await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
-            jobs,
+            jobs: jobs.into_iter().map(public::job).collect(),
             next_page_token,
         }))
     }
@@ -133,9 +137,8 @@ impl JobService for JobApi {
         let request = request.get_ref();
         let key = fields::request_key("CancelJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        Ok(Response::new(
-            queue::cancel(&self.context, &tenant, &id, key).await?,
-        ))
+        let job = queue::cancel(&self.context, &tenant, &id, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 
     async fn pause_jobs(
@@ -202,7 +205,9 @@ impl JobService for JobApi {
             request.after_sequence,
             self.drain.clone(),
         );
-        let answers = jobs.map_ok(|job| WatchJobResponse { job: Some(job) });
+        let answers = jobs.map_ok(|job| WatchJobResponse {
+            job: Some(public::job(job)),
+        });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
     }
 
@@ -227,6 +232,10 @@ impl JobService for JobApi {
         }
         let context = Arc::clone(&self.context);
         let answers = watch_all::watch_all(context, tenant, filter, known, self.drain.clone());
+        let answers = answers.map_ok(|answer| WatchJobsResponse {
+            jobs: answer.jobs.into_iter().map(public::job).collect(),
+            ..answer
+        });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
     }
 
@@ -245,8 +254,7 @@ impl JobService for JobApi {
         let request = request.get_ref();
         let key = fields::request_key("RetryJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        Ok(Response::new(
-            retry::retry(&self.context, &tenant, &id, key).await?,
-        ))
+        let job = retry::retry(&self.context, &tenant, &id, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 }

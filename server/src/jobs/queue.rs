@@ -11,7 +11,7 @@ use crate::field_faults::all;
 use crate::store::{JobKind, NewJob, RequestKey};
 use crate::tenant::Tenant;
 use yoto_proto::checks;
-use yoto_proto::v1::{Job, JobSpec};
+use yoto_proto::v1::{Job, JobSpec, job};
 
 /// Checks a job, whose order is well-formed, and queues it.
 ///
@@ -32,6 +32,26 @@ pub async fn create(
     let job = context.store.create_job(tenant, new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
+}
+
+/// The job that an order would become, after the same checks as in [`create`].
+///
+/// # Errors
+/// As [`create`].
+pub async fn validate(
+    context: &Context,
+    tenant: &Tenant,
+    new: NewJob,
+) -> Result<Job, RequestError> {
+    check_spec(context, tenant, &new.spec).await?;
+    let kind = JobKind::of(&new.spec).map(JobKind::to_proto);
+    Ok(Job {
+        state: job::State::Queued.into(),
+        kind: kind.unwrap_or_default().into(),
+        spec: Some(new.spec),
+        owner: new.owner,
+        ..Job::default()
+    })
 }
 
 /// Checks an order without the catalogue.

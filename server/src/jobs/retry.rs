@@ -3,7 +3,6 @@
 use super::queue;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::rules::states::is_terminal;
 use crate::store::{NewJob, RequestKey, StoreError};
 use crate::tenant::Tenant;
 use crate::uploads;
@@ -30,7 +29,7 @@ pub async fn retry(
         };
     }
     let ended = context.store.job(tenant, id).await?;
-    if !is_terminal(ended.state()) || ended.state() == job::State::Succeeded {
+    if !ended.state().is_terminal() || ended.state() == job::State::Succeeded {
         let message = format!(
             "{} is {}: only one that FAILED or was CANCELLED is queued again",
             ended.name,

@@ -3,7 +3,6 @@
 use crate::changes::{WatchedState, subscribe};
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::rules::states::is_terminal;
 use crate::tenant::Tenant;
 use futures::{Stream, stream};
 use std::sync::Arc;
@@ -54,7 +53,7 @@ pub fn watch(
             return None;
         }
         let next = watcher.next().await.transpose();
-        watcher.ended = !matches!(&next, Some(Ok(job)) if !is_terminal(job.state()));
+        watcher.ended = !matches!(&next, Some(Ok(job)) if !job.state().is_terminal());
         next.map(|item| (item, watcher))
     })
 }
@@ -71,7 +70,7 @@ impl Watcher {
             if !known {
                 return Ok(Some(job));
             }
-            if is_terminal(job.state()) {
+            if job.state().is_terminal() {
                 return Ok(None);
             }
         }

@@ -2,8 +2,7 @@
 
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::feed::{Change, subscribe};
-use crate::rules::states::is_terminal;
+use crate::job_feed::{Change, subscribe};
 use crate::store::{JobFilter, Page, StoreError};
 use crate::tenant::Tenant;
 use futures::{Stream, stream};
@@ -172,7 +171,7 @@ impl Watcher {
                 if known.is_some_and(|&known| known >= job.sequence) {
                     return;
                 }
-                match is_terminal(job.state()) {
+                match job.state().is_terminal() {
                     true => drop(self.known.remove(&job.name)),
                     false => drop(self.known.insert(job.name.clone(), job.sequence)),
                 }

@@ -9,7 +9,6 @@
 //! | how a render is divided among workers | [`ranges`] |
 //! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
-//! | which states of a job are terminal | [`states`] |
 //! | steps of the clock do not count for ages | [`steps`] |
 //! | the figures that are kept for a training's curve | [`thinning`] |
 
@@ -18,6 +17,5 @@ pub mod losses;
 pub mod outage;
 pub mod ranges;
 pub mod retries;
-pub mod states;
 pub mod steps;
 pub mod thinning;

@@ -16,7 +16,8 @@ pub use job_types::{
 };
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
-    Reference, RequestKey, StoreError, Target, Upload, UploadFile, UploadedFile, new_id,
+    Reference, RequestKey, StoreError, SubjectChange, Target, Upload, UploadFile, UploadedFile,
+    new_id,
 };
 
 use crate::clock::Clock;

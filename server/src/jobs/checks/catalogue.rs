@@ -8,7 +8,8 @@ use crate::store::StoreError;
 use crate::tenant::Tenant;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::Need;
-use yoto_proto::v1::{Checkpoint, ErrorReason, Model, SubjectShard};
+use yoto_proto::v1::{Checkpoint, ErrorReason, Model};
+use yoto_proto::worker::v1::SubjectShard;
 
 /// A person who must have a slot in a model.
 pub(super) struct RequiredSlot {

@@ -1,14 +1,16 @@
 //! The catalogue: people, captures, models, checkpoints, and their deletion.
 
 use crate::checkpoints::retention::Retention;
-use crate::store::scripts::{captures, checkpoints, deletion, models, subjects};
+use crate::store::scripts::{capture_objects, captures, checkpoints, deletion, models, subjects};
 use crate::store::{
-    Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, Target, UploadedFile,
+    Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, SubjectChange, Target,
+    UploadedFile,
 };
 use crate::tenant::Tenant;
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Model, Subject, SubjectShard,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Model, RenderedFile, Subject,
 };
+use yoto_proto::worker::v1::SubjectShard;
 
 impl Store {
     /// Creates a subject, or repeats the earlier answer to `request`.
@@ -38,6 +40,20 @@ impl Store {
         subjects::list(&mut self.db.read().await?, tenant, page).await
     }
 
+    /// Changes a subject, if its version is `etag` (empty: any).
+    pub async fn update_subject(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        change: SubjectChange,
+        etag: &str,
+    ) -> Result<Subject, StoreError> {
+        let mut tx = self.db.write().await?;
+        let subject = subjects::update(&mut tx, tenant, id, change, etag).await?;
+        tx.commit().await?;
+        Ok(subject)
+    }
+
     /// The shard of the subject's newest READY capture.
     pub async fn shard(
         &self,
@@ -50,6 +66,27 @@ impl Store {
     /// A capture by id.
     pub async fn capture(&self, tenant: &Tenant, id: &str) -> Result<Capture, StoreError> {
         captures::get(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// Captures of a person, or of all people, oldest first.
+    pub async fn captures(
+        &self,
+        tenant: &Tenant,
+        page: Page,
+        subject_id: Option<&str>,
+    ) -> Result<Vec<Entry<Capture>>, StoreError> {
+        captures::list(&mut self.db.read().await?, tenant, page, subject_id).await
+    }
+
+    /// What the ingest job of a capture made for people: the check's report and a thumbnail.
+    pub async fn capture_objects(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+    ) -> Result<Vec<RenderedFile>, StoreError> {
+        let mut tx = self.db.read().await?;
+        captures::get(&mut tx, tenant, id).await?;
+        capture_objects::list(&mut tx, id).await
     }
 
     /// The files of a capture, by path.

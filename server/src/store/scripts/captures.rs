@@ -1,11 +1,14 @@
 //! Captures, and the results of their ingest jobs.
 
+use super::capture_objects;
+
 use crate::rules::etag;
-use crate::store::db::{Lock, Tx, integer, sql, state};
-use crate::store::{StoreError, UploadedFile};
+use crate::store::db::{Lock, Row, Tx, integer, sql, state};
+use crate::store::{Entry, Page, StoreError, UploadedFile};
 use crate::tenant::Tenant;
+use yoto_proto::keys::{CHECK, THUMBNAIL};
 use yoto_proto::limits;
-use yoto_proto::names::Collection;
+use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Capture, IngestResult, Violation, capture};
 
 fn not_found(id: &str) -> StoreError {
@@ -14,18 +17,69 @@ fn not_found(id: &str) -> StoreError {
     }
 }
 
+/// Selects captures with their newest ingest job.
+macro_rules! select_captures {
+    ($rest:literal) => {
+        concat!(
+            "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size,
+                 (SELECT j.id FROM jobs j WHERE j.capture = c.id ORDER BY j.ord DESC LIMIT 1)
+                     AS ingest_job
+             FROM captures c JOIN subjects s ON s.id = c.subject ",
+            $rest
+        )
+    };
+}
+
 /// A capture by id.
 pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Capture, StoreError> {
-    let row = sql("SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size,
-             (SELECT j.id FROM jobs j WHERE j.capture = c.id ORDER BY j.ord DESC LIMIT 1)
-                 AS ingest_job
-         FROM captures c JOIN subjects s ON s.id = c.subject WHERE c.id = $1 AND s.tenant = $2")
-    .bind(id)
+    let row = sql(select_captures!("WHERE c.id = $1 AND s.tenant = $2"))
+        .bind(id)
+        .bind(tenant.id())
+        .row(tx, "reading a capture")
+        .await?
+        .ok_or_else(|| not_found(id))?;
+    read(tx, &row).await
+}
+
+/// Captures of a person, or of all of the tenant's people, oldest first.
+pub async fn list(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    page: Page,
+    subject_id: Option<&str>,
+) -> Result<Vec<Entry<Capture>>, StoreError> {
+    let rows = sql(select_captures!(
+        "WHERE s.tenant = $1 AND c.ord > $2 AND ($3 IS NULL OR c.subject = $3)
+         ORDER BY c.ord LIMIT $4"
+    ))
     .bind(tenant.id())
-    .row(tx, "reading a capture")
-    .await?
-    .ok_or_else(|| not_found(id))?;
+    .bind(page.after.unwrap_or(0))
+    .bind(subject_id)
+    .bind(page.limit)
+    .rows(tx, "listing captures")
+    .await?;
+    let mut captures = Vec::with_capacity(rows.len());
+    for row in &rows {
+        captures.push(Entry {
+            position: row.number("ord")?,
+            item: read(tx, row).await?,
+        });
+    }
+    Ok(captures)
+}
+
+async fn read(tx: &mut Tx, row: &Row) -> Result<Capture, StoreError> {
+    let id = &*row.text("id")?;
     let ingest_job = row.maybe_text("ingest_job")?;
+    let name = Collection::Captures.name(id);
+    let mut files = Vec::new();
+    if row.text("state")? == capture::State::Ready.as_str_name() {
+        files = capture_objects::list(tx, id).await?;
+    }
+    let object = |file: &str| match files.iter().any(|it| it.file == file) {
+        true => names::object(&name, file),
+        false => String::new(),
+    };
     let mut capture = Capture {
         name: Collection::Captures.name(id),
         subject: Collection::Subjects.name(&row.text("subject")?),
@@ -46,6 +100,8 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Capture, Stor
         first_frame: row.maybe_number("first_frame")?,
         last_frame: row.maybe_number("last_frame")?,
         etag: String::new(),
+        check: object(CHECK),
+        thumbnail: object(THUMBNAIL),
     };
     capture.etag = etag::of(&capture);
     Ok(capture)
@@ -123,7 +179,7 @@ pub async fn accept(tx: &mut Tx, id: &str, result: &IngestResult) -> Result<(), 
     .bind(result.last_frame)
     .execute(tx, "marking a capture READY")
     .await?;
-    Ok(())
+    capture_objects::record(tx, id, result).await
 }
 
 /// Marks a capture as UPLOADED: its ingest failed through no fault of its files, and can be repeated.

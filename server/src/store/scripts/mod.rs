@@ -5,6 +5,7 @@
 //! that the tenant has the resource.
 
 pub mod attempts;
+pub mod capture_objects;
 pub mod captures;
 pub mod checkpoints;
 pub mod deletion;

@@ -5,7 +5,8 @@ use crate::store::db::{Row, Tx, integer, sql};
 
 use crate::store::{LeaseKey, StoreError};
 use yoto_proto::keys;
-use yoto_proto::v1::{PictureRange, RenderedFile};
+use yoto_proto::v1::RenderedFile;
+use yoto_proto::worker::v1::PictureRange;
 
 /// Commits a file of a job that the worker runs, or of a render that it helps with. It replaces an earlier file
 /// of the same name, which is damaged or from an earlier lease.

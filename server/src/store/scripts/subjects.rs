@@ -1,13 +1,14 @@
 //! Subjects, and the shard of each.
 
 use super::requests;
-use crate::store::db::{Row, Tx, sql, state};
+use crate::store::db::{Lock, Row, Tx, sql, state};
 
 use crate::rules::etag;
-use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id};
+use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, new_id};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{Subject, SubjectShard, subject};
+use yoto_proto::v1::{Subject, subject};
+use yoto_proto::worker::v1::SubjectShard;
 
 fn read(row: &Row) -> Result<Subject, StoreError> {
     let captures = row.maybe_text("captures")?.unwrap_or_default();
@@ -67,6 +68,29 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Subject, Stor
             name: Collection::Subjects.name(id),
         }),
     }
+}
+
+/// Changes a subject, if its version is `asked` (empty: any).
+pub async fn update(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    change: SubjectChange,
+    asked: &str,
+) -> Result<Subject, StoreError> {
+    tx.lock(Lock::Subject(id)).await?;
+    let before = get(tx, tenant, id).await?;
+    etag::check(&before.display_name, asked, &before.etag)?;
+    sql(
+        "UPDATE subjects SET display_name = coalesce($2, display_name),
+             consent_note = coalesce($3, consent_note) WHERE id = $1",
+    )
+    .bind(id)
+    .bind(change.display_name)
+    .bind(change.consent_note)
+    .execute(tx, "changing a subject")
+    .await?;
+    get(tx, tenant, id).await
 }
 
 /// Subjects, oldest first.

@@ -174,7 +174,7 @@ async fn a_worker_runs_the_jobs_of_its_tenant() {
     let claim = crate::support::claim(&lease);
     // The token alone is not enough.
     service.channel = connect(&service, "other");
-    let beat = yoto_proto::v1::HeartbeatRequest {
+    let beat = yoto_proto::worker::v1::HeartbeatRequest {
         claim: Some(claim),
         progress: None,
     };

@@ -107,6 +107,7 @@ const NEEDS: &[(&str, &str)] = &[
     ("PublishCheckpointRequest", r#"{"checkpoint": {}}"#),
     ("TakeRangeRequest", r#"{"pictures": 1}"#),
     ("UpdateModelRequest", r#"{"updateMask": "retention"}"#),
+    ("UpdateSubjectRequest", r#"{"updateMask": "consentNote"}"#),
     ("TrainSpec", r#"{"seconds": 1}"#),
     ("ExportSpec", r#"{"form": "EXPORT_FORM_PAGE"}"#),
     ("ExportMotion", r#"{"name": "walk"}"#),

@@ -33,6 +33,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/sqlite/0017_job_metrics.sql").into_sql_str();
     let levels =
         include_str!("../../../../../migrations/sqlite/0018_order_levels.sql").into_sql_str();
+    let files =
+        include_str!("../../../../../migrations/sqlite/0019_capture_objects.sql").into_sql_str();
     let turns =
         include_str!("../../../../../migrations/sqlite/0021_turns_of_tenants.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
@@ -57,6 +59,7 @@ pub fn migrations() -> Migrator {
         step(15, "tenants", tenants, false),
         step(17, "job metrics", metrics, false),
         step(18, "order levels", levels, false),
+        step(19, "capture objects", files, false),
         step(21, "turns of tenants", turns, false),
     ])
 }

@@ -2,7 +2,6 @@
 //! while there are any.
 
 use crate::context::Context;
-use crate::rules::states::is_terminal;
 use crate::store::{JobVersions, StoreError};
 use crate::tenant::Tenant;
 use std::collections::{HashMap, HashSet};
@@ -129,7 +128,7 @@ impl Open {
         match context.store.job_state(&self.tenant, id).await {
             Ok(job) => {
                 let job = Arc::new(job);
-                match is_terminal(job.state()) {
+                match job.state().is_terminal() {
                     true => self.jobs.remove(id),
                     false => self.jobs.insert(id.to_owned(), Arc::clone(&job)),
                 };
