@@ -1,6 +1,6 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
-use super::lost;
+use super::{lock, lost};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, UploadFile};
@@ -29,7 +29,7 @@ pub async fn finish(
     if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
         return Ok(context.store.capture(tenant, &id).await?);
     }
-    let _lock = context.upload_locks.acquire(id).await;
+    let _lock = lock(context, tenant, id).await?;
     let upload = context.store.upload(tenant, id).await?;
     if upload.open {
         if let Some(file) = upload.files.iter().find(|file| file.committed < file.bytes) {

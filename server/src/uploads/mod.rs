@@ -15,6 +15,7 @@ mod write;
 pub use again::ingest_again;
 pub use announce::{create, describe};
 pub use finish::finish;
+use locks::UploadLock;
 pub use locks::UploadLocks;
 pub use write::receive;
 
@@ -39,6 +40,15 @@ async fn lost(context: &Context, tenant: &Tenant, id: &str, path: &str, left: u6
     let message =
         format!("{path}: only {left} bytes are left of it; the file has to be sent again");
     RequestError::precondition(ErrorReason::UploadIncomplete, message)
+}
+
+/// The lock of an upload, after the call that holds it has stopped. Only calls of the upload's tenant stop it.
+///
+/// # Errors
+/// When there is no such upload.
+async fn lock(context: &Context, tenant: &Tenant, id: &str) -> Result<UploadLock, RequestError> {
+    context.store.require_upload(tenant, id).await?;
+    Ok(context.upload_locks.acquire(id).await)
 }
 
 /// The open upload with this id.
@@ -68,7 +78,7 @@ pub async fn get(
     stop_writer: bool,
 ) -> Result<Upload, RequestError> {
     let _lock = match stop_writer {
-        true => Some(context.upload_locks.acquire(id).await),
+        true => Some(lock(context, tenant, id).await?),
         false => None,
     };
     Ok(context.store.upload(tenant, id).await?)

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, Committer};
 use super::locks::UploadLock;
-use super::open;
+use super::{lock, open};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::tenant::Tenant;
@@ -35,7 +35,7 @@ where
         .parse(&first.upload)
         .map_err(|error| RequestError::invalid("upload", error.to_string()))?
         .to_owned();
-    let lock = context.upload_locks.acquire(&id).await;
+    let lock = lock(&context, &tenant, &id).await?;
     let upload = open(&context, &tenant, &id).await?;
     let mut writer = Writer {
         name: first.upload.clone(),

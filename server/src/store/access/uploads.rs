@@ -20,6 +20,11 @@ impl Store {
         Ok(id)
     }
 
+    /// Checks that the tenant has the upload, finished or not, without reading its files.
+    pub async fn require_upload(&self, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+        uploads::require(&mut self.db.read().await?, tenant, id).await
+    }
+
     /// An upload by id, finished or not.
     pub async fn upload(&self, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
         let mut tx = self.db.snapshot().await?;

@@ -2,7 +2,7 @@
 
 use super::locks::{Lock, Locks};
 use super::sqlite::Connection;
-use super::{Row, Statement};
+use super::{Row, Statement, sql};
 use crate::faults::{self, Moment};
 use crate::store::StoreError;
 
@@ -61,6 +61,22 @@ impl Tx {
             // No other transaction writes at the same time.
             Driver::Sqlite(_) => choice.row(self, action).await,
         }
+    }
+
+    /// Tables and columns of the schema whose names end in `end`.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn columns_named(&mut self, end: &str) -> Result<Vec<(String, String)>, StoreError> {
+        let statement = match &self.driver {
+            Driver::Sqlite(_) => sql("SELECT t.name AS table_name, c.name AS column_name
+                 FROM sqlite_schema t JOIN pragma_table_info(t.name) c
+                 WHERE t.type = 'table' AND substr(c.name, -length($1)) = $1"),
+        };
+        let rows = statement.bind(end).rows(self, "reading the schema").await?;
+        rows.iter()
+            .map(|row| Ok((row.text("table_name")?, row.text("column_name")?)))
+            .collect()
     }
 
     /// Makes the changes of a transaction that writes durable.

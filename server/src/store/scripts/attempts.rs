@@ -1,9 +1,8 @@
 //! The history of a job: each of its leases, and its end.
 
 use super::ranges;
-use crate::store::db::{Tx, sql, state};
-
 use super::steps::age;
+use crate::store::db::{Tx, sql, state};
 use crate::store::{LeaseKey, StoreError};
 use prost::Message;
 use yoto_proto::names::Collection;

@@ -1,7 +1,6 @@
 //! Captures, and the results of their ingest jobs.
 
 use super::capture_objects;
-
 use crate::rules::etag;
 use crate::store::db::{Lock, Row, Tx, integer, sql, state};
 use crate::store::{Entry, Page, StoreError, UploadedFile};

@@ -12,7 +12,7 @@ use yoto_proto::keys::{FolderOwner, Lease};
 /// Notes a folder, with everything below it, as part of a deleted resource.
 pub async fn deleted(tx: &mut Tx, folder: &str) -> Result<(), StoreError> {
     sql(
-        "INSERT INTO garbage (folder, deleted, first_seen) VALUES ($1, 1, $2)
+        "INSERT INTO garbage (folder, deleted, garbage_since) VALUES ($1, 1, $2)
          ON CONFLICT (folder) DO UPDATE SET deleted = 1",
     )
     .bind(folder)
@@ -35,7 +35,7 @@ pub async fn is_deleted(tx: &mut Tx, folder: &str) -> Result<bool, StoreError> {
 pub async fn known(tx: &mut Tx, at: f64) -> Result<Vec<KnownGarbage>, StoreError> {
     let rows = sql(concat!(
         "SELECT folder, deleted, ",
-        age!("first_seen"),
+        age!("garbage_since"),
         " AS age FROM garbage"
     ))
     .bind(at)
@@ -56,7 +56,7 @@ pub async fn known(tx: &mut Tx, at: f64) -> Result<Vec<KnownGarbage>, StoreError
 pub async fn note(tx: &mut Tx, new: &[String], gone: &[String]) -> Result<(), StoreError> {
     for folder in new {
         sql(
-            "INSERT INTO garbage (folder, deleted, first_seen) VALUES ($1, 0, $2)
+            "INSERT INTO garbage (folder, deleted, garbage_since) VALUES ($1, 0, $2)
              ON CONFLICT (folder) DO NOTHING",
         )
         .bind(folder)
@@ -115,7 +115,7 @@ async fn named(
             "SELECT EXISTS (SELECT 1 FROM captures
                      WHERE id = $2 AND (state IN ('UPLOADING', 'UPLOADED', 'INGESTING')
                          OR (state = 'READY' AND ",
-            age!("write_time"),
+            age!("idle_since"),
             " < $3))) AS found"
         ))
         .bind(at)

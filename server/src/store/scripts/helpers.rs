@@ -3,9 +3,8 @@
 //! Such a lease is an attempt with a deadline. Its end never ends the job: its ranges go to others.
 
 use super::leases::{Ask, gap};
-use crate::store::db::{Tx, sql};
-
 use super::{attempts, jobs, outcome};
+use crate::store::db::{Tx, sql};
 use crate::store::{Ending, LeaseKey, StoreError};
 use yoto_proto::v1::job;
 use yoto_proto::v1::job_attempt::Outcome;

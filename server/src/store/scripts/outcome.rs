@@ -4,10 +4,9 @@
 //! checkpoint's trade-off, so that the two never contradict each other.
 
 use super::leases::{bound, guarded};
-use crate::store::db::{Row, Tx, sql};
-
 use super::{attempts, captures, checkpoints, helpers, jobs};
 use crate::rules::retries;
+use crate::store::db::{Row, Tx, sql};
 use crate::store::{Ending, LeaseKey, StoreError};
 use crate::tenant::Tenant;
 use prost::Message;

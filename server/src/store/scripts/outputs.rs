@@ -2,7 +2,6 @@
 
 use super::leases::{bound, held};
 use crate::store::db::{Row, Tx, integer, sql};
-
 use crate::store::{LeaseKey, StoreError};
 use yoto_proto::keys;
 use yoto_proto::v1::RenderedFile;

@@ -9,11 +9,10 @@
 //! also uses the best checkpoint of each of them, which is chosen and kept in the same way.
 
 use super::checkpoints;
-use crate::store::db::{Lock, Tx, integer, sql};
-
 use crate::checkpoints::best::to_use;
 use crate::checkpoints::retention::Pins;
 use crate::store::StoreError;
+use crate::store::db::{Lock, Tx, integer, sql};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};

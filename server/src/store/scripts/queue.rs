@@ -1,6 +1,6 @@
 //! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the oldest
-//! job. A model has one trainer at a time, paused kinds wait, and a worker gets no order that it does not understand. A worker without a job in the queue helps
-//! with a render.
+//! job. A model has one trainer at a time, paused kinds wait, and a worker gets no order that it does not understand. A
+//! worker runs the jobs of its tenant. Without a job in the queue, it helps with a render.
 
 use crate::store::StoreError;
 use crate::store::db::{Tx, sql};

@@ -2,9 +2,8 @@
 
 use super::leases::is_held;
 use super::outputs;
-use crate::store::db::{Tx, sql};
-
 use crate::rules::ranges::split;
+use crate::store::db::{Tx, sql};
 use crate::store::{LeaseKey, StoreError, TakenRange};
 use yoto_proto::v1::ErrorReason;
 use yoto_proto::worker::v1::PictureRange;

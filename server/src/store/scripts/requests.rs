@@ -43,7 +43,7 @@ pub async fn begin(
         return Ok(None);
     };
     let taken = sql(
-        "INSERT INTO request_ids (tenant, method, request_id, body_sha256, answer, create_time)
+        "INSERT INTO request_ids (tenant, method, request_id, body_sha256, answer, kept_since)
          VALUES ($1, $2, $3, $4, '', $5)
          ON CONFLICT (tenant, method, request_id) DO NOTHING",
     )
@@ -85,7 +85,7 @@ pub async fn remember(
 pub async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
     let done = sql(concat!(
         "DELETE FROM request_ids WHERE ",
-        age!("create_time"),
+        age!("kept_since"),
         " > $2"
     ))
     .bind(at)

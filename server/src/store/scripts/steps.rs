@@ -46,24 +46,22 @@ pub async fn keep_time(
     Ok(step)
 }
 
-/// Corrections of the time stamps on which deletions depend. Users do not see these stamps.
-const STAMPS: [&str; 3] = [
-    "UPDATE captures SET write_time = $2 WHERE write_time > $1",
-    "UPDATE garbage SET first_seen = $2 WHERE first_seen > $1",
-    "UPDATE request_ids SET create_time = $2 WHERE create_time > $1",
-];
+/// End of the names of columns with time stamps on which deletions depend. Users do not see these stamps.
+const STAMPS: &str = "_since";
 /// Seconds from a step to a stamp that counts as made after it.
 const AFTER: f64 = 0.001;
 
 /// Records a step, which ends now, and forgets old steps. Stamps later than that are set to it, so
 /// that their rows are kept for their full time again. Otherwise they would be kept until the clock catches up.
 async fn record(tx: &mut Tx, step: Step) -> Result<(), StoreError> {
-    for stamps in STAMPS {
-        sql(stamps)
-            .bind(tx.now())
-            .bind(tx.now() + AFTER)
-            .execute(tx, "correcting time stamps in the future")
-            .await?;
+    for (table, column) in tx.columns_named(STAMPS).await? {
+        sql(format!(
+            "UPDATE {table} SET {column} = $2 WHERE {column} > $1"
+        ))
+        .bind(tx.now())
+        .bind(tx.now() + AFTER)
+        .execute(tx, "correcting time stamps in the future")
+        .await?;
     }
     sql("DELETE FROM clock_steps WHERE at < $1")
         .bind(tx.now() - KEEP)
@@ -91,6 +89,7 @@ async fn move_waits(tx: &mut Tx, seconds: f64, latest: f64) -> Result<(), StoreE
 
 #[cfg(test)]
 mod tests {
+    use super::STAMPS;
     use crate::clock::ManualClock;
     use crate::store::{Horizons, NewSubject, RequestKey, Store};
     use crate::tenant::Tenant;
@@ -102,6 +101,24 @@ mod tests {
         attempts: 7.0 * DAY,
         workers: 7.0 * DAY,
     };
+
+    #[tokio::test]
+    async fn the_stamps_are_those_of_the_schema() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let clock = Arc::new(ManualClock::at(1e9));
+        let opened = Store::open_sqlite(&dir.path().join("yoto.db"), clock).await;
+        let store = opened.expect("opens");
+        let mut tx = store.db.read().await.expect("reads");
+        let mut stamps = tx.columns_named(STAMPS).await.expect("reads");
+        stamps.sort();
+        let stamps: Vec<(&str, &str)> = stamps.iter().map(|(a, b)| (&**a, &**b)).collect();
+        let expected = [
+            ("captures", "idle_since"),
+            ("garbage", "garbage_since"),
+            ("request_ids", "kept_since"),
+        ];
+        assert_eq!(stamps, expected);
+    }
 
     #[tokio::test]
     async fn a_request_is_remembered_for_a_week_of_running_time() {

@@ -1,9 +1,8 @@
 //! Subjects, and the shard of each.
 
 use super::requests;
-use crate::store::db::{Lock, Row, Tx, sql, state};
-
 use crate::rules::etag;
+use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, new_id};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;

@@ -33,7 +33,7 @@ pub async fn create(
     }
     tx.lock(Lock::Subject(&new.subject_id)).await?;
     let id = new_id();
-    let done = sql("INSERT INTO captures (id, subject, create_time, write_time)
+    let done = sql("INSERT INTO captures (id, subject, create_time, idle_since)
              SELECT $1, id, $3, $3 FROM subjects WHERE id = $2 AND tenant = $4")
     .bind(&id)
     .bind(&new.subject_id)
@@ -65,10 +65,26 @@ pub async fn create(
     Ok(id)
 }
 
+/// Checks that the tenant has the upload, finished or not.
+pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+    let row = sql(
+        "SELECT EXISTS (SELECT 1 FROM captures c JOIN subjects s ON s.id = c.subject
+             WHERE c.id = $1 AND s.tenant = $2) AS found",
+    )
+    .bind(id)
+    .bind(tenant.id())
+    .one(tx, "looking for an upload")
+    .await?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(not_found(id)),
+    }
+}
+
 /// An upload by id, finished or not.
 pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
     let row = sql(
-        "SELECT c.subject, c.state, c.write_time FROM captures c JOIN subjects s ON s.id = c.subject
+        "SELECT c.subject, c.state, c.idle_since FROM captures c JOIN subjects s ON s.id = c.subject
          WHERE c.id = $1 AND s.tenant = $2")
         .bind(id)
         .bind(tenant.id())
@@ -92,7 +108,7 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, Store
         id: id.to_owned(),
         subject_id: row.text("subject")?,
         open: row.text("state")? == "UPLOADING",
-        write_time: row.real("write_time")?.unwrap_or_default(),
+        write_time: row.real("idle_since")?.unwrap_or_default(),
         files: files.collect::<Result<_, StoreError>>()?,
     })
 }
@@ -106,7 +122,7 @@ pub async fn commit(
 ) -> Result<(), StoreError> {
     tx.lock(Lock::Capture(id)).await?;
     let done = sql(
-        "UPDATE captures SET write_time = $2 WHERE id = $1 AND state = 'UPLOADING'
+        "UPDATE captures SET idle_since = $2 WHERE id = $1 AND state = 'UPLOADING'
              AND subject IN (SELECT id FROM subjects WHERE tenant = $3)",
     )
     .bind(id)
@@ -241,7 +257,7 @@ pub async fn ingest_again(
 pub async fn expire(tx: &mut Tx, idle: f64, at: f64) -> Result<Vec<String>, StoreError> {
     let rows = sql(concat!(
         "DELETE FROM captures WHERE state = 'UPLOADING' AND ",
-        age!("write_time"),
+        age!("idle_since"),
         " >= $2 RETURNING id"
     ))
     .bind(at)

@@ -5,7 +5,7 @@
 mod calls;
 mod requests;
 
-use crate::support::{Service, file};
+use crate::support::{Service, chunks as chunks_of, file};
 use calls::{Answer, call};
 use prost_reflect::{DynamicMessage, FieldDescriptor, MethodDescriptor};
 use requests::{Content, is_report, leaves, methods, unknown, with};
@@ -14,7 +14,11 @@ use std::mem;
 use tonic::Code;
 use tonic::transport::Channel;
 use yoto_proto::names;
-use yoto_proto::v1::{CreateSubjectRequest, JobKind, ListSubjectsRequest, PauseJobsRequest};
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::{
+    CreateSubjectRequest, FinishUploadRequest, GetUploadRequest, JobKind, ListSubjectsRequest,
+    PauseJobsRequest,
+};
 use yoto_server::{Tenant, in_memory};
 
 /// Connects as another tenant.
@@ -157,6 +161,47 @@ async fn request_ids_and_pauses_are_a_tenants_own() {
     service.upload_good(&first.name).await;
     let worker = service.worker(&["ingest"]).await;
     assert!(service.lease(&worker).await.is_some(), "is not paused");
+}
+
+#[tokio::test]
+async fn nobody_stops_the_writer_of_anothers_upload() {
+    let service = Service::start().await;
+    let ada = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}"), file("a", b"0123456789")];
+    let upload = service.open_upload(&ada.name, &files).await;
+    let upload = upload.expect("is opened").name;
+    let (sender, receiver) = tokio::sync::mpsc::channel(1);
+    let chunks = tokio_stream::wrappers::ReceiverStream::new(receiver);
+    let mut uploads = service.uploads();
+    let writing = tokio::spawn(async move { uploads.write_upload(chunks).await });
+    let mut messages = chunks_of(&upload, &files).into_iter();
+    let first = messages.next().expect("a chunk");
+    sender.send(first).await.expect("is received");
+
+    let mut other = UploadServiceClient::new(connect(&service, "other"));
+    let stop = GetUploadRequest {
+        name: upload.clone(),
+        stop_writer: true,
+    };
+    let stopped = other.get_upload(stop).await.expect_err("is another's");
+    assert_eq!(stopped.code(), Code::NotFound);
+    let finish = FinishUploadRequest {
+        name: upload.clone(),
+        request_id: String::new(),
+    };
+    let finished = other.finish_upload(finish).await;
+    assert_eq!(finished.expect_err("is another's").code(), Code::NotFound);
+    let mut theirs = chunks_of(&upload, &files);
+    theirs.truncate(1);
+    let written = other.write_upload(futures::stream::iter(theirs)).await;
+    assert_eq!(written.expect_err("is another's").code(), Code::NotFound);
+
+    for message in messages {
+        sender.send(message).await.expect("is received");
+    }
+    drop(sender);
+    let written = writing.await.expect("no panic").expect("goes on");
+    assert_eq!(written.into_inner().committed_bytes, 12);
 }
 
 #[tokio::test]

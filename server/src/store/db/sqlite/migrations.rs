@@ -29,6 +29,7 @@ pub fn migrations() -> Migrator {
     let clock =
         include_str!("../../../../../migrations/sqlite/0014_clock_steps.sql").into_sql_str();
     let tenants = include_str!("../../../../../migrations/sqlite/0015_tenants.sql").into_sql_str();
+    let stamps = include_str!("../../../../../migrations/sqlite/0016_stamps.sql").into_sql_str();
     let metrics =
         include_str!("../../../../../migrations/sqlite/0017_job_metrics.sql").into_sql_str();
     let levels =
@@ -57,6 +58,7 @@ pub fn migrations() -> Migrator {
         step(13, "export jobs", exports, true),
         step(14, "clock steps", clock, false),
         step(15, "tenants", tenants, false),
+        step(16, "stamps", stamps, false),
         step(17, "job metrics", metrics, false),
         step(18, "order levels", levels, false),
         step(19, "capture objects", files, false),
