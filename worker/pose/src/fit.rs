@@ -5,7 +5,7 @@ use crate::colours;
 use crate::parameters::{Shared, Stance};
 use crate::problem::Problem;
 use crate::solve::{Guess, improve};
-use crate::{KeyPoints, PoseError, initial, report};
+use crate::{KeyPoints, PoseError, hands, initial, report};
 use yoto_proto::pose_track::PoseTrack;
 
 /// Most frames that are fitted together. The equations of one take a fifth of a megabyte.
@@ -83,6 +83,7 @@ pub fn fit(
         progress(GUESS + step, all);
     });
     let (found, round) = face_the_other_way(points, &mut problem, found);
+    let found = hands::reread(&problem, found, STEPS);
     progress(all, all);
     let mut fitted = report::fitted(points, options, &problem, &found);
     if relabelled > 0 {

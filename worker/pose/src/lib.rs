@@ -4,7 +4,7 @@
 //! every frame of a clip, so that its points project to where a detector saw them.
 //!
 //! ```text
-//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → report
+//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → hands → report
 //! ```
 
 mod banded;
@@ -14,6 +14,7 @@ mod error;
 mod fit;
 mod flips;
 mod forward;
+mod hands;
 mod initial;
 mod joints;
 mod key_points;
