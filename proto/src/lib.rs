@@ -3,7 +3,7 @@
 //! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! files of an export, the checks of orders, the reasons of refusals, pauses between attempts, text that is safe to
+//! files of an export, the checks of orders and their levels, the reasons of refusals, pauses between attempts, text that is safe to
 //! print, and the names of tiers, variants and evaluation protocols.
 
 pub mod backoff;
@@ -16,6 +16,7 @@ pub mod limits;
 pub mod manifest;
 pub mod media_plan;
 pub mod names;
+pub mod orders;
 pub mod pose_track;
 pub mod protocols;
 pub mod reasons;

@@ -12,6 +12,7 @@ pub mod config;
 mod context;
 mod error;
 pub mod faults;
+mod field_faults;
 mod health;
 mod in_memory;
 mod jobs;
@@ -37,6 +38,7 @@ pub use yoto_objects::ObjectsError;
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
+use jobs::feed::JobFeed;
 use jobs::reaper;
 use jobs::roster::Roster;
 use lock::DataDirLock;
@@ -91,6 +93,7 @@ impl Coordinator {
             objects_url,
             disk,
             changes: JobChanges::default(),
+            feed: JobFeed::default(),
             roster: Roster::default(),
             started,
             writable: tokio::sync::watch::Sender::new(true),

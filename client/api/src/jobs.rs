@@ -5,8 +5,9 @@ use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, ExportSpec,
-    GetJobRequest, IngestSpec, Job, JobKind, JobSpec, JobView, ListJobsRequest, PauseJobsRequest,
-    RenderSpec, ResumeJobsRequest, TrainSpec, job, job_spec,
+    GetJobMetricsRequest, GetJobRequest, IngestSpec, Job, JobKind, JobSpec, JobView,
+    ListJobsRequest, MetricPoint, PauseJobsRequest, RenderSpec, ResumeJobsRequest, RetryJobRequest,
+    TrainSpec, job, job_spec,
 };
 
 impl YotoClient {
@@ -129,6 +130,38 @@ impl YotoClient {
         };
         let doing = format!("cancelling {name}");
         repeat(cancel).await.map_err(ClientError::refused(doing))
+    }
+
+    /// The figures of the job `name` over its steps.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when no job has this name.
+    pub async fn job_metrics(&self, name: &str) -> Result<Vec<MetricPoint>, ClientError> {
+        let read = || {
+            let mut service = self.job_service();
+            let name = name.to_owned();
+            async move { service.get_job_metrics(GetJobMetricsRequest { name }).await }
+        };
+        let doing = format!("reading the figures of {name}");
+        let metrics = repeat(read).await.map_err(ClientError::refused(doing))?;
+        Ok(metrics.points)
+    }
+
+    /// Queues the order of a job that failed or was cancelled as a new job.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for a job that has succeeded or is still open.
+    pub async fn retry_job(&self, name: &str) -> Result<Job, ClientError> {
+        let request = RetryJobRequest {
+            name: name.to_owned(),
+            request_id: request_id(),
+        };
+        let retry = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.retry_job(request).await }
+        };
+        let doing = format!("queueing {name} again");
+        repeat(retry).await.map_err(ClientError::refused(doing))
     }
 
     /// Stops the leasing of a kind of jobs, for a reason; running jobs continue.

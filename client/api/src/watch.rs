@@ -119,7 +119,7 @@ impl JobWatch {
 }
 
 /// Whether `state` is terminal.
-fn is_terminal(state: job::State) -> bool {
+pub(super) fn is_terminal(state: job::State) -> bool {
     matches!(
         state,
         job::State::Succeeded | job::State::Failed | job::State::Cancelled

@@ -3,6 +3,7 @@
 use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::both;
 use crate::store::{NewSubject, Target};
 use crate::uploads;
 use std::sync::Arc;
@@ -41,9 +42,11 @@ impl SubjectService for SubjectApi {
             return Ok(Response::new(subject.map_err(RequestError::from)?));
         }
         let note = &request.consent_note;
-        fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES)?;
+        let display_name = fields::display_name(&request.display_name);
+        let note = fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES);
+        let (display_name, ()) = both(display_name, note)?;
         let new = NewSubject {
-            display_name: fields::display_name(&request.display_name)?,
+            display_name,
             consent_note: request.consent_note,
         };
         let subject = store.create_subject(new, key).await;
@@ -64,7 +67,7 @@ impl SubjectService for SubjectApi {
         request: Request<ListSubjectsRequest>,
     ) -> Result<Response<ListSubjectsResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("subjects", request.page_size, &request.page_token)?;
+        let page = paging::Request::read("subjects", request.page_size, &request.page_token, &())?;
         let entries = self.context.store.subjects(page.page()).await;
         let (subjects, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListSubjectsResponse {

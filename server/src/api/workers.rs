@@ -3,6 +3,7 @@
 use super::{fields, worker_text};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::both;
 use crate::jobs::{lease, report};
 use crate::store::{Ending, LeaseKey, NewWorker};
 use std::sync::Arc;
@@ -60,18 +61,24 @@ impl WorkerService for WorkerApi {
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
         let request = request.into_inner();
-        let kinds = fields::job_kinds("kinds", &request.kinds)?;
-        if kinds.is_empty() {
-            return Err(RequestError::invalid("kinds", "a worker needs at least one kind").into());
-        }
+        let kinds = match &request.kinds[..] {
+            [] => Err(RequestError::invalid(
+                "kinds",
+                "a worker needs at least one kind",
+            )),
+            kinds => fields::job_kinds("kinds", kinds),
+        };
         let device = request.device.map(worker_text::device);
-        let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"))?;
-        let display_name = fields::display_name(&request.display_name)?;
+        let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"));
+        let display_name = fields::display_name(&request.display_name);
+        let ((display_name, device), kinds) = both(both(display_name, device), kinds)?;
         let new = NewWorker {
             display_name,
             device,
             kinds,
             embedded: request.embedded,
+            version: worker_text::line(request.version),
+            order_level: request.order_level,
         };
         let id = lease::register(&self.context, new).await?;
         Ok(Response::new(RegisterWorkerResponse {

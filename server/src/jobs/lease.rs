@@ -6,6 +6,7 @@ use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker, StoreError};
 use prost::Message;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::names::Collection;
+use yoto_proto::orders;
 use yoto_proto::v1::{JobError, Lease};
 
 /// Bytes of an answer besides its lease.
@@ -17,14 +18,25 @@ const MARGIN: usize = 64;
 /// When the store fails.
 pub async fn register(context: &Context, new: NewWorker) -> Result<String, RequestError> {
     let (name, device) = (new.display_name.clone(), new.device.clone());
+    let (version, order_level) = (new.version.clone(), new.order_level);
     let id = context.store.register_worker(new).await?;
     tracing::info!(
         worker = id,
         name,
         adapter = device.adapter,
         gpu = device.gpu,
+        version,
         "worker registered"
     );
+    if order_level < orders::LEVEL {
+        tracing::warn!(
+            worker = id,
+            version,
+            order_level,
+            newest = orders::LEVEL,
+            "the worker is of an earlier version: it gets no orders that it does not understand"
+        );
+    }
     Ok(id)
 }
 

@@ -1,9 +1,12 @@
 //! Jobs between the API and the store: accepted orders, leases, reports and watches.
 
 mod checks;
+pub mod feed;
 pub mod lease;
 pub mod queue;
 pub mod reaper;
 pub mod report;
+pub mod retry;
 pub mod roster;
 pub mod watch;
+pub mod watch_all;

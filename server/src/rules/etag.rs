@@ -3,6 +3,7 @@
 use crate::store::StoreError;
 use prost::Message;
 use yoto_proto::sha256_hex;
+use yoto_proto::v1::ErrorReason;
 
 /// Characters of a version, of 4 bits each.
 const LENGTH: usize = 16;
@@ -23,7 +24,7 @@ pub fn check(name: &str, asked: &str, found: &str) -> Result<(), StoreError> {
         return Ok(());
     }
     Err(StoreError::Rule {
-        reason: "ETAG_MISMATCH",
+        reason: ErrorReason::EtagMismatch,
         message: format!("{name} has changed since it was read; nothing was deleted"),
     })
 }

@@ -8,7 +8,8 @@ mod sqlite;
 mod types;
 
 pub use job_types::{
-    Ending, JobFilter, JobKind, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped, TakenRange,
+    Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped,
+    TakenRange,
 };
 pub use sqlite::SqliteStore;
 pub use types::{
@@ -19,8 +20,8 @@ pub use types::{
 use crate::checkpoints::retention::Retention;
 use async_trait::async_trait;
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
-    RenderedFile, Subject, SubjectShard, WorkerStatus,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobMetrics, JobSpec, Model, PausedKind,
+    Progress, RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
 
 /// The catalogue and the job queue. If the database fails, each method returns [`StoreError::Unavailable`],
@@ -151,6 +152,11 @@ pub trait Store: Send + Sync + 'static {
         filter: &JobFilter,
         full: bool,
     ) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// The figures of a job over its steps.
+    async fn job_metrics(&self, id: &str) -> Result<JobMetrics, StoreError>;
+    /// The open jobs, and all jobs after the position `after`, with the position of the newest job of all. Without `after`,
+    /// only the open jobs.
+    async fn job_versions(&self, after: Option<i64>) -> Result<JobVersions, StoreError>;
     /// The files that a render has committed so far.
     async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError>;
     /// Numbers of QUEUED and RUNNING jobs.

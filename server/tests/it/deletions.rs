@@ -69,7 +69,11 @@ fn assert_names(answer: Answer, reason: &str, what: &str) {
         .message()
         .to_owned();
     assert!(message.contains(what), "{message}");
-    assert_refused(answer, Code::FailedPrecondition, reason);
+    let code = match reason {
+        "ETAG_MISMATCH" => Code::Aborted,
+        _ => Code::FailedPrecondition,
+    };
+    assert_refused(answer, code, reason);
 }
 
 fn gone(answer: Answer) {

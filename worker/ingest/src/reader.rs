@@ -71,6 +71,7 @@ impl Reader {
                 indices,
                 fps: track.fps,
                 timing: plan.timing,
+                size: track.image_size,
             };
             Source::open(pictures, files, wanted, limits, ffmpeg, MAX_VIOLATIONS)
         };
@@ -87,6 +88,7 @@ impl Reader {
         let mut notes = capture.notes.clone();
         notes.extend(noted(plan, *distortion));
         notes.push(format!("images: {}, {}", sources.images, images.describe()));
+        notes.extend(images.notes().iter().cloned());
         let kind = match plan.mask_kind {
             MaskKind::Coverage => "coverage",
             MaskKind::Inverted => "inverted coverage",

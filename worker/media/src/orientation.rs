@@ -1,7 +1,5 @@
 //! Orientation of stored pictures, from the display matrix of an MP4.
 
-use crate::Picture;
-
 /// Rotation from a stored picture to the shown one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Orientation {
@@ -41,13 +39,9 @@ impl Orientation {
         }
     }
 
-    /// The rotated picture.
-    pub fn apply(self, picture: Picture) -> Picture {
-        if self == Self::AsStored {
-            return picture;
-        }
-        let (width, height) = self.size(picture.width, picture.height);
-        let (w, h) = (picture.width, picture.height);
+    /// The rotated picture of `samples`, `[h, w, 3]`.
+    pub(crate) fn apply<T: Copy>(self, w: usize, h: usize, samples: &[T]) -> Vec<T> {
+        let (width, height) = self.size(w, h);
         // The stored pixel for the shown pixel (x, y).
         let from = |x: usize, y: usize| match self {
             Self::AsStored => y * w + x,
@@ -55,24 +49,14 @@ impl Orientation {
             Self::Half => (h - 1 - y) * w + (w - 1 - x),
             Self::CounterClockwise => x * w + (w - 1 - y),
         };
-        let mut rgb = Vec::with_capacity(picture.rgb.len());
-        let mut alpha = picture.alpha.as_ref().map(|_| Vec::with_capacity(w * h));
+        let mut turned = Vec::with_capacity(samples.len());
         for y in 0..height {
             for x in 0..width {
-                let at = from(x, y);
-                rgb.extend_from_slice(&picture.rgb[at * 3..at * 3 + 3]);
-                if let (Some(to), Some(source)) = (&mut alpha, &picture.alpha) {
-                    to.push(source[at]);
-                }
+                let at = 3 * from(x, y);
+                turned.extend_from_slice(&samples[at..at + 3]);
             }
         }
-        Picture {
-            width,
-            height,
-            rgb,
-            alpha,
-            lossy: picture.lossy,
-        }
+        turned
     }
 }
 
@@ -80,25 +64,13 @@ impl Orientation {
 mod tests {
     use super::*;
 
-    /// 3x2, told apart by the red channel: 0 1 2 / 3 4 5.
-    fn picture() -> Picture {
-        Picture {
-            width: 3,
-            height: 2,
-            rgb: (0..6u8).flat_map(|i| [i, 0, 0]).collect(),
-            alpha: Some((0..6).collect()),
-            lossy: false,
-        }
-    }
-
     #[test]
     fn quarters_turn_the_right_way() {
-        let reds = |orientation: Orientation| {
-            let turned = orientation.apply(picture());
-            assert_eq!((turned.width, turned.height), orientation.size(3, 2));
-            let reds: Vec<u8> = turned.rgb.chunks(3).map(|p| p[0]).collect();
-            assert_eq!(turned.alpha.as_deref(), Some(&reds[..]));
-            reds
+        let reds = |orientation: Orientation| -> Vec<u8> {
+            // 3x2, told apart by the red channel: 0 1 2 / 3 4 5.
+            let rgb: Vec<u8> = (0..6u8).flat_map(|i| [i, 0, 0]).collect();
+            let turned = orientation.apply(3, 2, &rgb);
+            turned.chunks(3).map(|p| p[0]).collect()
         };
         assert_eq!(reds(Orientation::AsStored), [0, 1, 2, 3, 4, 5]);
         assert_eq!(reds(Orientation::Clockwise), [3, 0, 4, 1, 5, 2]);

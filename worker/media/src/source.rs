@@ -66,6 +66,8 @@ pub struct Wanted<'a> {
     pub fps: f64,
     /// How pose frames correspond to the frames of a video.
     pub timing: Timing,
+    /// Width and height that the pose track is of.
+    pub size: [u32; 2],
 }
 
 impl Source {
@@ -100,6 +102,14 @@ impl Source {
         match &self.of {
             Of::Stills(stills) => format!("{} pictures", stills.len()),
             Of::Video(clip) => clip.video.describe(),
+        }
+    }
+
+    /// What the pictures are not as in their file, and what it lacks, for people.
+    pub fn notes(&self) -> &[String] {
+        match &self.of {
+            Of::Stills(_) => &[],
+            Of::Video(clip) => clip.video.notes(),
         }
     }
 
@@ -144,7 +154,8 @@ impl Clip {
             .get(name)
             .ok_or_else(|| bad(Fault::new("MISSING", "there is no such file").into()))?;
         let by_time = wanted.timing == Timing::Time;
-        let video = Video::open(path, limits, ffmpeg, by_time).map_err(bad)?;
+        let mut video = Video::open(path, limits, ffmpeg, by_time).map_err(bad)?;
+        video.keep_pixels_for(wanted.size);
         let mut frame_of = HashMap::new();
         let mut missing = Vec::new();
         for &index in wanted.indices {

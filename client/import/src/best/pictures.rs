@@ -11,7 +11,7 @@ use yoto_media::source::{Source, SourceError, Wanted};
 use yoto_media::video::Ffmpeg;
 use yoto_media::{Limits, MediaError};
 use yoto_proto::media_plan::{self, Timing};
-use yoto_proto::pose_track::violation;
+use yoto_proto::pose_track::{PoseTrack, violation};
 
 /// Where a frame's sharpness counts: in its masks, or everywhere if it has none.
 fn inside(masks: &[Mask], size: [u32; 2], index: u32) -> Result<GrayImage, ClientError> {
@@ -40,7 +40,7 @@ pub(super) fn sharpness(
             }
         }
         Pictures::Video { video, masks } => {
-            let mut film = Film::open(video, &indices, track.fps, ffmpeg)?;
+            let mut film = Film::open(video, &indices, track, ffmpeg)?;
             for (&index, masks) in indices.iter().zip(masks) {
                 progress(sharp.len(), total);
                 let picture = film.picture(index, size)?;
@@ -71,7 +71,7 @@ impl<'a> Film<'a> {
     fn open(
         path: &'a Path,
         indices: &[u32],
-        fps: f64,
+        track: &PoseTrack,
         ffmpeg: Option<&Path>,
     ) -> Result<Self, ClientError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -79,8 +79,9 @@ impl<'a> Film<'a> {
         let files = BTreeMap::from([(name.clone(), path.to_owned())]);
         let wanted = Wanted {
             indices,
-            fps,
+            fps: track.fps,
             timing: Timing::Index,
+            size: track.image_size,
         };
         let ffmpeg = Ffmpeg::find(ffmpeg);
         let pictures = media_plan::Pictures::Video(name);

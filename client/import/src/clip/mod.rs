@@ -36,6 +36,8 @@ pub(crate) struct Clip {
     pub frames: usize,
     /// Frames per second, if the file has times.
     pub fps: Option<f64>,
+    /// What the pictures are not as in the file, and what the file lacks, for people.
+    pub notes: Vec<String>,
 }
 
 impl Clip {
@@ -64,6 +66,7 @@ impl Clip {
             size: [first.width as u32, first.height as u32],
             frames,
             fps,
+            notes: video.notes().to_vec(),
         })
     }
 
@@ -84,6 +87,7 @@ impl Clip {
             ffmpeg,
             files,
             fps: None,
+            notes: Vec::new(),
         })
     }
 

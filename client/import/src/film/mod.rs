@@ -31,7 +31,7 @@ const MOST_FRAMES: usize = 200;
 pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
     let model = open_model(source, options)?;
     let clip = Clip::open(source, options.ffmpeg.as_deref())?;
-    let mut notes = Vec::new();
+    let mut notes = clip.notes.clone();
     let wanted = wanted(&clip, options, &mut notes)?;
     let started = Instant::now();
     let name = model.name().to_owned();
@@ -70,7 +70,10 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
     let found = Found {
         fit: Some(PoseFit::of(&fitted, wanted.len())),
-        doubts: absent.into_iter().chain(fitted.doubt).collect(),
+        doubts: (clip.notes.iter().cloned())
+            .chain(absent)
+            .chain(fitted.doubt)
+            .collect(),
         lacks,
     };
     notes.extend(fitted.notes);

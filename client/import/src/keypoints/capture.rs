@@ -24,7 +24,11 @@ pub(super) fn read(
         found.name,
         found.frames.len()
     )];
-    let mut about = Found::default();
+    notes.extend(clip.notes.iter().cloned());
+    let mut about = Found {
+        doubts: clip.notes.clone(),
+        ..Found::default()
+    };
     let earlier = notes.len();
     let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
     if options.person.is_none() {

@@ -35,6 +35,7 @@ pub(crate) fn capture(
         notes.push(format!("the clip: {}", inside.display()));
         Clip::open(&inside, ffmpeg)?
     };
+    notes.extend(clip.notes.iter().cloned());
     ensure_size(found, &clip, at, tool)?;
     clip.selected(options)?;
     let numbers = Numbers::find(found, &clip, at, &mut notes)?;
@@ -64,6 +65,7 @@ pub(crate) fn capture(
     )?;
     let mut capture = imported(&choice, numbers, &clip, at, options, notes)?;
     capture.track.distortion = found.distortion;
+    capture.found.doubts.extend(clip.notes.iter().cloned());
     if found.people.len() > 1 && options.person.is_none() {
         let taken = &choice.person.name;
         capture.found.doubts.push(format!(

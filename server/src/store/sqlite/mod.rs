@@ -14,6 +14,7 @@ mod helpers;
 mod inputs;
 mod jobs;
 mod leases;
+mod metrics;
 mod migrations;
 mod models;
 mod outcome;
@@ -32,12 +33,13 @@ mod ticks;
 #[cfg(test)]
 mod upgrade_tests;
 mod uploads;
+mod versions;
 mod workers;
 
 use super::{
-    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey,
-    LeaseOutcome, NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference,
-    RequestKey, Store, StoreError, TakenRange, Target, Upload, UploadedFile,
+    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, JobVersions, KnownGarbage,
+    LeaseKey, LeaseOutcome, NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped,
+    Reference, RequestKey, Store, StoreError, TakenRange, Target, Upload, UploadedFile,
 };
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
@@ -51,8 +53,8 @@ use std::path::Path;
 use std::sync::Arc;
 use tokio::sync::Mutex;
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
-    RenderedFile, Subject, SubjectShard, WorkerStatus,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobMetrics, JobSpec, Model, PausedKind,
+    Progress, RenderedFile, Subject, SubjectShard, WorkerStatus,
 };
 
 /// The SQLite store; see the module's documentation.
@@ -339,6 +341,14 @@ impl Store for SqliteStore {
         full: bool,
     ) -> Result<Vec<Entry<Job>>, StoreError> {
         jobs::list(&mut *self.read().await?, page, filter, full).await
+    }
+
+    async fn job_metrics(&self, id: &str) -> Result<JobMetrics, StoreError> {
+        metrics::of_job(&mut *self.read().await?, id).await
+    }
+
+    async fn job_versions(&self, after: Option<i64>) -> Result<JobVersions, StoreError> {
+        versions::list(&mut *self.read().await?, after).await
     }
 
     async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError> {

@@ -26,6 +26,7 @@ use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tonic::Status;
 use tonic::transport::Channel;
+use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
@@ -231,7 +232,8 @@ impl Service {
                 ..<_>::default()
             }),
             kinds: kinds.iter().map(|kind| job_kind(kind) as i32).collect(),
-            embedded: false,
+            order_level: LEVEL,
+            ..RegisterWorkerRequest::default()
         };
         self.workers()
             .register_worker(request)

@@ -4,6 +4,7 @@ use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
 use yoto_client::YotoClient;
+use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::worker_service_client::WorkerServiceClient;
@@ -157,7 +158,8 @@ impl Scene {
             display_name: "load".into(),
             device: Some(WorkerDevice::default()),
             kinds: vec![kind.into()],
-            embedded: false,
+            order_level: LEVEL,
+            ..RegisterWorkerRequest::default()
         };
         Ok(self
             .workers()

@@ -3,7 +3,10 @@
 //! It reads only this file, in the listed formats, so that a playlist inside an upload can't
 //! make it read other files; it inherits the limits of this process.
 
-use crate::{Fault, Limits, MEMORY_LIMIT, MediaError, Picture};
+use super::Raw;
+use super::light::Levels;
+use super::signal::Signal;
+use crate::{Fault, Limits, MEMORY_LIMIT, MediaError};
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
@@ -42,13 +45,15 @@ impl Ffmpeg {
         Self { program: None }
     }
 
-    /// Starts decoding `path`. `what` describes it, for the error without a program.
+    /// Starts decoding `path`. `what` describes it, for the error without a program; `most` is the number of its frames, if
+    /// the program would find more, damaged ones.
     pub(super) fn open(
         &self,
         path: &Path,
         what: &str,
         limits: &Limits,
         need_times: bool,
+        most: Option<usize>,
     ) -> Result<FfmpegVideo, MediaError> {
         let Some(program) = &self.program else {
             let message = format!(
@@ -58,13 +63,15 @@ impl Ffmpeg {
             );
             return Err(Fault::new("NEEDS_FFMPEG", message).into());
         };
-        let times = if need_times {
-            times(program, path, limits)?
-        } else {
-            Vec::new()
-        };
+        let mut about = probe(program, path, limits, need_times)?;
+        about.times.truncate(most.unwrap_or(usize::MAX));
+        // Eight bits are too few for light of a hundred times the range.
+        let is_deep = about.signal.light().is_some();
+        // Otherwise levels of 8 bits are cut off rather than rounded.
+        let levels = if is_deep { "rgb48be" } else { "rgb24" };
+        let levels = format!("scale=flags=accurate_rnd,format={levels}");
         let mut child = command(program, path, "error")
-            .args(["-fps_mode", "passthrough", "-pix_fmt", "rgb24"])
+            .args(["-vf", &levels, "-fps_mode", "passthrough"])
             .args(["-c:v", "ppm", "-f", "image2pipe", "pipe:1"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -87,7 +94,8 @@ impl Ffmpeg {
             complaints,
             limits: limits.clone(),
             what: what.to_owned(),
-            times,
+            about,
+            most,
             out: 0,
         })
     }
@@ -108,32 +116,40 @@ fn command(program: &Path, path: &Path, level: &str) -> Command {
     command
 }
 
-/// Time of each frame, seconds from the first, from a run that only lists frames.
-fn times(program: &Path, path: &Path, limits: &Limits) -> Result<Vec<f64>, MediaError> {
-    let mut child = command(program, path, "info")
-        .args([
-            "-vf",
-            "showinfo",
-            "-fps_mode",
-            "passthrough",
-            "-f",
-            "null",
-            "-",
-        ])
+/// What the program says about a video.
+#[derive(Debug)]
+pub(super) struct About {
+    /// Time of each frame, ascending, seconds from the first.
+    pub(super) times: Vec<f64>,
+    pub(super) signal: Signal,
+    /// Width and height of a pixel as shown, if the file declares them.
+    pub(super) aspect: Option<[u32; 2]>,
+}
+
+/// Runs the program to list frames: all of them, or only the first.
+fn probe(program: &Path, path: &Path, limits: &Limits, all: bool) -> Result<About, MediaError> {
+    let mut command = command(program, path, "info");
+    command.args(["-vf", "showinfo", "-fps_mode", "passthrough"]);
+    if !all {
+        command.args(["-frames:v", "1"]);
+    }
+    let mut child = command
+        .args(["-f", "null", "-"])
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .map_err(MediaError::io(program))?;
-    let mut times: Vec<f64> = Vec::new();
+    let (mut times, mut signal, mut aspect) = (Vec::<f64>::new(), None, None);
     if let Some(stderr) = child.stderr.take() {
         for line in BufReader::new(stderr).lines().map_while(Result::ok) {
-            let time = line
-                .split_once("pts_time:")
-                .and_then(|(_, rest)| rest.split_whitespace().next())
-                .and_then(|text| text.parse().ok());
-            if let Some(time) = time {
+            let value = |name: &str| line.split_once(name)?.1.split_whitespace().next();
+            if let Some(time) = value("pts_time:").and_then(|text| text.parse().ok()) {
                 times.push(time);
+                let sides = value(" sar:").and_then(|text| text.split_once('/'));
+                let sides = sides.and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+                aspect = aspect.or(sides);
             }
+            signal = signal.or_else(|| Signal::from_showinfo(&line));
             if times.len() > limits.frames {
                 break;
             }
@@ -145,9 +161,16 @@ fn times(program: &Path, path: &Path, limits: &Limits) -> Result<Vec<f64>, Media
     if times.len() > limits.frames {
         return Err(too_many(limits).into());
     }
+    if !all {
+        times.clear();
+    }
     times.sort_by(f64::total_cmp);
     let first = times.first().copied().unwrap_or(0.0);
-    Ok(times.into_iter().map(|time| time - first).collect())
+    Ok(About {
+        times: times.into_iter().map(|time| time - first).collect(),
+        signal: signal.unwrap_or(Signal::UNSPECIFIED),
+        aspect,
+    })
 }
 
 fn too_many(limits: &Limits) -> Fault {
@@ -163,13 +186,17 @@ pub(super) struct FfmpegVideo {
     complaints: Option<std::thread::JoinHandle<String>>,
     limits: Limits,
     pub(super) what: String,
-    pub(super) times: Vec<f64>,
+    pub(super) about: About,
+    most: Option<usize>,
     out: usize,
 }
 
 impl FfmpegVideo {
     /// The next frame shown; `None` after the last, or for a skipped frame.
-    pub(super) fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
+    pub(super) fn next(&mut self, skip: bool) -> Result<Option<Raw>, MediaError> {
+        if self.most.is_some_and(|most| self.out >= most) {
+            return Ok(None);
+        }
         let Some(stdout) = &mut self.stdout else {
             return Ok(None);
         };
@@ -178,7 +205,7 @@ impl FfmpegVideo {
             Ok(None) => return self.end(),
             Err(_) => return self.broken(),
         };
-        let [width, height] = header;
+        let [width, height, highest] = header;
         let side = self.limits.side as usize;
         if width == 0 || height == 0 || width > side || height > side {
             let message = format!("{width}x{height} pixels; each side must be 1 to {side}");
@@ -187,22 +214,27 @@ impl FfmpegVideo {
         if self.out >= self.limits.frames {
             return Err(too_many(&self.limits).into());
         }
-        let mut rgb = vec![0; width * height * 3];
+        let is_deep = highest > 255;
+        let mut rgb = vec![0; width * height * 3 * (1 + usize::from(is_deep))];
         if stdout.read_exact(&mut rgb).is_err() {
             return self.broken();
         }
         self.out += 1;
-        Ok((!skip).then_some(Picture {
+        Ok((!skip).then(|| Raw {
             width,
             height,
-            rgb,
-            alpha: None,
-            lossy: true,
+            levels: match is_deep {
+                false => Levels::Eight(rgb),
+                true => {
+                    let words = rgb.as_chunks().0.iter();
+                    Levels::Sixteen(words.map(|word| u16::from_be_bytes(*word)).collect())
+                }
+            },
         }))
     }
 
     /// The stream ended between two frames: at its end, or because the program failed.
-    fn end(&mut self) -> Result<Option<Picture>, MediaError> {
+    fn end(&mut self) -> Result<Option<Raw>, MediaError> {
         let status = self.wait()?;
         if status.success() && self.out > 0 {
             return Ok(None);
@@ -211,7 +243,7 @@ impl FfmpegVideo {
     }
 
     /// The stream ended inside a frame, or is not a stream of frames.
-    fn broken(&mut self) -> Result<Option<Picture>, MediaError> {
+    fn broken(&mut self) -> Result<Option<Raw>, MediaError> {
         let status = self.wait()?;
         Err(self.failure(status))
     }
@@ -262,8 +294,8 @@ impl Drop for FfmpegVideo {
     }
 }
 
-/// `P6`, width, height, 255 and one blank; `None` at the end of the stream.
-fn ppm_header(stream: &mut impl BufRead) -> std::io::Result<Option<[usize; 2]>> {
+/// Width, height and highest level, 255 or 65535, after `P6` and before one blank; `None` at the end of the stream.
+fn ppm_header(stream: &mut impl BufRead) -> std::io::Result<Option<[usize; 3]>> {
     let odd = || std::io::Error::new(std::io::ErrorKind::InvalidData, "not a PPM header");
     if stream.fill_buf()?.is_empty() {
         return Ok(None);
@@ -281,9 +313,13 @@ fn ppm_header(stream: &mut impl BufRead) -> std::io::Result<Option<[usize; 2]>> 
         }
     }
     match words.as_slice() {
-        [magic, width, height, depth] if magic == "P6" && depth == "255" => {
+        [magic, width, height, depth] if magic == "P6" => {
             let number = |text: &str| text.parse().map_err(|_| odd());
-            Ok(Some([number(width)?, number(height)?]))
+            let highest = number(depth)?;
+            if highest != 255 && highest != 65535 {
+                return Err(odd());
+            }
+            Ok(Some([number(width)?, number(height)?, highest]))
         }
         _ => Err(odd()),
     }
@@ -296,11 +332,16 @@ mod tests {
     #[test]
     fn headers_are_read_and_others_refused() {
         let read = |bytes: &[u8]| ppm_header(&mut &bytes[..]);
-        assert_eq!(read(b"P6\n50 38\n255\nRGB").expect("fine"), Some([50, 38]));
+        assert_eq!(
+            read(b"P6\n50 38\n255\nRGB").expect("fine"),
+            Some([50, 38, 255])
+        );
+        let deep = read(b"P6\n50 38\n65535\nRRGGBB").expect("fine");
+        assert_eq!(deep, Some([50, 38, 65535]));
         assert_eq!(read(b"").expect("the end"), None);
         for bad in [
             &b"P5\n1 1\n255\n"[..],
-            b"P6\n1 1\n65535\n",
+            b"P6\n1 1\n1023\n",
             b"P6\n1",
             b"P6 123456789 1 255 ",
         ] {
@@ -331,7 +372,7 @@ mod tests {
     #[test]
     fn without_the_program_the_error_says_what_would_help() {
         let error = Ffmpeg::none()
-            .open(Path::new("x.avi"), "AVI", &Limits::default(), false)
+            .open(Path::new("x.avi"), "AVI", &Limits::default(), false, None)
             .expect_err("none is there");
         let text = error.to_string();
         assert!(

@@ -1,9 +1,12 @@
 //! H.264 in MP4, decoded by the bundled OpenH264.
 
+use super::Raw;
+use super::light::Levels;
 use super::mp4::{Codec, Track};
+use super::signal::Signal;
 use super::sps::Sps;
-use super::yuv::{Coding, Planes, to_rgb};
-use crate::{Fault, Limits, MediaError, Picture};
+use super::yuv::{Coding, Planes, to_deep_rgb, to_rgb};
+use crate::{Fault, Limits, MediaError};
 use openh264::decoder::{DecodeOptions, DecodedYUV, Decoder, Flush};
 use openh264::formats::YUVSource;
 use std::collections::VecDeque;
@@ -32,13 +35,17 @@ pub(super) struct H264 {
     lead: Vec<u8>,
     coding: Coding,
     limits: Limits,
+    /// As stored.
     pub(super) size: (u64, u64),
+    pub(super) signal: Signal,
+    /// Width and height of a stored pixel, if the file declares them.
+    pub(super) aspect: Option<[u32; 2]>,
     /// Number of packets given to the decoder.
     fed: usize,
     /// Number of decoded frames.
     out: usize,
     /// Frames flushed at the end; `None` for skipped frames.
-    tail: VecDeque<Result<Picture, Fault>>,
+    tail: VecDeque<Result<Raw, Fault>>,
     flushed: bool,
 }
 
@@ -80,7 +87,8 @@ impl H264 {
             );
             return Ok(Err(Refusal::Bad(Fault::new("TOO_LARGE", message))));
         }
-        let coding = Coding::new(head.matrix, head.full_range);
+        let signal = Signal::of(head.colour, track.colour);
+        let coding = Coding::new(signal.matrix, signal.full_range);
         let (Some(coding), 1, 8, false) =
             (coding, head.chroma_format, head.bit_depth, head.interlaced)
         else {
@@ -88,7 +96,7 @@ impl H264 {
                 "H.264 with {} bits, chroma format {}, colour matrix {}{}",
                 head.bit_depth,
                 head.chroma_format,
-                head.matrix,
+                signal.matrix,
                 if head.interlaced { ", interlaced" } else { "" }
             );
             return Ok(Err(Refusal::Unsupported(message)));
@@ -105,6 +113,9 @@ impl H264 {
             file: File::open(path).map_err(MediaError::io(path))?,
             path: path.to_owned(),
             decoder,
+            // The container's is the later decision, as in ffmpeg.
+            aspect: track.aspect.or(head.aspect),
+            signal,
             track,
             length_size,
             lead,
@@ -124,21 +135,26 @@ impl H264 {
 
     /// The next frame shown; `None` after the last. With `skip` it is decoded but not
     /// converted, and not returned.
-    pub(super) fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
+    pub(super) fn next(&mut self, skip: bool) -> Result<Option<Raw>, MediaError> {
         loop {
             let hidden = self.out < self.track.hidden;
+            if self.out >= self.track.hidden + self.track.times.len() {
+                return Ok(None);
+            }
             let Some(decoded) = self.decode(skip || hidden)? else {
                 return Ok(None);
             };
             self.out += 1;
             if !hidden {
-                return Ok(decoded.map(|picture| self.track.orientation.apply(picture)));
+                return Ok(decoded.map(|raw| raw.turned(self.track.orientation)));
             }
         }
     }
 
     /// The decoder's next frame: outer `None` at the end, inner `None` for a skipped frame.
-    fn decode(&mut self, skip: bool) -> Result<Option<Option<Picture>>, MediaError> {
+    fn decode(&mut self, skip: bool) -> Result<Option<Option<Raw>>, MediaError> {
+        // Eight bits are too few for light of a hundred times the range.
+        let is_deep = self.signal.light().is_some();
         while self.fed < self.track.packets.len() {
             let packet = self.packet()?;
             let shown = self.track.rank.get(self.fed).copied().unwrap_or(self.fed);
@@ -155,7 +171,7 @@ impl H264 {
                 if skip {
                     return Ok(Some(None));
                 }
-                return Ok(Some(Some(convert(&yuv, self.coding, self.size)?)));
+                return Ok(Some(Some(convert(&yuv, self.coding, is_deep, self.size)?)));
             }
         }
         if !self.flushed {
@@ -164,7 +180,7 @@ impl H264 {
             let rest = flushed.map_err(|error| Fault::undecodable(format!("H.264: {error}")))?;
             self.tail = rest
                 .iter()
-                .map(|yuv| convert(yuv, self.coding, self.size))
+                .map(|yuv| convert(yuv, self.coding, is_deep, self.size))
                 .collect();
         }
         match self.tail.pop_front() {
@@ -231,7 +247,12 @@ impl H264 {
     }
 }
 
-fn convert(yuv: &DecodedYUV<'_>, coding: Coding, declared: (u64, u64)) -> Result<Picture, Fault> {
+fn convert(
+    yuv: &DecodedYUV<'_>,
+    coding: Coding,
+    is_deep: bool,
+    declared: (u64, u64),
+) -> Result<Raw, Fault> {
     let ((width, height), (sy, su, sv)) = (yuv.dimensions(), yuv.strides());
     // A stream may change its parameter sets midway; only the first ones were checked against the limits.
     if (width as u64, height as u64) != declared {
@@ -248,6 +269,15 @@ fn convert(yuv: &DecodedYUV<'_>, coding: Coding, declared: (u64, u64)) -> Result
         u: (yuv.u(), su),
         v: (yuv.v(), sv),
     };
-    to_rgb(planes, coding)
-        .ok_or_else(|| Fault::undecodable("H.264: a frame without all its planes"))
+    let levels = match is_deep {
+        false => to_rgb(planes, coding).map(Levels::Eight),
+        true => to_deep_rgb(planes, coding).map(Levels::Sixteen),
+    };
+    let levels =
+        levels.ok_or_else(|| Fault::undecodable("H.264: a frame without all its planes"))?;
+    Ok(Raw {
+        width,
+        height,
+        levels,
+    })
 }

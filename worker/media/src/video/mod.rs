@@ -1,9 +1,13 @@
 //! Videos: H.264 in MP4 or MOV in this process, anything else through `ffmpeg`.
 
+mod aspect;
+mod declared;
 mod end;
 mod ffmpeg;
 mod h264;
+mod light;
 mod mp4;
+mod signal;
 mod sps;
 mod yuv;
 
@@ -11,8 +15,10 @@ pub use end::end;
 pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
 
 use crate::{Fault, Limits, MediaError, Orientation, Picture, sniff};
+use aspect::Aspect;
 use ffmpeg::FfmpegVideo;
 use h264::{H264, Refusal};
+use light::{Levels, ToneMap};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -21,6 +27,14 @@ use std::path::Path;
 #[derive(Debug)]
 pub struct Video {
     by: By,
+    limits: Limits,
+    /// Shape of pixels, which are made square.
+    aspect: Option<Aspect>,
+    /// From the light of HDR to levels of ordinary video.
+    tone_map: Option<ToneMap>,
+    /// The first frame, once it was looked at.
+    first: Option<Raw>,
+    notes: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -29,29 +43,60 @@ enum By {
     Ffmpeg(Box<FfmpegVideo>),
 }
 
+/// A frame as decoded, rotated.
+#[derive(Debug)]
+struct Raw {
+    width: usize,
+    height: usize,
+    levels: Levels,
+}
+
+impl Raw {
+    /// The same after a rotation.
+    fn turned(self, orientation: Orientation) -> Self {
+        if orientation == Orientation::AsStored {
+            return self;
+        }
+        let (width, height) = orientation.size(self.width, self.height);
+        let (w, h) = (self.width, self.height);
+        let levels = match &self.levels {
+            Levels::Eight(it) => Levels::Eight(orientation.apply(w, h, it)),
+            Levels::Sixteen(it) => Levels::Sixteen(orientation.apply(w, h, it)),
+        };
+        Self {
+            width,
+            height,
+            levels,
+        }
+    }
+}
+
 impl Video {
     /// Opens the video at `path`. With `need_times`, [`Video::times`] is filled for every
     /// kind of video; `ffmpeg` has to decode the file once more for them.
     ///
     /// # Errors
-    /// If the file is not a video, is cut short, or declares too much, or if it needs `ffmpeg`, which is
-    /// not found.
+    /// If the file is not a video, is cut short before its first frame's end, or declares too much, or if it needs `ffmpeg`, which
+    /// is not found.
     pub fn open(
         path: &Path,
         limits: &Limits,
         ffmpeg: &Ffmpeg,
         need_times: bool,
     ) -> Result<Self, MediaError> {
+        let mut most = None;
+        let mut listed = None;
         let what = match sniffed(path)? {
             sniff::Kind::Mp4 => {
                 let track = mp4::open(path, limits)?;
+                listed = track.listed;
+                most = listed.map(|_| track.times.len());
                 if let mp4::Codec::Other(name) = &track.codec {
                     format!("'{name}' video in MP4")
                 } else {
                     match H264::open(path, track, limits)? {
                         Ok(stream) => {
-                            let by = By::H264(Box::new(stream));
-                            return Ok(Self { by });
+                            return Self::new(By::H264(Box::new(stream)), limits, listed);
                         }
                         Err(Refusal::Bad(fault)) => return Err(fault.into()),
                         Err(Refusal::Unsupported(what)) => what,
@@ -66,17 +111,76 @@ impl Video {
                 return Err(Fault::undecodable(message).into());
             }
         };
-        let stream = ffmpeg.open(path, &what, limits, need_times)?;
-        Ok(Self {
-            by: By::Ffmpeg(Box::new(stream)),
-        })
+        let stream = ffmpeg.open(path, &what, limits, need_times, most)?;
+        Self::new(By::Ffmpeg(Box::new(stream)), limits, listed)
+    }
+
+    fn new(by: By, limits: &Limits, listed: Option<usize>) -> Result<Self, MediaError> {
+        let (signal, aspect) = match &by {
+            By::H264(stream) => {
+                let is_turned = stream.track().orientation.size(0, 1) == (1, 0);
+                let stored = stream.aspect.and_then(Aspect::of);
+                let turned = |it: Aspect| if is_turned { it.turned() } else { it };
+                (stream.signal, stored.map(turned))
+            }
+            By::Ffmpeg(stream) => (
+                stream.about.signal,
+                stream.about.aspect.and_then(Aspect::of),
+            ),
+        };
+        let mut video = Self {
+            by,
+            limits: limits.clone(),
+            aspect,
+            tone_map: None,
+            first: None,
+            notes: Vec::new(),
+        };
+        if aspect.is_some() || signal.light().is_some() {
+            video.first = video.raw(false)?;
+        }
+        // The first note: see `keep_pixels_for`.
+        if let (Some(aspect), Some(first)) = (aspect, &video.first) {
+            let [width, height] = aspect.size([first.width, first.height]);
+            video.notes.push(format!(
+                "the video's pixels are {aspect}, not square: its pictures of {}x{} are made {width}x{height}",
+                first.width, first.height
+            ));
+        }
+        if let Some(light) = signal.light() {
+            let map = ToneMap::new(light);
+            let is_wrong = |it: &Raw| declared::is_wrong(&map, light, &it.levels, it.width);
+            if video.first.as_ref().is_some_and(is_wrong) {
+                video.notes.push(format!(
+                    "the video declares {light}, but its colours are those of ordinary video: they are left as they are"
+                ));
+            } else {
+                video.notes.push(format!(
+                    "the video is {light}: it is converted to ordinary video (BT.709; white is 203 cd/m², brighter light is compressed)"
+                ));
+                video.tone_map = Some(map);
+            }
+        }
+        if let Some(listed) = listed {
+            let frames = video.frames().unwrap_or_default();
+            video.notes.push(match listed > frames {
+                true => format!(
+                    "the file is cut short: its first {frames} frames are read, of the {listed} that its headers list"
+                ),
+                false => format!("the file is cut short: its first {frames} frames are read"),
+            });
+        }
+        Ok(video)
     }
 
     /// Number of frames, if the file has it in its headers.
     pub fn frames(&self) -> Option<usize> {
         match &self.by {
             By::H264(stream) => Some(stream.track().times.len()),
-            By::Ffmpeg(stream) => (!stream.times.is_empty()).then_some(stream.times.len()),
+            By::Ffmpeg(stream) => {
+                let times = &stream.about.times;
+                (!times.is_empty()).then_some(times.len())
+            }
         }
     }
 
@@ -84,7 +188,27 @@ impl Video {
     pub fn times(&self) -> &[f64] {
         match &self.by {
             By::H264(stream) => &stream.track().times,
-            By::Ffmpeg(stream) => &stream.times,
+            By::Ffmpeg(stream) => &stream.about.times,
+        }
+    }
+
+    /// What the pictures are not as in the file, and what the file lacks, for people.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Keeps the pixels as they are stored if that gives pictures of `size` (width, height) and square pixels don't: a capture may
+    /// have been made of pictures whose pixels nobody made square.
+    pub fn keep_pixels_for(&mut self, size: [u32; 2]) {
+        let size = size.map(|side| side as usize);
+        let stored = self.first.as_ref().map(|it| [it.width, it.height]);
+        if stored == Some(size)
+            && self.aspect.is_some_and(|it| it.size(size) != size)
+            && let Some(note) = self.notes.first_mut()
+        {
+            self.aspect = None;
+            *note = "pixels that are not square are kept: the pose track is of pictures with them"
+                .into();
         }
     }
 
@@ -106,12 +230,40 @@ impl Video {
         }
     }
 
-    /// The next frame shown, rotated by the file's display matrix; `None` after the last. With `skip`
-    /// the frame is decoded, since later frames depend on it, but not converted and not returned.
+    /// The next frame shown, rotated by the file's display matrix, with square pixels and levels of ordinary video; `None` after
+    /// the last. With `skip` the frame is decoded, since later frames depend on it, but not converted and not returned.
     ///
     /// # Errors
     /// If a frame can't be decoded, with its number.
     pub fn next(&mut self, skip: bool) -> Result<Option<Picture>, MediaError> {
+        let raw = match self.first.take() {
+            Some(first) => Some(first),
+            None => self.raw(skip)?,
+        };
+        let Some(raw) = raw.filter(|_| !skip) else {
+            return Ok(None);
+        };
+        let picture = Picture {
+            width: raw.width,
+            height: raw.height,
+            rgb: match (&self.tone_map, raw.levels) {
+                (Some(map), levels) => map.apply(&levels),
+                (None, Levels::Eight(levels)) => levels,
+                (None, Levels::Sixteen(levels)) => {
+                    let rounded = |it: &u16| ((u32::from(*it) + 128) / 257) as u8;
+                    levels.iter().map(rounded).collect()
+                }
+            },
+            alpha: None,
+            lossy: true,
+        };
+        Ok(Some(match self.aspect {
+            Some(aspect) => aspect.apply(picture, &self.limits)?,
+            None => picture,
+        }))
+    }
+
+    fn raw(&mut self, skip: bool) -> Result<Option<Raw>, MediaError> {
         match &mut self.by {
             By::H264(stream) => stream.next(skip),
             By::Ffmpeg(stream) => stream.next(skip),

@@ -1,5 +1,7 @@
 //! The picture format in an H.264 sequence parameter set (ITU-T H.264, 7.3.2.1.1 and E.1.1).
 
+use super::signal::Signal;
+
 /// Size, sampling and colour of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sps {
@@ -11,11 +13,31 @@ pub(super) struct Sps {
     pub(super) bit_depth: u64,
     /// Whether fields are coded separately.
     pub(super) interlaced: bool,
-    /// Whether black is 0 and white 255, rather than 16 and 235.
-    pub(super) full_range: bool,
-    /// H.273's number of the matrix from RGB; 2 if unspecified.
-    pub(super) matrix: u64,
+    /// Range and colours; `None` if unspecified.
+    pub(super) colour: Option<Signal>,
+    /// Width and height of a pixel, in parts of each other; `None` if unspecified.
+    pub(super) aspect: Option<[u32; 2]>,
 }
+
+/// Width and height of pixels by `aspect_ratio_idc` (table E-1), from 1.
+const ASPECTS: [[u32; 2]; 16] = [
+    [1, 1],
+    [12, 11],
+    [10, 11],
+    [16, 11],
+    [40, 33],
+    [24, 11],
+    [20, 11],
+    [32, 11],
+    [80, 33],
+    [18, 11],
+    [15, 11],
+    [64, 33],
+    [160, 99],
+    [4, 3],
+    [3, 2],
+    [2, 1],
+];
 
 /// Profiles whose parameter sets carry chroma format and depths.
 const HIGH: [u64; 13] = [100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135];
@@ -79,10 +101,10 @@ impl Sps {
                 *side = bits.unsigned()?;
             }
         }
-        let (full_range, matrix) = if bits.flag()? {
-            bits.colour()?
+        let (aspect, colour) = if bits.flag()? {
+            bits.usability()?
         } else {
-            (false, 2)
+            (None, None)
         };
         // Crops are in units of chroma samples, or of luma samples for monochrome and separate planes.
         let sampled = if separate { 0 } else { chroma_format };
@@ -99,8 +121,8 @@ impl Sps {
             chroma_format,
             bit_depth: depth,
             interlaced,
-            full_range,
-            matrix,
+            colour,
+            aspect,
         })
     }
 }
@@ -173,24 +195,34 @@ impl Bits<'_> {
         Some(())
     }
 
-    /// Range and matrix of colours: the start of the video usability information (E.1.1).
-    fn colour(&mut self) -> Option<(bool, u64)> {
-        if self.flag()? && self.take(8)? == 255 {
-            self.take(32)?;
+    /// Shape of pixels, and range and colours: the start of the video usability information (E.1.1).
+    fn usability(&mut self) -> Option<(Option<[u32; 2]>, Option<Signal>)> {
+        let mut aspect = None;
+        if self.flag()? {
+            aspect = match self.take(8)? {
+                255 => Some([self.take(16)? as u32, self.take(16)? as u32]),
+                index => (index as usize)
+                    .checked_sub(1)
+                    .and_then(|index| ASPECTS.get(index).copied()),
+            };
         }
         if self.flag()? {
             self.flag()?;
         }
-        let (mut full_range, mut matrix) = (false, 2);
-        if self.flag()? {
-            self.take(3)?;
-            full_range = self.flag()?;
-            if self.flag()? {
-                self.take(16)?;
-                matrix = self.take(8)?;
-            }
+        if !self.flag()? {
+            return Some((aspect, None));
         }
-        Some((full_range, matrix))
+        self.take(3)?;
+        let mut colour = Signal {
+            full_range: self.flag()?,
+            ..Signal::UNSPECIFIED
+        };
+        if self.flag()? {
+            colour.primaries = self.take(8)?;
+            colour.transfer = self.take(8)?;
+            colour.matrix = self.take(8)?;
+        }
+        Some((aspect, Some(colour)))
     }
 }
 

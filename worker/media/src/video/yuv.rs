@@ -1,7 +1,5 @@
 //! Conversion of a video decoder's planes to RGB.
 
-use crate::Picture;
-
 /// Coding of colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Coding {
@@ -42,9 +40,28 @@ pub(super) struct Planes<'a> {
 /// 16.16 fixed point.
 const ONE: f32 = 65536.0;
 
+/// RGB `[height, width, 3]` of 8 bits, as [`to_levels`].
+pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Vec<u8>> {
+    to_levels(planes, coding, |value| {
+        ((value + (1 << 15)) >> 16).clamp(0, 255) as u8
+    })
+}
+
+/// RGB `[height, width, 3]` of 16 bits, as [`to_levels`].
+pub(super) fn to_deep_rgb(planes: Planes<'_>, coding: Coding) -> Option<Vec<u16>> {
+    to_levels(planes, coding, |value| {
+        ((i64::from(value) * 257) >> 16).clamp(0, 65_535) as u16
+    })
+}
+
 /// RGB by linear interpolation of the chroma planes. Their samples are on every other column and between
-/// every two rows (H.264's usual siting, figure E-1). `None` if a plane is smaller than the picture.
-pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Picture> {
+/// every two rows (H.264's usual siting, figure E-1). `level` gets levels from 0 to 255 in 16.16 fixed point. `None` if a plane is
+/// smaller than the picture.
+fn to_levels<T: Copy + Default>(
+    planes: Planes<'_>,
+    coding: Coding,
+    level: impl Fn(i32) -> T,
+) -> Option<Vec<T>> {
     let Planes { width, height, .. } = planes;
     let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));
     let (luma_scale, chroma_scale, black) = if coding.full_range {
@@ -62,10 +79,8 @@ pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Picture> {
     let to_blue = chroma(2.0 * (1.0 - blue));
     let green_red = chroma(2.0 * (1.0 - red) * red / green);
     let green_blue = chroma(2.0 * (1.0 - blue) * blue / green);
-    let half = 1 << 15;
-    let byte = |value: i32| (value >> 16).clamp(0, 255) as u8;
 
-    let mut rgb = vec![0u8; width * height * 3];
+    let mut rgb = vec![T::default(); width * height * 3];
     let mut mixed = [vec![0i32; columns], vec![0i32; columns]];
     for (row, out) in rgb.chunks_exact_mut(width * 3).enumerate() {
         let y = planes.y.0.get(row * planes.y.1..)?.get(..width)?;
@@ -91,19 +106,13 @@ pub(super) fn to_rgb(planes: Planes<'_>, coding: Coding) -> Option<Picture> {
                 (at + 1).min(columns - 1)
             };
             let (u, v) = (u[at] + u[next], v[at] + v[next]);
-            let y = (i32::from(y) - black) * luma + half;
-            out[0] = byte(y + to_red * v);
-            out[1] = byte(y - green_red * v - green_blue * u);
-            out[2] = byte(y + to_blue * u);
+            let y = (i32::from(y) - black) * luma;
+            out[0] = level(y + to_red * v);
+            out[1] = level(y - green_red * v - green_blue * u);
+            out[2] = level(y + to_blue * u);
         }
     }
-    Some(Picture {
-        width,
-        height,
-        rgb,
-        alpha: None,
-        lossy: true,
-    })
+    Some(rgb)
 }
 
 #[cfg(test)]
@@ -118,7 +127,7 @@ mod tests {
             u: (&[u; 4], 2),
             v: (&[v; 4], 2),
         };
-        to_rgb(planes, coding).expect("large enough").rgb
+        to_rgb(planes, coding).expect("large enough")
     }
 
     #[test]
@@ -133,6 +142,22 @@ mod tests {
         assert_eq!(flat(255, 128, 128, full)[..3], [255; 3]);
         assert_eq!(flat(7, 128, 128, full)[..3], [7; 3]);
         assert_eq!(Coding::new(0, true), None, "RGB planes");
+    }
+
+    #[test]
+    fn deep_levels_lie_between_those_of_eight_bits() {
+        let coding = Coding::new(9, false).expect("known");
+        let planes = Planes {
+            width: 1,
+            height: 1,
+            y: (&[100], 1),
+            u: (&[140], 1),
+            v: (&[110], 1),
+        };
+        let deep = to_deep_rgb(planes, coding).expect("large enough");
+        let rounded = deep.iter().map(|it| ((u32::from(*it) + 128) / 257) as u8);
+        assert!(rounded.eq(to_rgb(planes, coding).expect("large enough")));
+        assert!(deep.iter().any(|it| it % 257 != 0), "{deep:?}");
     }
 
     #[test]

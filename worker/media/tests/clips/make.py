@@ -1,7 +1,7 @@
 """Makes the clips of the video tests: 20 frames of 50x38 pixels at 15 a second.
 
 Frame i is one colour, (20 + 10 i, 100, 210 - 10 i), with a white bar of 6 columns from column
-2 i, so that order, colour and turn can be told. Needs an ffmpeg with x264 and x265:
+2 i, so that order, colour and turn can be told. Needs an ffmpeg with x264, x265 and zimg (zscale):
 
     python3 make.py path/to/ffmpeg
 """
@@ -43,3 +43,30 @@ make("hevc.mp4", "-c:v", "libx265", "-crf", "8", "-pix_fmt", "yuv420p", "-tag:v"
 make("mjpeg.avi", "-c:v", "mjpeg", "-q:v", "2")
 turn = [sys.argv[1], "-y", "-v", "error", "-display_rotation", "-90", "-i", "b_frames.mp4"]
 subprocess.run([*turn, "-c", "copy", "-bitexact", "turned_right.mp4"], check=True)
+
+# HDR as a camera writes it, of the same colours: diffuse white at 203 cd/m2.
+def hdr(transfer):
+    light = f"zscale=pin=709:tin=709:min=gbr:rin=full:p=2020:t={transfer}:m=2020_ncl:r=limited:npl=203:agamma=0"
+    return ["-vf", f"format=gbrp,{light},format=FORMAT", "-colorspace", "bt2020nc", "-color_primaries", "bt2020", "-color_trc", transfer]
+
+
+def depth(options, pixels):
+    return [option.replace("FORMAT", pixels) for option in options]
+
+
+X265 = ["-c:v", "libx265", "-crf", "6", "-tag:v", "hvc1"]
+make("hlg.mp4", "-c:v", "libx264", "-crf", "6", *depth(hdr("arib-std-b67"), "yuv420p"))
+make("hlg_hevc.mov", *X265, "-x265-params", "log-level=error", *depth(hdr("arib-std-b67"), "yuv420p10le"))
+make("pq_hevc.mp4", *X265, "-x265-params", "log-level=error", *depth(hdr("smpte2084"), "yuv420p10le"))
+# Ordinary levels that are declared to be HLG.
+DECLARED = ["-vf", "scale=out_color_matrix=bt2020,format=yuv420p,setparams=color_trc=arib-std-b67:color_primaries=bt2020:colorspace=bt2020nc"]
+make("declared_hlg.mp4", "-c:v", "libx264", "-crf", "6", *DECLARED)
+# Pixels about twice as wide as high.
+WIDE = ["-vf", "scale=26:38:flags=area,setsar=50/26"]
+make("wide_pixels.mp4", *X264, *WIDE)
+make("wide_pixels.avi", "-c:v", "mjpeg", "-q:v", "2", *WIDE)
+turn = [sys.argv[1], "-y", "-v", "error", "-display_rotation", "-90", "-i", "wide_pixels.mp4"]
+subprocess.run([*turn, "-c", "copy", "-bitexact", "wide_pixels_turned.mp4"], check=True)
+# The same stream in a container that ffmpeg reads.
+remux = [sys.argv[1], "-y", "-v", "error", "-i", "hlg.mp4", "-c", "copy", "-bitexact", "hlg.mkv"]
+subprocess.run(remux, check=True)

@@ -44,7 +44,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let calibration = calibration(&folder, "", options)?;
     let clip = Clip::open(source, options.ffmpeg.as_deref())?;
     let mut notes = vec![summary(&motion, options)];
-    notes.extend(motion.notes.iter().cloned());
+    notes.extend(motion.notes.iter().chain(&clip.notes).cloned());
     let wanted = clip.selected(options)?;
     let fps = options.fps.or(clip.fps).unwrap_or(motion.fps);
     let numbers = numbers(&motion, &clip, fps, at, &mut notes)?;

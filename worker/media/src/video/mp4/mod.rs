@@ -3,9 +3,10 @@
 mod samples;
 mod tree;
 
+use super::signal::Signal;
 use crate::{Fault, Limits, MediaError, Orientation};
 use re_mp4::{MdhdBox, TkhdBox};
-use samples::Sample;
+use samples::Samples;
 use std::path::Path;
 use tree::{Atom, broken, children, headers};
 
@@ -24,6 +25,12 @@ pub(super) struct Track {
     pub(super) times: Vec<f64>,
     /// Number of frames, in the order shown, before the track's start: decoded but never shown.
     pub(super) hidden: usize,
+    /// Range and colours, if the container declares them.
+    pub(super) colour: Option<Signal>,
+    /// Width and height of a pixel, if the container declares them.
+    pub(super) aspect: Option<[u32; 2]>,
+    /// Number of frames that the file's headers list, if it ends before the last of them.
+    pub(super) listed: Option<usize>,
 }
 
 /// Coding of a track.
@@ -79,7 +86,7 @@ fn handler(trak: &Atom<'_>) -> Result<[u8; 4], Fault> {
     kind.ok_or_else(|| broken("its 'hdlr' box is cut short"))
 }
 
-fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, Fault> {
+fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &Samples) -> Result<Track, Fault> {
     let mdia = trak.child(b"mdia")?;
     let mdhd: MdhdBox = mdia.child(b"mdhd")?.read()?;
     let scale = f64::from(mdhd.timescale.max(1));
@@ -90,6 +97,10 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
             let message = "the display matrix mirrors or skews the picture, which cameras never do";
             Fault::new("UNSUPPORTED", message)
         })?;
+    let (name, boxes) = entry(&stsd)?;
+    let content = |name: &[u8; 4]| Some(boxes.iter().find(|it| &it.name == name)?.content());
+    let colours = boxes.iter().filter(|it| &it.name == b"colr");
+    let Samples { samples, missing } = samples;
     let mut order: Vec<usize> = (0..samples.len()).collect();
     // Stable: frames with equal times stay in decoding order.
     order.sort_by_key(|&packet| samples.get(packet).map_or(0, |it| it.shown));
@@ -107,41 +118,79 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &[Sample]) -> Result<Track, F
     if hidden == shown.len() {
         hidden = 0;
     }
+    // Of a file that is cut short, frames shown after the first missing one are decoded without those that they build on.
+    let end = missing.map_or(shown.len(), |it| shown.partition_point(|&at| at < it.shown));
+    let listed = missing.map(|it| (shown.len() + it.count).saturating_sub(hidden));
+    shown.truncate(end);
     let first = shown.get(hidden).copied().unwrap_or(0);
-    let times = shown
+    let times: Vec<f64> = shown
         .iter()
         .skip(hidden)
         .map(|&it| it.saturating_sub(first) as f64 / scale)
         .collect();
+    if times.is_empty() && missing.is_some() {
+        let message = "the file is cut short before the end of the first frame that is shown";
+        return Err(Fault::new("TRUNCATED", message));
+    }
     Ok(Track {
-        codec: codec(&stsd)?,
+        codec: codec(&name, &boxes)?,
         orientation,
         packets: samples.iter().map(|it| (it.offset, it.size)).collect(),
         rank,
         times,
         hidden,
+        colour: colours
+            .filter_map(|it| Signal::from_box(it.content()))
+            .next(),
+        aspect: content(b"pasp").and_then(aspect),
+        listed,
     })
 }
 
-/// The codec of the first sample entry.
-fn codec(stsd: &Atom<'_>) -> Result<Codec, Fault> {
+/// The first sample entry: its four letters and its own boxes.
+fn entry<'a>(stsd: &Atom<'a>) -> Result<([u8; 4], Vec<Atom<'a>>), Fault> {
     // Eight bytes of version, flags and count come before the entries.
-    let entries = stsd.content().get(8..).unwrap_or_default();
-    let entries = children(entries)?;
+    let entries = children(stsd.content().get(8..).unwrap_or_default())?;
     let entry = entries
         .first()
         .ok_or_else(|| broken("its 'stsd' box is empty"))?;
-    let name = String::from_utf8_lossy(&entry.name).trim().to_owned();
-    if &entry.name != b"avc1" && &entry.name != b"avc3" {
-        return Ok(Codec::Other(name));
+    // A visual sample entry has 78 bytes before its own boxes. What follows them is not always boxes.
+    let inner = children(entry.content().get(78..).unwrap_or_default());
+    match inner {
+        Err(fault) if is_h264(&entry.name) => Err(fault),
+        inner => Ok((entry.name, inner.unwrap_or_default())),
     }
-    // A visual sample entry has 78 bytes before its own boxes.
-    let inner = children(entry.content().get(78..).unwrap_or_default())?;
-    let config = inner
-        .iter()
-        .find(|it| &it.name == b"avcC")
-        .ok_or_else(|| broken("its H.264 track has no 'avcC' box"))?;
-    parameter_sets(config.content()).ok_or_else(|| broken("its 'avcC' box is cut short"))
+}
+
+fn is_h264(name: &[u8; 4]) -> bool {
+    name == b"avc1" || name == b"avc3"
+}
+
+/// The codec of a sample entry.
+fn codec(name: &[u8; 4], boxes: &[Atom<'_>]) -> Result<Codec, Fault> {
+    let content = |name: &[u8; 4]| Some(boxes.iter().find(|it| &it.name == name)?.content());
+    // Version, then seven bits of the profile; the last four bits of the fifth byte say what a player without Dolby Vision sees.
+    let vision = content(b"dvcC").or_else(|| content(b"dvvC"));
+    if vision
+        .and_then(|it| it.get(2))
+        .is_some_and(|it| it >> 1 == 5)
+    {
+        let message = "Dolby Vision of profile 5 has colours that only its own decoders read: export it as HLG, HDR10 or SDR";
+        return Err(Fault::new("UNSUPPORTED", message));
+    }
+    if !is_h264(name) {
+        return Ok(Codec::Other(
+            String::from_utf8_lossy(name).trim().to_owned(),
+        ));
+    }
+    let config = content(b"avcC").ok_or_else(|| broken("its H.264 track has no 'avcC' box"))?;
+    parameter_sets(config).ok_or_else(|| broken("its 'avcC' box is cut short"))
+}
+
+/// Width and height of a pixel by a `pasp` box.
+fn aspect(content: &[u8]) -> Option<[u32; 2]> {
+    let (words, _) = content.as_chunks::<4>();
+    Some([*words.first()?, *words.get(1)?].map(u32::from_be_bytes))
 }
 
 /// The parameter sets in `avcC`: version, profile, compatibility, level, length size, then the two lists.

@@ -18,14 +18,35 @@ pub(super) struct Sample {
     pub(super) shown: i64,
 }
 
-/// All frames of a track in the order in which they are decoded.
+/// Frames that a file's headers list and that it ends before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Missing {
+    /// Number of frames.
+    pub(super) count: usize,
+    /// Earliest presentation time, in the track's units.
+    pub(super) shown: i64,
+}
+
+/// The frames of a track.
+#[derive(Debug)]
+pub(super) struct Samples {
+    /// Those in the file, in the order in which they are decoded, up to the first that is not.
+    pub(super) samples: Vec<Sample>,
+    /// The others, if the file is cut short.
+    pub(super) missing: Option<Missing>,
+}
+
+/// All frames of a track.
+///
+/// # Errors
+/// If the tables are invalid, or if the file is cut short before its first frame's end.
 pub(super) fn samples(
     trak: &Atom<'_>,
     track: u32,
     moov: &Atom<'_>,
     headers: &Headers,
     limits: &Limits,
-) -> Result<Vec<Sample>, Fault> {
+) -> Result<Samples, Fault> {
     let stbl = trak.child(b"mdia")?.child(b"minf")?.child(b"stbl")?;
     let mut samples = table(&stbl, limits)?;
     let defaults = defaults(moov, track)?;
@@ -44,18 +65,34 @@ pub(super) fn samples(
         }
     }
     // A file that was cut short is found here, before any frame is decoded.
-    if let Some((frame, sample)) = samples.iter().enumerate().find(|(_, it)| {
-        it.offset
-            .checked_add(it.size)
-            .is_none_or(|end| end > headers.size)
-    }) {
+    let is_cut = |it: &Sample| {
+        let end = it.offset.checked_add(it.size);
+        end.is_none_or(|end| end > headers.size)
+    };
+    let Some(first) = samples.iter().position(is_cut) else {
+        // Frames of a fragment whose own header is cut are not counted.
+        let missing = headers.is_cut.then_some(Missing {
+            count: 0,
+            shown: i64::MAX,
+        });
+        return Ok(Samples { samples, missing });
+    };
+    if let (0, Some(sample)) = (first, samples.first()) {
         let message = format!(
-            "the file is cut short: this frame's {} bytes start at byte {}, the file has {}",
+            "the file is cut short: its first frame's {} bytes start at byte {}, the file has {}",
             sample.size, sample.offset, headers.size
         );
-        return Err(Fault::new("TRUNCATED", message).in_frame(frame));
+        return Err(Fault::new("TRUNCATED", message).in_frame(0));
     }
-    Ok(samples)
+    let lost = samples.split_off(first);
+    let missing = Missing {
+        count: lost.len(),
+        shown: lost.iter().map(|it| it.shown).min().unwrap_or(i64::MAX),
+    };
+    Ok(Samples {
+        samples,
+        missing: Some(missing),
+    })
 }
 
 /// The media time at which the track's edit list starts, in the track's units.

@@ -125,6 +125,8 @@ pub(super) struct Headers {
     pub(super) moofs: Vec<(u64, Vec<u8>)>,
     /// Bytes of the file.
     pub(super) size: u64,
+    /// Whether the file ends inside a `moof`.
+    pub(super) is_cut: bool,
 }
 
 /// Finds the headers of the file at `path` without reading its pictures.
@@ -156,6 +158,10 @@ pub(super) fn headers(path: &Path) -> Result<Headers, MediaError> {
             let shown = String::from_utf8_lossy(&name).into_owned();
             // Other boxes may end beyond a file that was cut short: `samples` checks each frame.
             if end > size {
+                if &name == b"moof" && !found.moov.is_empty() {
+                    found.is_cut = true;
+                    break;
+                }
                 let message =
                     format!("is cut short: its '{shown}' box at byte {at} ends at {end} of {size}");
                 return Err(broken(message).into());
@@ -180,6 +186,8 @@ pub(super) fn headers(path: &Path) -> Result<Headers, MediaError> {
         }
         at = end;
     }
+    // Too few bytes for the header of another fragment.
+    found.is_cut |= at < size && !found.moofs.is_empty();
     if found.moov.is_empty() {
         let message = "has no 'moov' box: it is cut short, or not a video";
         return Err(broken(message).into());
