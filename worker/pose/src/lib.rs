@@ -20,6 +20,7 @@ mod joints;
 mod key_points;
 mod markers;
 mod normal;
+mod options;
 mod parameters;
 mod problem;
 mod report;
@@ -31,5 +32,7 @@ mod world;
 
 pub use colours::patches;
 pub use error::PoseError;
-pub use fit::{FitOptions, Fitted, MAX_FRAMES, fit};
+pub use fit::fit;
 pub use key_points::{FrameKeyPoints, KeyPointSet, KeyPoints};
+pub use options::{FitOptions, MAX_FRAMES};
+pub use report::Fitted;
