@@ -3,7 +3,7 @@
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
-use crate::jobs::feed::JobFeed;
+use crate::job_feed::JobFeed;
 use crate::jobs::roster::Roster;
 use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;

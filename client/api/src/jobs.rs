@@ -26,12 +26,33 @@ impl YotoClient {
             request_id: request_id(),
             priority: self.queue.priority.into(),
             owner: self.queue.owner.clone(),
+            validate_only: false,
         };
         let create = || {
             let (mut service, request) = (self.job_service(), request.clone());
             async move { service.create_job(request).await }
         };
         repeat(create).await.map_err(ClientError::refused(doing))
+    }
+
+    /// Checks an order as [`create_job`](Self::create_job) does, without queueing it.
+    ///
+    /// # Errors
+    /// As [`create_job`](Self::create_job).
+    pub async fn validate_job(&self, kind: job_spec::Kind) -> Result<Job, ClientError> {
+        let doing = format!("checking {} job", kind_with_article(&kind));
+        let request = CreateJobRequest {
+            spec: Some(JobSpec { kind: Some(kind) }),
+            priority: self.queue.priority.into(),
+            owner: self.queue.owner.clone(),
+            validate_only: true,
+            ..CreateJobRequest::default()
+        };
+        let check = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.create_job(request).await }
+        };
+        repeat(check).await.map_err(ClientError::refused(doing))
     }
 
     /// Queues training.

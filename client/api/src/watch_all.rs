@@ -1,7 +1,6 @@
 //! Watches of all jobs over streams that may break: after a break, the service sends what this watch does not know.
 
 use super::retry::{FIRST_PAUSE, Retries};
-use super::watch::is_terminal;
 use super::{ClientError, YotoClient};
 use std::collections::HashMap;
 use std::time::Duration;
@@ -102,7 +101,7 @@ impl JobsWatch {
     fn seen(&mut self, answer: WatchJobsResponse) -> JobsChange {
         let WatchJobsResponse { jobs, deleted } = answer;
         for job in &jobs {
-            match is_terminal(job.state()) {
+            match job.state().is_terminal() {
                 true => self.open.remove(&job.name),
                 false => self.open.insert(job.name.clone(), job.sequence),
             };

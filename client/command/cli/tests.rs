@@ -86,6 +86,8 @@ fn what_a_newcomer_types_parses() {
         "yoto render duo --subject ada --turntable --range ..:3 --out o.gif",
         "yoto job watch jobs/1",
         "yoto job watch",
+        "yoto subject fetch ada --out o",
+        "yoto subject edit ada --rename Ada --consent signed",
         "yoto job retry 9f31",
         "yoto job curve 9f31 --output json",
         "yoto job cancel 1",

@@ -1,6 +1,6 @@
 //! `yoto.v1.JobService`.
 
-use super::{fields, paging};
+use super::{fields, paging, public};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
@@ -69,13 +69,19 @@ impl JobService for JobApi {
         let spec = request.spec.unwrap_or_default();
         let new = fields::new_job(spec, request.priority, &request.owner);
         let (key, new) = both(key, new)?;
-        Ok(Response::new(queue::create(&self.context, new, key).await?))
+        if request.validate_only {
+            let priority = request.priority;
+            let job = queue::validate(&self.context, new).await?;
+            return Ok(Response::new(Job { priority, ..job }));
+        }
+        let job = queue::create(&self.context, new, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
         let job = self.context.store.job_history(&id).await;
-        Ok(Response::new(job.map_err(RequestError::from)?))
+        Ok(Response::new(public::job(job.map_err(RequestError::from)?)))
     }
 
     async fn list_jobs(
@@ -99,7 +105,7 @@ impl JobService for JobApi {
         let entries = self.context.store.jobs(page.page(), &filter, full).await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
-            jobs,
+            jobs: jobs.into_iter().map(public::job).collect(),
             next_page_token,
         }))
     }
@@ -111,7 +117,8 @@ impl JobService for JobApi {
         let request = request.get_ref();
         let key = fields::request_key("CancelJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        Ok(Response::new(queue::cancel(&self.context, &id, key).await?))
+        let job = queue::cancel(&self.context, &id, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 
     async fn pause_jobs(
@@ -168,7 +175,9 @@ impl JobService for JobApi {
             .map_err(RequestError::from)?;
         let context = Arc::clone(&self.context);
         let jobs = watch::watch(context, id, request.after_sequence, self.drain.clone());
-        let answers = jobs.map_ok(|job| WatchJobResponse { job: Some(job) });
+        let answers = jobs.map_ok(|job| WatchJobResponse {
+            job: Some(public::job(job)),
+        });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
     }
 
@@ -191,6 +200,10 @@ impl JobService for JobApi {
         }
         let context = Arc::clone(&self.context);
         let answers = watch_all::watch_all(context, filter, known, self.drain.clone());
+        let answers = answers.map_ok(|answer| WatchJobsResponse {
+            jobs: answer.jobs.into_iter().map(public::job).collect(),
+            ..answer
+        });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
     }
 
@@ -207,6 +220,7 @@ impl JobService for JobApi {
         let request = request.get_ref();
         let key = fields::request_key("RetryJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        Ok(Response::new(retry::retry(&self.context, &id, key).await?))
+        let job = retry::retry(&self.context, &id, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 }

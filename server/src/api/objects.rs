@@ -107,9 +107,14 @@ impl ObjectApi {
         if let Ok((model, _)) = names::parse_checkpoint(parent) {
             return self.of_checkpoint(model, parent).await;
         }
+        if let Ok(id) = Collection::Captures.parse(parent) {
+            let files = self.context.store.capture_objects(id).await?.into_iter();
+            let files = files.filter_map(|it| Some((it.file, it.object?)));
+            return Ok(files.collect());
+        }
         let Ok(id) = fields::id(Collection::Jobs, field, parent) else {
             let shown: String = parent.chars().take(200).collect();
-            let message = format!("'{shown}' is neither a job nor a checkpoint");
+            let message = format!("'{shown}' is neither a job nor a checkpoint nor a capture");
             return Err(RequestError::invalid(field, message));
         };
         let job = self.context.store.job(&id).await?;

@@ -7,7 +7,8 @@ use prost::Message;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::names::Collection;
 use yoto_proto::orders;
-use yoto_proto::v1::{JobError, Lease};
+use yoto_proto::v1::JobError;
+use yoto_proto::worker::v1::Lease;
 
 /// Bytes of an answer besides its lease.
 const MARGIN: usize = 64;

@@ -1,7 +1,6 @@
 //! Jobs between the API and the store: accepted orders, leases, reports and watches.
 
 mod checks;
-pub mod feed;
 pub mod lease;
 pub mod queue;
 pub mod reaper;

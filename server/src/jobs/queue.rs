@@ -10,7 +10,7 @@ use crate::error::RequestError;
 use crate::field_faults::all;
 use crate::store::{JobKind, NewJob, RequestKey};
 use yoto_proto::checks;
-use yoto_proto::v1::{Job, JobSpec};
+use yoto_proto::v1::{Job, JobSpec, job};
 
 /// Checks a job, whose order is well-formed, and queues it.
 ///
@@ -30,6 +30,22 @@ pub async fn create(
     let job = context.store.create_job(new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
+}
+
+/// The job that an order would become, after the same checks as in [`create`].
+///
+/// # Errors
+/// As [`create`].
+pub async fn validate(context: &Context, new: NewJob) -> Result<Job, RequestError> {
+    check_spec(context, &new.spec).await?;
+    let kind = JobKind::of(&new.spec).map(JobKind::to_proto);
+    Ok(Job {
+        state: job::State::Queued.into(),
+        kind: kind.unwrap_or_default().into(),
+        spec: Some(new.spec),
+        owner: new.owner,
+        ..Job::default()
+    })
 }
 
 /// Checks an order without the catalogue.

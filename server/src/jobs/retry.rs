@@ -1,7 +1,6 @@
 //! Orders of jobs that ended without success, queued again.
 
 use super::queue;
-use super::watch::is_terminal;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{NewJob, RequestKey, StoreError};
@@ -28,7 +27,7 @@ pub async fn retry(
         };
     }
     let ended = context.store.job(id).await?;
-    if !is_terminal(ended.state()) || ended.state() == job::State::Succeeded {
+    if !ended.state().is_terminal() || ended.state() == job::State::Succeeded {
         let message = format!(
             "{} is {}: only one that FAILED or was CANCELLED is queued again",
             ended.name,

@@ -1,9 +1,8 @@
 //! Watches of all jobs that match a filter: the open ones, then each change, resumable by what the caller knows.
 
-use super::feed::{Change, subscribe};
-use super::watch::is_terminal;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::job_feed::{Change, subscribe};
 use crate::store::{JobFilter, Page, StoreError};
 use futures::{Stream, stream};
 use prost::Message;
@@ -164,7 +163,7 @@ impl Watcher {
                 if known.is_some_and(|&known| known >= job.sequence) {
                     return;
                 }
-                match is_terminal(job.state()) {
+                match job.state().is_terminal() {
                     true => drop(self.known.remove(&job.name)),
                     false => drop(self.known.insert(job.name.clone(), job.sequence)),
                 }

@@ -1,4 +1,4 @@
-//! The version of a resource, so that a deletion can be limited to the state that its caller has seen.
+//! The version of a resource, so that a deletion or a change can be limited to the state that its caller has seen.
 
 use crate::store::StoreError;
 use prost::Message;
@@ -25,7 +25,7 @@ pub fn check(name: &str, asked: &str, found: &str) -> Result<(), StoreError> {
     }
     Err(StoreError::Rule {
         reason: ErrorReason::EtagMismatch,
-        message: format!("{name} has changed since it was read; nothing was deleted"),
+        message: format!("{name} has changed since it was read; nothing was changed"),
     })
 }
 

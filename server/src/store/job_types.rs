@@ -4,9 +4,9 @@ use super::StoreError;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{
-    self, Inputs, Job, JobError, JobPriority, JobResult, JobSpec, PictureRange, RenderedFile, job,
-    job_spec,
+    self, Job, JobError, JobPriority, JobResult, JobSpec, RenderedFile, job, job_spec,
 };
+use yoto_proto::worker::v1::{Inputs, PictureRange};
 
 /// Kind of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,15 +14,17 @@ pub use job_types::{
 pub use sqlite::SqliteStore;
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
-    Reference, RequestKey, StoreError, Target, Upload, UploadFile, UploadedFile, new_id,
+    Reference, RequestKey, StoreError, SubjectChange, Target, Upload, UploadFile, UploadedFile,
+    new_id,
 };
 
 use crate::checkpoints::retention::Retention;
 use async_trait::async_trait;
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobMetrics, JobSpec, Model, PausedKind,
-    Progress, RenderedFile, Subject, SubjectShard, WorkerStatus,
+    Progress, RenderedFile, Subject, WorkerStatus,
 };
+use yoto_proto::worker::v1::SubjectShard;
 
 /// The catalogue and the job queue. If the database fails, each method returns [`StoreError::Unavailable`],
 /// [`StoreError::Conflict`] or [`StoreError::Database`], depending on what a caller can do.
@@ -38,6 +40,13 @@ pub trait Store: Send + Sync + 'static {
     async fn subject(&self, id: &str) -> Result<Subject, StoreError>;
     /// Subjects, oldest first.
     async fn subjects(&self, page: Page) -> Result<Vec<Entry<Subject>>, StoreError>;
+    /// Changes a subject, if its version is `etag` (empty: any).
+    async fn update_subject(
+        &self,
+        id: &str,
+        change: SubjectChange,
+        etag: &str,
+    ) -> Result<Subject, StoreError>;
     /// The shard of the subject's newest READY capture.
     async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError>;
 
@@ -76,6 +85,15 @@ pub trait Store: Send + Sync + 'static {
     async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
     /// A capture by id.
     async fn capture(&self, id: &str) -> Result<Capture, StoreError>;
+
+    /// Captures of a person, or of all people, oldest first.
+    async fn captures(
+        &self,
+        page: Page,
+        subject_id: Option<&str>,
+    ) -> Result<Vec<Entry<Capture>>, StoreError>;
+    /// What the ingest job of a capture made for people: the check's report and a thumbnail.
+    async fn capture_objects(&self, id: &str) -> Result<Vec<RenderedFile>, StoreError>;
 
     /// Creates a model, or repeats the earlier answer to `request`.
     async fn create_model(

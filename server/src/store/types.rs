@@ -5,6 +5,15 @@ use prost::Message;
 use thiserror::Error;
 use yoto_proto::v1::{self, ErrorReason, WorkerDevice};
 
+/// What to change of a subject.
+#[derive(Debug, Clone, Default)]
+pub struct SubjectChange {
+    /// Its new display name.
+    pub display_name: Option<String>,
+    /// Its new consent note.
+    pub consent_note: Option<String>,
+}
+
 /// A new id: unique, and in the alphabet that resource names allow.
 pub fn new_id() -> String {
     uuid::Uuid::new_v4().to_string()

@@ -392,7 +392,7 @@ async fn a_deletion_that_names_a_version_is_limited_to_it() {
     assert_names(
         delete(&ada.name, &before.etag).await,
         "ETAG_MISMATCH",
-        "Ada has changed since it was read; nothing was deleted",
+        "Ada has changed since it was read; nothing was changed",
     );
     assert_eq!(service.get_subject(&ada.name).await, ada);
 

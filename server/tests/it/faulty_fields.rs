@@ -6,8 +6,9 @@ use tonic_types::StatusExt;
 use yoto_proto::limits::VIOLATIONS;
 use yoto_proto::v1::{
     CreateJobRequest, CreateModelRequest, CreateUploadRequest, JobSpec, ListJobsRequest,
-    PauseJobsRequest, RegisterWorkerRequest, TrainSpec, job_spec,
+    PauseJobsRequest, TrainSpec, job_spec,
 };
+use yoto_proto::worker::v1::RegisterWorkerRequest;
 
 /// The paths of all named fields.
 fn fields<T: std::fmt::Debug>(answer: Result<T, Status>) -> Vec<String> {
@@ -34,6 +35,7 @@ async fn an_order_gets_all_faults_of_its_fields() {
         request_id: "a\nb".into(),
         priority: 99,
         owner: "x".repeat(100),
+        validate_only: true,
     };
     let found = fields(service.jobs().create_job(request).await);
     let expected = [

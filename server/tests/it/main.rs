@@ -1,6 +1,8 @@
 //! The coordinator as its clients and workers see it.
 
+mod captures;
 mod catalogue;
+mod changes;
 mod clock;
 mod deletions;
 mod evaluations;

@@ -2,9 +2,8 @@
 
 use crate::support::{Service, assert_refused, claim};
 use tonic::Code;
-use yoto_proto::v1::{
-    DeleteJobRequest, GetJobMetricsRequest, HeartbeatRequest, Lease, MetricPoint, Progress,
-};
+use yoto_proto::v1::{DeleteJobRequest, GetJobMetricsRequest, MetricPoint, Progress};
+use yoto_proto::worker::v1::{HeartbeatRequest, Lease};
 
 async fn report(service: &Service, lease: &Lease, progress: Progress) {
     let request = HeartbeatRequest {
@@ -101,7 +100,7 @@ async fn a_long_training_keeps_a_bounded_number_of_points() {
     let error = crate::support::job_error("DIVERGED", "");
     let ended = service.end(
         &lease,
-        yoto_proto::v1::end_job_request::Outcome::Failed(error),
+        yoto_proto::worker::v1::end_job_request::Outcome::Failed(error),
     );
     ended.await.expect("is recorded");
     let request = DeleteJobRequest {

@@ -7,14 +7,14 @@ use crate::support::{
 use tonic::Code;
 use yoto_proto::keys;
 use yoto_proto::orders::LEVEL;
-use yoto_proto::v1::end_job_request::{Outcome, Returned};
 use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::{
-    CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec,
-    JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
-    PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainSpec,
-    WorkerDevice, job, job_result, job_spec,
+    CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec, JobView,
+    ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model, PauseJobsRequest, RenderedFile,
+    ResumeJobsRequest, TrainSpec, WorkerDevice, job, job_result, job_spec,
 };
+use yoto_proto::worker::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::worker::v1::{CommitOutputRequest, Lease, RegisterWorkerRequest};
 
 async fn train_for(service: &Service, model: &Model, owner: &str, priority: JobPriority) -> Job {
     let train = TrainSpec {

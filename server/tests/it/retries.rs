@@ -2,11 +2,11 @@
 
 use crate::support::{Service, assert_invalid, assert_refused, id, job_error, sql};
 use tonic::{Code, Status};
-use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, Job, JobPriority, JobSpec, RetryJobRequest, TrainSpec,
     capture, job, job_spec,
 };
+use yoto_proto::worker::v1::end_job_request::Outcome;
 
 async fn retry(service: &Service, name: &str, request_id: &str) -> Result<Job, Status> {
     let request = RetryJobRequest {

@@ -4,11 +4,11 @@ use crate::support::{Service, assert_invalid, assert_refused, job_error};
 use futures::StreamExt;
 use std::time::Duration;
 use tonic::{Code, Streaming};
-use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::{
     CancelJobRequest, DeleteJobRequest, Job, JobKind, KnownJob, WatchJobsRequest,
     WatchJobsResponse, job,
 };
+use yoto_proto::worker::v1::end_job_request::Outcome;
 
 async fn watch(service: &Service, request: WatchJobsRequest) -> Streaming<WatchJobsResponse> {
     let answer = service.jobs().watch_jobs(request).await;

@@ -7,11 +7,14 @@ use anyhow::{Context, Result};
 use tonic::Status;
 use yoto_proto::orders::LEVEL;
 use yoto_proto::reasons;
-use yoto_proto::v1::end_job_request::{Outcome, Returned};
 use yoto_proto::v1::{
-    Checkpoint, Claim, CommitOutputRequest, EndJobRequest, ErrorReason, HeartbeatRequest, Job,
-    JobAttempt, JobKind, JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile,
-    TakeRangeRequest, WorkerDevice, job_attempt,
+    Checkpoint, ErrorReason, Job, JobAttempt, JobKind, JobResult, RenderedFile, WorkerDevice,
+    job_attempt,
+};
+use yoto_proto::worker::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::worker::v1::{
+    Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, PublishCheckpointRequest,
+    RegisterWorkerRequest, TakeRangeRequest,
 };
 
 /// Registers a worker that never gets a job.

@@ -31,8 +31,9 @@ use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest};
+use yoto_proto::v1::JobKind;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{Lease, LeaseJobRequest, RegisterWorkerRequest};
 
 /// Kinds of jobs that this program runs.
 pub const KINDS: &[JobKind] = &[

@@ -7,7 +7,8 @@ use crate::error::RequestError;
 use crate::store::StoreError;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::Need;
-use yoto_proto::v1::{Checkpoint, ErrorReason, Model, SubjectShard};
+use yoto_proto::v1::{Checkpoint, ErrorReason, Model};
+use yoto_proto::worker::v1::SubjectShard;
 
 /// A person who must have a slot in a model.
 pub(super) struct RequiredSlot {

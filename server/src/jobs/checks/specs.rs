@@ -14,8 +14,9 @@ use yoto_proto::render_needs::{Need, needs, other_models};
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     Checkpoint, ErrorReason, EvaluateSpec, ExportSpec, JobSpec, Model, MotionTransfer, RenderSpec,
-    SubjectShard, TrainSpec, job_spec,
+    TrainSpec, job_spec,
 };
+use yoto_proto::worker::v1::SubjectShard;
 use yoto_proto::{checks, exports, tiers};
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.

@@ -12,7 +12,8 @@ use yoto_avatar::render::{
 use yoto_film::{Bodies, ModelBodies, Person, View};
 use yoto_proto::names;
 use yoto_proto::render_needs::other_models;
-use yoto_proto::v1::{Checkpoint, Inputs, RenderSpec};
+use yoto_proto::v1::{Checkpoint, RenderSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// A model with the checkpoint that draws its people.
 pub(super) struct Model<'a> {

@@ -1,7 +1,6 @@
-//! The changes of all jobs, for [`super::watch_all`]: read once at each poll for all watchers, and only while there are
+//! The changes of all jobs, for [`crate::jobs::watch_all`]: read once at each poll for all watchers, and only while there are
 //! any.
 
-use super::watch::is_terminal;
 use crate::context::Context;
 use crate::store::{JobVersions, StoreError};
 use std::collections::{HashMap, HashSet};
@@ -112,7 +111,7 @@ impl Open {
         match context.store.job_state(id).await {
             Ok(job) => {
                 let job = Arc::new(job);
-                match is_terminal(job.state()) {
+                match job.state().is_terminal() {
                     true => self.jobs.remove(id),
                     false => self.jobs.insert(id.to_owned(), Arc::clone(&job)),
                 };
