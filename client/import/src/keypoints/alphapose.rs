@@ -1,6 +1,6 @@
 //! AlphaPose's `alphapose-results.json`: a list of people over all frames, each with `image_id`, flat
-//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets, and the full-body ones have hands) and, where it follows
-//! people, `idx`.
+//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets, and the full-body ones
+//! have hands) and, where it follows people, `idx`.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use super::hands;

@@ -1,6 +1,7 @@
 //! OpenPose's `--write_json`: a file per frame, `NAME_000000000012_keypoints.json`, with `people`.
 //! Each has `pose_keypoints_2d`: x, y and confidence of the 25 points of `BODY_25`, zeros where a point
-//! was not seen; with `--hand` also `hand_left_keypoints_2d` and `hand_right_keypoints_2d`, of 21 points each. People are in no order; `person_id` is -1 unless OpenPose follows them.
+//! was not seen; with `--hand` also `hand_left_keypoints_2d` and `hand_right_keypoints_2d`, of 21 points
+//! each. People are in no order; `person_id` is -1 unless OpenPose follows them.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use super::hands;
