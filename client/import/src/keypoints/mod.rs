@@ -14,6 +14,7 @@ mod alphapose;
 mod capture;
 mod detections;
 mod easy_vitpose;
+mod hands;
 mod mask;
 mod mediapipe;
 mod mediapipe_json;
