@@ -1,4 +1,4 @@
-//! Compiles `yoto/v1/*.proto` with protox, so that no `protoc` is needed.
+//! Compiles `yoto/v1/*.proto` and `yoto/worker/v1/*.proto` with protox, so that no `protoc` is needed.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -6,9 +6,12 @@ use std::{env, fs};
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=yoto");
-    let mut protos: Vec<PathBuf> = fs::read_dir("yoto/v1")?
-        .map(|entry| entry.map(|e| e.path()))
-        .collect::<Result<_, _>>()?;
+    let mut protos: Vec<PathBuf> = Vec::new();
+    for package in ["yoto/v1", "yoto/worker/v1"] {
+        for entry in fs::read_dir(package)? {
+            protos.push(entry?.path());
+        }
+    }
     protos.sort();
     let descriptors = protox::Compiler::new(["."])?
         .include_source_info(true)

@@ -15,9 +15,14 @@ pub fn shard(capture_id: &str, job_id: &str, token: u64) -> String {
     format!("captures/{capture_id}/{job_id}-{token}/shard.bin")
 }
 
-/// The report of a capture's check at ingest.
-pub fn check(capture_id: &str, job_id: &str, token: u64) -> String {
-    format!("captures/{capture_id}/{job_id}-{token}/check.json")
+/// File of the report of a capture's check.
+pub const CHECK: &str = "check.json";
+/// File of the small picture of a capture.
+pub const THUMBNAIL: &str = "thumbnail.png";
+
+/// What the ingest job of a capture makes for people: [`CHECK`] or [`THUMBNAIL`].
+pub fn of_capture(capture_id: &str, job_id: &str, token: u64, file: &str) -> String {
+    format!("captures/{capture_id}/{job_id}-{token}/{file}")
 }
 
 /// The folder of one checkpoint.
@@ -153,7 +158,7 @@ mod tests {
                 FolderOwner::Shard { capture: "c", by },
             ),
             (
-                check("c", "j-1", 7),
+                of_capture("c", "j-1", 7, CHECK),
                 FolderOwner::Shard { capture: "c", by },
             ),
             (

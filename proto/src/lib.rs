@@ -1,9 +1,10 @@
 //! The contract between client, coordinator and workers.
 //!
-//! [`v1`] is generated from `yoto/v1/*.proto`. The rest is what both sides must
+//! [`v1`] is generated from `yoto/v1/*.proto`, what users call, and [`worker::v1`] from `yoto/worker/v1/*.proto`, what only
+//! workers call. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! files of an export, the checks of orders, the reasons of refusals, pauses between attempts, text that is safe to
+//! files of an export, the checks of orders and their levels, the reasons of refusals, pauses between attempts, text that is safe to
 //! print, and the names of tiers, variants and evaluation protocols.
 
 pub mod backoff;
@@ -11,11 +12,13 @@ pub mod checks;
 pub mod correction;
 pub mod exports;
 pub mod frame_steps;
+mod job_state;
 pub mod keys;
 pub mod limits;
 pub mod manifest;
 pub mod media_plan;
 pub mod names;
+pub mod orders;
 pub mod pose_track;
 pub mod protocols;
 pub mod reasons;
@@ -30,7 +33,16 @@ pub mod v1 {
     tonic::include_proto!("yoto.v1");
 }
 
-/// The compiled descriptors of `yoto.v1`, for gRPC reflection.
+/// What only workers call.
+pub mod worker {
+    /// Messages, clients and servers of package `yoto.worker.v1`.
+    #[allow(missing_docs, clippy::all, clippy::unwrap_used)]
+    pub mod v1 {
+        tonic::include_proto!("yoto.worker.v1");
+    }
+}
+
+/// The compiled descriptors of `yoto.v1` and `yoto.worker.v1`, for gRPC reflection.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/yoto_descriptor.bin"));
 
 /// SHA-256 of `bytes` in lower-case hex, as every [`v1::ObjectRef`] carries it.

@@ -6,10 +6,13 @@
 
 use prost::Message;
 use prost_types::{
-    DescriptorProto, EnumDescriptorProto, FieldDescriptorProto, FileDescriptorSet,
-    ServiceDescriptorProto,
+    DescriptorProto, EnumDescriptorProto, FieldDescriptorProto, FileDescriptorProto,
+    FileDescriptorSet, ServiceDescriptorProto,
 };
 use std::collections::BTreeMap;
+
+/// What users call, and what workers call.
+const PACKAGES: [&str; 2] = ["yoto.v1", "yoto.worker.v1"];
 
 /// Everything of a contract by its full name.
 #[derive(Default)]
@@ -23,18 +26,19 @@ impl Contract {
     fn read(bytes: &[u8]) -> Self {
         let set = FileDescriptorSet::decode(bytes).expect("descriptors");
         let mut contract = Self::default();
-        for file in set.file.into_iter().filter(|it| it.package() == "yoto.v1") {
+        let ours = |it: &FileDescriptorProto| PACKAGES.contains(&it.package());
+        for file in set.file.into_iter().filter(ours) {
+            let package = file.package().to_owned();
+            let full = |name: &str| format!("{package}.{name}");
             for message in file.message_type {
-                contract.add(String::new(), message);
+                contract.add(full(""), message);
             }
             let enums = file.enum_type.into_iter();
-            contract
-                .enums
-                .extend(enums.map(|it| (it.name().to_owned(), it)));
+            contract.enums.extend(enums.map(|it| (full(it.name()), it)));
             let services = file.service.into_iter();
             contract
                 .services
-                .extend(services.map(|it| (it.name().to_owned(), it)));
+                .extend(services.map(|it| (full(it.name()), it)));
         }
         contract
     }
@@ -112,12 +116,18 @@ fn programs_of_earlier_versions_understand_it() {
 fn a_change_of_the_contract_is_found() {
     let old = Contract::read(yoto_proto::DESCRIPTORS);
     let mut new = Contract::read(yoto_proto::DESCRIPTORS);
-    let claim = new.messages.get_mut("Claim").expect("is there");
+    let claim = new
+        .messages
+        .get_mut("yoto.worker.v1.Claim")
+        .expect("is there");
     claim.field[2].number = Some(9);
-    let states = new.enums.get_mut("Job.State").expect("is there");
+    let states = new.enums.get_mut("yoto.v1.Job.State").expect("is there");
     states.value.pop();
-    let jobs = new.services.get_mut("JobService").expect("is there");
+    let jobs = new
+        .services
+        .get_mut("yoto.v1.JobService")
+        .expect("is there");
     jobs.method[0].output_type = Some(".yoto.v1.Model".into());
-    new.messages.remove("Scene");
+    new.messages.remove("yoto.v1.Scene");
     assert_eq!(broken(&old, &new).len(), 4);
 }

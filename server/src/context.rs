@@ -3,6 +3,7 @@
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
+use crate::job_feed::JobFeed;
 use crate::jobs::roster::Roster;
 use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;
@@ -31,6 +32,8 @@ pub struct Context {
     pub disk: ObjectDisk,
     /// Wakes the watchers of jobs.
     pub changes: JobChanges,
+    /// The changes of all jobs, for those who watch them.
+    pub feed: JobFeed,
     /// The workers that have asked for jobs lately.
     pub roster: Roster,
     /// When the coordinator started.

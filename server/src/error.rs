@@ -1,9 +1,11 @@
 //! Errors of the coordinator: while it opens or serves, and while it answers a request.
 
+use crate::field_faults::FieldFaults;
 use crate::store::StoreError;
 use std::path::PathBuf;
 use thiserror::Error;
 use yoto_objects::ObjectsError;
+use yoto_proto::v1::ErrorReason;
 
 /// The coordinator can't open or serve.
 #[derive(Debug, Error)]
@@ -51,19 +53,14 @@ pub enum RequestError {
         /// Its name.
         name: String,
     },
-    /// A field of the request is malformed.
-    #[error("{field}: {message}")]
-    Invalid {
-        /// Path of the field in the request.
-        field: String,
-        /// The fault.
-        message: String,
-    },
+    /// Fields of the request are malformed.
+    #[error("{0}")]
+    Invalid(FieldFaults),
     /// The request is well-formed, but not possible in the current state.
     #[error("{message}")]
     Precondition {
         /// Machine-readable.
-        reason: &'static str,
+        reason: ErrorReason,
         /// Human-readable.
         message: String,
     },
@@ -112,14 +109,11 @@ pub enum RequestError {
 impl RequestError {
     /// A malformed `field`.
     pub fn invalid(field: impl Into<String>, message: impl Into<String>) -> Self {
-        Self::Invalid {
-            field: field.into(),
-            message: message.into(),
-        }
+        Self::Invalid(FieldFaults::one(field.into(), message.into()))
     }
 
     /// Not possible now, because of `reason`.
-    pub fn precondition(reason: &'static str, message: impl Into<String>) -> Self {
+    pub fn precondition(reason: ErrorReason, message: impl Into<String>) -> Self {
         Self::Precondition {
             reason,
             message: message.into(),

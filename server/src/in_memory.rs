@@ -6,8 +6,9 @@ use hyper_util::rt::TokioIo;
 use std::io;
 use std::pin::Pin;
 use std::task::{Context, Poll};
-use tokio::io::DuplexStream;
+use tokio::io::{AsyncRead, AsyncWrite, DuplexStream, ReadBuf};
 use tokio::sync::mpsc;
+use tonic::transport::server::Connected;
 use tonic::transport::{Channel, Endpoint};
 use yoto_proto::limits::WINDOW_BYTES;
 
@@ -25,7 +26,7 @@ pub fn in_memory() -> (InMemoryConnector, InMemoryIncoming) {
 /// Connects to the server of the pair's [`InMemoryIncoming`].
 #[derive(Debug, Clone)]
 pub struct InMemoryConnector {
-    sender: mpsc::Sender<DuplexStream>,
+    sender: mpsc::Sender<InMemoryStream>,
 }
 
 impl InMemoryConnector {
@@ -37,7 +38,7 @@ impl InMemoryConnector {
             async move {
                 let (near, far) = tokio::io::duplex(PIPE_BYTES);
                 let refused = |_| io::Error::from(io::ErrorKind::ConnectionRefused);
-                sender.send(far).await.map_err(refused)?;
+                sender.send(InMemoryStream(far)).await.map_err(refused)?;
                 Ok::<_, io::Error>(TokioIo::new(near))
             }
         });
@@ -49,14 +50,58 @@ impl InMemoryConnector {
     }
 }
 
+/// A connection from this process.
+#[derive(Debug)]
+pub struct InMemoryStream(DuplexStream);
+
+/// What a service knows of a connection from its own process.
+#[derive(Debug, Clone, Copy)]
+pub struct InProcess;
+
+impl Connected for InMemoryStream {
+    type ConnectInfo = InProcess;
+
+    fn connect_info(&self) -> InProcess {
+        InProcess
+    }
+}
+
+impl AsyncRead for InMemoryStream {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_read(cx, buffer)
+    }
+}
+
+impl AsyncWrite for InMemoryStream {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.0).poll_write(cx, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.0).poll_shutdown(cx)
+    }
+}
+
 /// The connections to serve; ends when every connector and channel is gone.
 #[derive(Debug)]
 pub struct InMemoryIncoming {
-    receiver: mpsc::Receiver<DuplexStream>,
+    receiver: mpsc::Receiver<InMemoryStream>,
 }
 
 impl Stream for InMemoryIncoming {
-    type Item = io::Result<DuplexStream>;
+    type Item = io::Result<InMemoryStream>;
 
     fn poll_next(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         self.receiver.poll_recv(cx).map(|stream| stream.map(Ok))

@@ -12,8 +12,10 @@ pub mod config;
 mod context;
 mod error;
 pub mod faults;
+mod field_faults;
 mod health;
 mod in_memory;
+mod job_feed;
 mod jobs;
 mod listen;
 mod lock;
@@ -37,6 +39,7 @@ pub use yoto_objects::ObjectsError;
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
+use job_feed::JobFeed;
 use jobs::reaper;
 use jobs::roster::Roster;
 use lock::DataDirLock;
@@ -91,6 +94,7 @@ impl Coordinator {
             objects_url,
             disk,
             changes: JobChanges::default(),
+            feed: JobFeed::default(),
             roster: Roster::default(),
             started,
             writable: tokio::sync::watch::Sender::new(true),

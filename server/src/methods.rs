@@ -47,7 +47,10 @@ mod tests {
 
     #[test]
     fn methods_with_streams_are_not_unary() {
-        assert!(is_unary("/yoto.v1.WorkerService/EndJob"), "{UNARY:?}");
+        assert!(
+            is_unary("/yoto.worker.v1.WorkerService/EndJob"),
+            "{UNARY:?}"
+        );
         assert!(!is_unary("/yoto.v1.JobService/WatchJob"), "{UNARY:?}");
         assert!(!is_unary("/yoto.v1.ObjectService/DownloadObject"));
     }
@@ -56,6 +59,6 @@ mod tests {
     fn all_services_have_names() {
         let names: Vec<_> = services().collect();
         assert_eq!(names.len(), 9, "{names:?}");
-        assert!(names.contains(&"yoto.v1.WorkerService"));
+        assert!(names.contains(&"yoto.worker.v1.WorkerService"));
     }
 }

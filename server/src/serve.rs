@@ -27,7 +27,7 @@ use yoto_proto::v1::status_service_server::StatusServiceServer;
 use yoto_proto::v1::storage_service_server::StorageServiceServer;
 use yoto_proto::v1::subject_service_server::SubjectServiceServer;
 use yoto_proto::v1::upload_service_server::UploadServiceServer;
-use yoto_proto::v1::worker_service_server::WorkerServiceServer;
+use yoto_proto::worker::v1::worker_service_server::WorkerServiceServer;
 
 /// All services, and the handle of the health service among them.
 async fn routes(

@@ -6,13 +6,11 @@ use std::path::Path;
 use std::time::Instant;
 use tonic::Code;
 use yoto_client::YotoClient;
-use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::job::State;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{
-    Claim, EndJobRequest, HeartbeatRequest, Job, JobResult, PoseRefinement,
-    PublishCheckpointRequest, TrainSpec, job_result,
-};
+use yoto_proto::v1::{Job, JobResult, PoseRefinement, TrainSpec, job_result};
+use yoto_proto::worker::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{Claim, EndJobRequest, HeartbeatRequest, PublishCheckpointRequest};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Process, Service, succeed};

@@ -1,8 +1,8 @@
 //! The gRPC answers that justify a retry.
 
 use tonic::{Code, Status};
-use tonic_types::StatusExt;
-use yoto_proto::reasons::{NOT_FOUND, STALE_LEASE};
+use yoto_proto::reasons;
+use yoto_proto::v1::ErrorReason;
 
 /// Whether the same call may succeed later: for all codes except answers about the call itself.
 ///
@@ -29,14 +29,17 @@ pub(crate) fn is_unreadable(code: Code) -> bool {
 
 /// Whether the coordinator reports that this lease is lost.
 pub(crate) fn is_stale_lease(status: &Status) -> bool {
-    let details = status.get_error_details();
-    let reason = details.error_info().map(|info| info.reason.as_str());
-    matches!(reason, Some(STALE_LEASE | NOT_FOUND))
+    let reason = reasons::of(status);
+    matches!(
+        reason,
+        Some(ErrorReason::StaleLease | ErrorReason::NotFound)
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tonic_types::StatusExt;
 
     #[test]
     fn a_broken_connection_is_retried_and_a_refusal_is_not() {
@@ -67,9 +70,9 @@ mod tests {
         };
         assert!(is_stale_lease(&status(
             Code::FailedPrecondition,
-            STALE_LEASE
+            "STALE_LEASE"
         )));
-        assert!(is_stale_lease(&status(Code::NotFound, NOT_FOUND)));
+        assert!(is_stale_lease(&status(Code::NotFound, "NOT_FOUND")));
         let full = status(Code::FailedPrecondition, "CANCEL_NOT_REQUESTED");
         assert!(!is_stale_lease(&full));
         // A proxy in between that knows no such service.

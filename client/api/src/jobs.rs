@@ -5,8 +5,9 @@ use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, EvaluateSpec, ExportSpec,
-    GetJobRequest, IngestSpec, Job, JobKind, JobSpec, JobView, ListJobsRequest, PauseJobsRequest,
-    RenderSpec, ResumeJobsRequest, TrainSpec, job, job_spec,
+    GetJobMetricsRequest, GetJobRequest, IngestSpec, Job, JobKind, JobSpec, JobView,
+    ListJobsRequest, MetricPoint, PauseJobsRequest, RenderSpec, ResumeJobsRequest, RetryJobRequest,
+    TrainSpec, job, job_spec,
 };
 
 impl YotoClient {
@@ -25,12 +26,33 @@ impl YotoClient {
             request_id: request_id(),
             priority: self.queue.priority.into(),
             owner: self.queue.owner.clone(),
+            validate_only: false,
         };
         let create = || {
             let (mut service, request) = (self.job_service(), request.clone());
             async move { service.create_job(request).await }
         };
         repeat(create).await.map_err(ClientError::refused(doing))
+    }
+
+    /// Checks an order as [`create_job`](Self::create_job) does, without queueing it.
+    ///
+    /// # Errors
+    /// As [`create_job`](Self::create_job).
+    pub async fn validate_job(&self, kind: job_spec::Kind) -> Result<Job, ClientError> {
+        let doing = format!("checking {} job", kind_with_article(&kind));
+        let request = CreateJobRequest {
+            spec: Some(JobSpec { kind: Some(kind) }),
+            priority: self.queue.priority.into(),
+            owner: self.queue.owner.clone(),
+            validate_only: true,
+            ..CreateJobRequest::default()
+        };
+        let check = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.create_job(request).await }
+        };
+        repeat(check).await.map_err(ClientError::refused(doing))
     }
 
     /// Queues training.
@@ -129,6 +151,38 @@ impl YotoClient {
         };
         let doing = format!("cancelling {name}");
         repeat(cancel).await.map_err(ClientError::refused(doing))
+    }
+
+    /// The figures of the job `name` over its steps.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when no job has this name.
+    pub async fn job_metrics(&self, name: &str) -> Result<Vec<MetricPoint>, ClientError> {
+        let read = || {
+            let mut service = self.job_service();
+            let name = name.to_owned();
+            async move { service.get_job_metrics(GetJobMetricsRequest { name }).await }
+        };
+        let doing = format!("reading the figures of {name}");
+        let metrics = repeat(read).await.map_err(ClientError::refused(doing))?;
+        Ok(metrics.points)
+    }
+
+    /// Queues the order of a job that failed or was cancelled as a new job.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for a job that has succeeded or is still open.
+    pub async fn retry_job(&self, name: &str) -> Result<Job, ClientError> {
+        let request = RetryJobRequest {
+            name: name.to_owned(),
+            request_id: request_id(),
+        };
+        let retry = || {
+            let (mut service, request) = (self.job_service(), request.clone());
+            async move { service.retry_job(request).await }
+        };
+        let doing = format!("queueing {name} again");
+        repeat(retry).await.map_err(ClientError::refused(doing))
     }
 
     /// Stops the leasing of a kind of jobs, for a reason; running jobs continue.

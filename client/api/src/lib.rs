@@ -16,11 +16,13 @@ mod storage;
 mod subjects;
 mod upload;
 mod watch;
+mod watch_all;
 
 pub use error::{ClientError, Refusal};
 pub use resolve::pick_name;
 pub use upload::{FileSource, UploadFile};
 pub use watch::{JobChange, JobWatch};
+pub use watch_all::{JobsChange, JobsFilter, JobsWatch};
 
 use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};

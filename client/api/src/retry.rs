@@ -3,9 +3,9 @@
 
 use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
-use tonic_types::StatusExt;
 use yoto_proto::backoff::Backoff;
-use yoto_proto::reasons::CORRUPT_CHUNK;
+use yoto_proto::reasons;
+use yoto_proto::v1::ErrorReason;
 
 /// How long the service may be out of reach.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
@@ -88,9 +88,9 @@ where
 
 /// Whether the connection is at fault rather than the request.
 fn is_transport(status: &Status) -> bool {
-    if let Some(info) = status.get_error_details().error_info() {
+    if let Some(reason) = reasons::of(status) {
         // The service itself has answered.
-        return status.code() == Code::Unavailable || info.reason == CORRUPT_CHUNK;
+        return status.code() == Code::Unavailable || reason == ErrorReason::CorruptChunk;
     }
     // A broken connection arrives as any of these, depending on how far the answer came; a silent one
     // has exceeded the service's time limit.
@@ -109,7 +109,7 @@ fn is_transport(status: &Status) -> bool {
 mod tests {
     use super::*;
     use std::{cell::Cell, collections::HashMap};
-    use tonic_types::ErrorDetails;
+    use tonic_types::{ErrorDetails, StatusExt};
 
     #[test]
     fn an_answer_of_the_service_is_final_unless_it_says_otherwise() {
@@ -119,7 +119,7 @@ mod tests {
         };
         assert!(is_transport(&Status::internal("h2 protocol error")));
         assert!(answer(Code::Unavailable, "SHUTTING_DOWN"));
-        assert!(answer(Code::DataLoss, CORRUPT_CHUNK));
+        assert!(answer(Code::DataLoss, "CORRUPT_CHUNK"));
         assert!(!answer(Code::Internal, "INTERNAL"));
         assert!(!answer(Code::DataLoss, "OBJECT_ALTERED"));
         assert!(!is_transport(&Status::not_found("")));

@@ -1,15 +1,18 @@
 //! Subjects: the people of a service.
 
 use super::{ClientError, YotoClient, request_id, retry::repeat};
+use prost_types::FieldMask;
+use yoto_proto::limits::{ANSWER_BYTES, LONGEST_PAGE_ENTRIES};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
 use yoto_proto::v1::{
     Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListSubjectsRequest, Subject,
+    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListCapturesRequest,
+    ListSubjectsRequest, Subject, UpdateSubjectRequest,
 };
 
 impl YotoClient {
     pub(super) fn subject_service(&self) -> SubjectServiceClient<tonic::transport::Channel> {
-        SubjectServiceClient::new(self.channel.clone())
+        SubjectServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
     }
 
     /// Records a person, with the consent under which recordings of them are used.
@@ -89,6 +92,65 @@ impl YotoClient {
         Ok(answer
             .map_err(ClientError::refused(format!("reading {name}")))?
             .into_inner())
+    }
+
+    /// Changes the display name or the consent note of a person, whose version must still be that of `subject`.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. for an empty name.
+    pub async fn update_subject(
+        &self,
+        subject: &Subject,
+        display_name: Option<&str>,
+        consent_note: Option<&str>,
+    ) -> Result<Subject, ClientError> {
+        let named = [
+            ("display_name", display_name),
+            ("consent_note", consent_note),
+        ];
+        let paths = named.iter().filter(|it| it.1.is_some());
+        let request = UpdateSubjectRequest {
+            subject: Some(Subject {
+                name: subject.name.clone(),
+                etag: subject.etag.clone(),
+                display_name: display_name.unwrap_or_default().to_owned(),
+                consent_note: consent_note.unwrap_or_default().to_owned(),
+                ..Subject::default()
+            }),
+            update_mask: Some(FieldMask {
+                paths: paths.map(|it| it.0.to_owned()).collect(),
+            }),
+        };
+        // Not repeated: after a lost answer, the version is another one.
+        let answer = self.subject_service().update_subject(request).await;
+        let doing = format!("changing {}", subject.display_name);
+        Ok(answer.map_err(ClientError::refused(doing))?.into_inner())
+    }
+
+    /// The captures of the person `subject`, or of all people if it is empty, over all pages.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`] when there is no such person.
+    pub async fn list_captures(&self, subject: &str) -> Result<Vec<Capture>, ClientError> {
+        let (mut captures, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListCapturesRequest {
+                parent: subject.to_owned(),
+                page_size: LONGEST_PAGE_ENTRIES as i32,
+                page_token,
+            };
+            let list = || {
+                let (mut service, request) = (self.subject_service(), request.clone());
+                async move { service.list_captures(request).await }
+            };
+            let page = repeat(list).await;
+            let page = page.map_err(ClientError::refused("listing captures"))?;
+            captures.extend(page.captures);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(captures);
+            }
+        }
     }
 
     /// Reads the uploaded files of a capture again, after an ingest job that failed or was cancelled.

@@ -7,7 +7,7 @@ use super::retry::{FIRST_PAUSE, Retries};
 use super::{ClientError, YotoClient};
 use std::time::Duration;
 use tonic::{Status, Streaming};
-use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse, job};
+use yoto_proto::v1::{Job, WatchJobRequest, WatchJobResponse};
 
 /// What a watch has to tell.
 #[derive(Debug)]
@@ -76,7 +76,7 @@ impl JobWatch {
                     self.retries.reset();
                     self.pause = None;
                     self.after = job.sequence;
-                    self.ended = is_terminal(job.state());
+                    self.ended = job.state().is_terminal();
                     return Ok(Some(JobChange::Job(Box::new(job))));
                 }
                 Ok(None) => Status::unavailable("the watch ended before the job did"),
@@ -116,14 +116,6 @@ impl JobWatch {
         self.stream = Some(stream);
         Ok(job)
     }
-}
-
-/// Whether `state` is terminal.
-fn is_terminal(state: job::State) -> bool {
-    matches!(
-        state,
-        job::State::Succeeded | job::State::Failed | job::State::Cancelled
-    )
 }
 
 #[cfg(test)]

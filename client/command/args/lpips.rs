@@ -1,13 +1,9 @@
 //! Where the weights of the networks of LPIPS are.
 
-use anyhow::bail;
 use clap::Args;
 use clap::builder::OsStringValueParser;
 use std::ffi::OsString;
-use yoto_avatar::loss::lpips::LpipsWeights;
-
-const VGG16: &str = "YOTO_VGG16_WEIGHTS";
-const HEADS: &str = "YOTO_LPIPS_WEIGHTS";
+use yoto_avatar::loss::lpips::{HEADS_VARIABLE, HalfOfWeights, LpipsWeights, VGG16_VARIABLE};
 
 /// With both files LPIPS is measured, and minimised in patches of 16 pixels or more.
 #[derive(Debug, Clone, Default, Args)]
@@ -15,7 +11,7 @@ pub(crate) struct LpipsArgs {
     /// torchvision's VGG16, .pth or safetensors; needed for LPIPS.
     #[arg(
         long,
-        env = VGG16,
+        env = VGG16_VARIABLE,
         value_name = "FILE",
         value_parser = OsStringValueParser::new(),
         hide_short_help = true
@@ -24,7 +20,7 @@ pub(crate) struct LpipsArgs {
     /// Linear heads of LPIPS 0.1 for VGG, .pth or safetensors; needed for LPIPS.
     #[arg(
         long,
-        env = HEADS,
+        env = HEADS_VARIABLE,
         value_name = "FILE",
         value_parser = OsStringValueParser::new(),
         hide_short_help = true
@@ -33,56 +29,14 @@ pub(crate) struct LpipsArgs {
 }
 
 impl LpipsArgs {
-    /// Both files, or none. An empty name is none.
+    /// Both files, or none.
     ///
     /// # Errors
-    /// When one is given without the other, which is most likely a mistake.
-    pub(crate) fn weights(self) -> anyhow::Result<Option<LpipsWeights>> {
-        let given = |name: Option<OsString>| name.filter(|name| !name.is_empty());
-        let one_of_two = |given, missing| {
-            format!("{given} is set but {missing} is not: LPIPS needs both files of weights")
-        };
-        match (given(self.vgg16_weights), given(self.lpips_weights)) {
-            (Some(vgg16), Some(heads)) => Ok(Some(LpipsWeights {
-                vgg16: vgg16.into(),
-                heads: heads.into(),
-            })),
-            (None, None) => Ok(None),
-            (Some(_), None) => bail!(one_of_two(VGG16, HEADS)),
-            (None, Some(_)) => bail!(one_of_two(HEADS, VGG16)),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn weights(vgg16: Option<&str>, heads: Option<&str>) -> anyhow::Result<Option<LpipsWeights>> {
-        let arguments = LpipsArgs {
-            vgg16_weights: vgg16.map(Into::into),
-            lpips_weights: heads.map(Into::into),
-        };
-        arguments.weights()
-    }
-
-    #[test]
-    fn one_file_without_the_other_is_refused_and_none_is_none() {
-        assert_eq!(weights(None, None).expect("none"), None);
-        assert_eq!(weights(Some(""), Some("")).expect("none"), None);
-        let both = weights(Some("v.pth"), Some("h.pth")).expect("both");
-        let both = both.expect("weights");
-        assert_eq!((both.vgg16, both.heads), ("v.pth".into(), "h.pth".into()));
-        let halves = [
-            (weights(Some("v.pth"), None), VGG16, HEADS),
-            (weights(Some(""), Some("h.pth")), HEADS, VGG16),
-        ];
-        for (found, given, missing) in halves {
-            let error = found.expect_err("refused").to_string();
-            assert!(
-                error.starts_with(given) && error.contains(missing),
-                "{error}"
-            );
-        }
+    /// As [`LpipsWeights::both`].
+    pub(crate) fn weights(self) -> Result<Option<LpipsWeights>, HalfOfWeights> {
+        LpipsWeights::both(
+            self.vgg16_weights.map(Into::into),
+            self.lpips_weights.map(Into::into),
+        )
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::args::Server;
 use crate::show;
-use crate::show::{Titles, job_detail, kind, now, span};
+use crate::show::{ID, Titles, job_detail, kind, now, span};
 use clap::{Args, ValueEnum};
 use yoto_proto::v1::{Job, job};
 use yoto_terminal::output;
@@ -19,8 +19,6 @@ Examples:
 const WIDEST: usize = 100;
 /// Widest name of what a job is about.
 const WIDEST_OF: usize = 24;
-/// Characters of an id in a table.
-const ID: usize = 8;
 
 #[derive(Debug, Args)]
 pub(crate) struct JobList {

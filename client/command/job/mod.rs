@@ -1,22 +1,23 @@
-//! `yoto job`: list, show, watch, fetch, cancel and delete jobs, pause and resume kinds of them.
+//! `yoto job`: list, show, watch, draw, fetch, cancel, retry and delete jobs, pause and resume kinds of them.
 
+mod curve;
 mod fetch;
 mod list;
+mod watch;
 
 use crate::args::{KindName, Server};
 use crate::files::OutFolder;
 use crate::show;
 use crate::show::{Titles, kind, kind_word, span};
-use crate::waiting::wait;
 use clap::{Args, Subcommand};
 use list::JobList;
 use prost_types::Timestamp;
 use std::time::SystemTime;
+use watch::JobWatch;
 use yoto_client::{ClientError, YotoClient};
 use yoto_proto::pose_track;
 use yoto_proto::v1::{Job, job};
 use yoto_terminal::output::{self, others};
-use yoto_terminal::progress::ProgressDisplay;
 
 const SHOW_HELP: &str = "\
 Each attempt is a line: its worker, how long it ran, and how it ended. With --output json, the whole job:
@@ -24,12 +25,6 @@ its order, progress, attempts, faults and result.
 
 Example:
   yoto job show 9f31c2aa";
-const WATCH_HELP: &str = "\
-Interrupting the watch does not stop the job. The exit status is non-zero unless the job
-succeeds.
-
-Example:
-  yoto job watch 9f31c2aa";
 const FETCH_HELP: &str = "\
 A render has its pictures, an export its page, splats or mesh, an evaluation scores.json and the plots of a
 trade-off, a training its last checkpoint (`yoto model export` writes the best one).
@@ -41,6 +36,13 @@ A queued job ends at once, a running job after its worker's next heartbeat.
 
 Example:
   yoto job cancel 9f31c2aa";
+
+const RETRY_HELP: &str = "\
+The order is queued as a new job, with the same priority and owner. A training continues from the newest
+checkpoint of its model, with its whole budget; files of a capture are read again.
+
+Example:
+  yoto job retry 9f31c2aa";
 
 const PAUSE_HELP: &str = "\
 Queued jobs of the kind wait; running jobs continue.
@@ -59,7 +61,7 @@ of an ingest job with its person.
 Example:
   yoto job delete 9f31c2aa";
 
-/// List, show, watch, fetch, cancel and delete jobs; pause and resume kinds of them.
+/// List, show, watch, draw, fetch, cancel, retry and delete jobs; pause and resume kinds of them.
 #[derive(Debug, Args)]
 pub(crate) struct JobCommand {
     #[command(subcommand)]
@@ -74,9 +76,12 @@ enum Action {
     /// Show one job with its faults.
     #[command(after_help = SHOW_HELP)]
     Show(Which),
-    /// Follow a job to its end.
-    #[command(after_help = WATCH_HELP)]
-    Watch(Which),
+    /// Follow a job to its end, or all open jobs.
+    #[command(after_help = watch::AFTER_HELP)]
+    Watch(JobWatch),
+    /// Draw loss and held-out quality of a training over its steps.
+    #[command(after_help = curve::AFTER_HELP)]
+    Curve(Which),
     /// Wait for a job and write its files: pictures, an exported person, figures, or the checkpoint of a training.
     #[command(after_help = FETCH_HELP)]
     Fetch {
@@ -88,6 +93,9 @@ enum Action {
     /// Cancel a job.
     #[command(after_help = CANCEL_HELP)]
     Cancel(Which),
+    /// Queue a job that failed or was cancelled again.
+    #[command(after_help = RETRY_HELP)]
+    Retry(Which),
     /// Delete a job that has ended, with its pictures, figures and exported files.
     #[command(after_help = DELETE_HELP)]
     Delete(Which),
@@ -139,7 +147,8 @@ impl JobCommand {
         match self.action {
             Action::List(list) => list.run().await,
             Action::Show(which) => show(&which).await,
-            Action::Watch(which) => watch(&which).await,
+            Action::Watch(watch) => watch.run().await,
+            Action::Curve(which) => curve::show(&which).await,
             Action::Fetch { which, folder } => {
                 let (client, job) = which.find().await?;
                 let paths = fetch::fetch(&client, &job.name, &folder).await?;
@@ -155,6 +164,13 @@ impl JobCommand {
                     ""
                 };
                 say!("{} {}{asked}", job.name, job.state().as_str_name());
+                output::put("job", output::message(&job));
+                Ok(())
+            }
+            Action::Retry(which) => {
+                let (client, job) = which.find().await?;
+                let job = client.retry_job(&job.name).await?;
+                say!("{} {}", job.name, job.state().as_str_name());
                 output::put("job", output::message(&job));
                 Ok(())
             }
@@ -241,13 +257,4 @@ fn times(job: &Job) -> String {
     let ran = since(&job.start_time, &ended).map(|time| format!("ran {time}"));
     let parts: Vec<String> = age.into_iter().chain(ran).collect();
     parts.join(", ")
-}
-
-async fn watch(which: &Which) -> anyhow::Result<()> {
-    let (client, job) = which.find().await?;
-    let mut display = ProgressDisplay::new(job.name.clone());
-    let job = wait(&client, &job.name, &mut display).await?;
-    output::put("job", output::message(&job));
-    display.finish(&show::job_outcome(&job));
-    Ok(())
 }

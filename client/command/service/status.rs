@@ -6,8 +6,8 @@ use crate::show::{Titles, kind, kind_word, now, span};
 use clap::Args;
 use indicatif::BinaryBytes;
 use yoto_client::YotoClient;
-use yoto_proto::v1::{ServiceStatus, WorkerStatus};
-use yoto_terminal::output;
+use yoto_proto::v1::{ServiceStatus, UploadLimits, WorkerStatus};
+use yoto_terminal::output::{self, others};
 
 const AFTER_HELP: &str = "\
 Examples:
@@ -26,6 +26,8 @@ impl Status {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let status = client.status().await?;
+        let limits = client.limits().await?;
+        output::put("limits", output::message(&limits));
         output::put("status", output::message(&status));
         say!(
             "service  {} at {}{}",
@@ -46,6 +48,8 @@ impl Status {
             say!("paused   {} jobs{reason}", kind_word(paused.kind()));
         }
         say!("objects  {}{}", status.objects, room(&status));
+        let upload = limits.upload.unwrap_or_default();
+        say!("uploads  {}", allowed(&upload));
         if status.workers.is_empty() {
             say!("workers  none: jobs wait until one asks for them (`yoto worker`)");
             return Ok(());
@@ -59,6 +63,11 @@ impl Status {
             "\n{}",
             show::table(&["WORKER", "DEVICE", "SEEN", "DOES"], &rows)
         );
+        for worker in &status.workers {
+            if worker.order_level < status.order_level {
+                say!("{}", outdated(worker));
+            }
+        }
         Ok(())
     }
 }
@@ -90,6 +99,16 @@ async fn row(
     ])
 }
 
+/// The note on a worker that does not understand all orders.
+fn outdated(worker: &WorkerStatus) -> String {
+    let version = match worker.version.as_str() {
+        "" => "an earlier version".to_owned(),
+        version => format!("version {}", others(version)),
+    };
+    let name = others(&worker.display_name);
+    format!("{name} is of {version}: orders that it does not understand wait for other workers")
+}
+
 /// `, up for 3h`.
 fn up(status: &ServiceStatus) -> String {
     status
@@ -98,6 +117,16 @@ fn up(status: &ServiceStatus) -> String {
         .map_or_else(String::new, |start| {
             format!(", up for {}", span(now() - start.seconds as f64))
         })
+}
+
+/// `a capture has at most 8.00 GiB in 200000 files, of at most 8.00 GiB each`.
+fn allowed(limits: &UploadLimits) -> String {
+    format!(
+        "a capture has at most {} in {} files, of at most {} each",
+        BinaryBytes(limits.capture_bytes),
+        limits.files,
+        BinaryBytes(limits.file_bytes)
+    )
 }
 
 /// `, 12.00 GiB of 80.00 GiB free`.

@@ -17,6 +17,6 @@ pub(crate) use job::{
 };
 pub(crate) use scores::score_rows;
 pub(crate) use span::{now, span};
-pub(crate) use titles::{Titles, kind, kind_word};
+pub(crate) use titles::{ID, Titles, kind, kind_word};
 pub(crate) use words::{say_deleted, size_of};
 pub(crate) use yoto_terminal::table::table;

@@ -42,6 +42,11 @@ impl Titles {
             .map_or(resource, |it| it)
     }
 
+    /// Whether the model or the capture of a job was there when the names were fetched.
+    pub(crate) fn knows(&self, job: &Job) -> bool {
+        self.names.contains_key(&job.model) || self.captures.contains_key(&job.capture)
+    }
+
     /// What a job is about: `trio`, `ada by trio`.
     pub(crate) fn of(&self, job: &Job) -> String {
         match job.spec.as_ref().and_then(|spec| spec.kind.as_ref()) {
@@ -57,10 +62,15 @@ impl Titles {
             Some(job_spec::Kind::Export(spec)) => {
                 format!("{} by {}", self.name(&spec.subject), self.name(&spec.model))
             }
-            None => String::new(),
+            // A watched job comes without its order.
+            None if job.model.is_empty() => self.name(&job.capture).to_owned(),
+            None => self.name(&job.model).to_owned(),
         }
     }
 }
+
+/// Characters of an id in a list for people.
+pub(crate) const ID: usize = 8;
 
 /// The word for a kind of jobs.
 pub(crate) fn kind_word(kind: JobKind) -> &'static str {
@@ -83,6 +93,6 @@ pub(crate) fn kind(job: &Job) -> &'static str {
         Some(job_spec::Kind::Evaluate(it)) if it.tradeoff.is_some() => "trade-off",
         Some(job_spec::Kind::Evaluate(_)) => "evaluate",
         Some(job_spec::Kind::Export(_)) => "export",
-        None => "unknown",
+        None => kind_word(job.kind()),
     }
 }

@@ -152,6 +152,8 @@ impl Add {
             tell!("{}: {note}", self.name);
         }
         let client = self.server.connect().await?;
+        // Before a person is created, who would then have no capture.
+        client.fits(&capture.files).await?;
         let subject = self.subject(&client).await?;
 
         let mut display = ProgressDisplay::new(self.name.clone());

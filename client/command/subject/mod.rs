@@ -2,6 +2,8 @@
 
 mod add;
 mod delete;
+mod edit;
+mod fetch;
 mod ingest;
 mod poses;
 
@@ -22,7 +24,7 @@ const LIST_HELP: &str = "\
 Example:
   yoto subject list";
 
-/// Add, list and show people, and fetch their refined poses.
+/// Add, list, show and edit people, and fetch their refined poses.
 #[derive(Debug, Args)]
 pub(crate) struct SubjectCommand {
     #[command(subcommand)]
@@ -48,6 +50,12 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
+    /// Change the name or the consent note of a person.
+    #[command(after_help = edit::HELP)]
+    Edit(edit::Edit),
+    /// Write the thumbnail of a person's newest capture, and the report of its check.
+    #[command(after_help = fetch::HELP)]
+    Fetch(fetch::Fetch),
     /// Delete a person and their captures.
     #[command(after_help = delete::SUBJECT_HELP)]
     Delete(delete::DeleteSubject),
@@ -67,6 +75,8 @@ impl SubjectCommand {
             Action::Add(add) => add.run().await,
             Action::List { server } => list(&server).await,
             Action::Show { name, server } => show(&server, &name).await,
+            Action::Edit(edit) => edit.run().await,
+            Action::Fetch(fetch) => fetch.run().await,
             Action::Delete(subject) => subject.run().await,
             Action::DeleteCapture(capture) => capture.run().await,
             Action::Ingest(capture) => capture.run().await,
@@ -84,14 +94,14 @@ async fn show(server: &Server, name: &str) -> anyhow::Result<()> {
         say!("consent  {}", others(&subject.consent_note));
     }
     let mut captures = Vec::new();
-    for name in &subject.captures {
-        let capture = client.get_capture(name).await?;
+    for capture in client.list_captures(&subject.name).await? {
         say!(
-            "capture  {}, {} of {}x{}: {name}",
+            "capture  {}, {} of {}x{}: {}",
             capture.state().as_str_name(),
             count(capture.frames as usize, "frame"),
             capture.width,
-            capture.height
+            capture.height,
+            capture.name
         );
         for violation in &capture.violations {
             say!("         {}", describe(violation));

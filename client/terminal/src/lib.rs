@@ -2,10 +2,11 @@
 //!
 //! - [`output`]: results for people and for programs, and notes.
 //! - [`progress`]: the progress of jobs and other activities.
-//! - [`table`], [`scores`]: tables.
+//! - [`table`], [`scores`], [`chart`]: tables and curves.
 
 #[macro_use]
 pub mod output;
+pub mod chart;
 pub mod progress;
 pub mod scores;
 pub mod table;

@@ -1,6 +1,8 @@
 //! Checks of single request fields.
 
 use crate::error::RequestError;
+use crate::field_faults::{all, both};
+use crate::jobs::queue;
 use crate::store::{JobKind, NewJob, RequestKey};
 use prost::Message;
 use yoto_proto::limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES};
@@ -52,7 +54,7 @@ pub fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError
 /// Kinds of jobs. An unknown kind is refused: it would match no job.
 pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
     let known = |number: &i32| job_kind(field, *number);
-    numbers.iter().map(known).collect()
+    all(numbers.iter().map(known))
 }
 
 /// A kind of jobs.
@@ -61,20 +63,22 @@ pub fn job_kind(field: &str, number: i32) -> Result<JobKind, RequestError> {
         .ok_or_else(|| RequestError::invalid(field, format!("{number} is not a kind of job")))
 }
 
-/// An order as a call gives it.
+/// An order as a call gives it, which is well-formed.
 pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, RequestError> {
-    let unknown = || RequestError::invalid("priority", format!("{priority} is not a priority"));
-    let priority = match JobPriority::try_from(priority).map_err(|_| unknown())? {
-        JobPriority::Low => 0,
-        JobPriority::Unspecified | JobPriority::Normal => NewJob::NORMAL,
-        JobPriority::High => 2,
-        JobPriority::Urgent => 3,
-    };
+    let of_queue = both(column(priority), line("owner", owner, OWNER_CHARACTERS));
+    let ((priority, owner), ()) = both(of_queue, queue::check_order(&spec))?;
     Ok(NewJob {
         spec,
         priority,
-        owner: line("owner", owner, OWNER_CHARACTERS)?,
+        owner,
     })
+}
+
+/// The column of the priority with this number.
+fn column(priority: i32) -> Result<u8, RequestError> {
+    let unknown = || RequestError::invalid("priority", format!("{priority} is not a priority"));
+    let known = JobPriority::try_from(priority).map_err(|_| unknown())?;
+    Ok(NewJob::column(known))
 }
 
 /// A request id: printable, and not too long.

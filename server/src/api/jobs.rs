@@ -1,22 +1,25 @@
 //! `yoto.v1.JobService`.
 
-use super::{fields, paging};
+use super::{fields, paging, public};
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::jobs::{queue, watch};
+use crate::field_faults::{all, both};
+use crate::jobs::{queue, retry, watch, watch_all};
 use crate::store::{JobFilter, Target};
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
+use std::collections::HashMap;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
-use yoto_proto::limits::REASON_CHARACTERS;
+use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, REASON_CHARACTERS};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::job_service_server::JobService;
 use yoto_proto::v1::{
-    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobRequest, Job, JobView,
-    ListJobsRequest, ListJobsResponse, PauseJobsRequest, PauseJobsResponse, ResumeJobsRequest,
-    ResumeJobsResponse, WatchJobRequest, WatchJobResponse, job,
+    CancelJobRequest, CreateJobRequest, DeleteJobRequest, Deleted, GetJobMetricsRequest,
+    GetJobRequest, Job, JobMetrics, JobView, ListJobsRequest, ListJobsResponse, PauseJobsRequest,
+    PauseJobsResponse, ResumeJobsRequest, ResumeJobsResponse, RetryJobRequest, WatchJobRequest,
+    WatchJobResponse, WatchJobsRequest, WatchJobsResponse, job,
 };
 
 /// The states with these numbers. An unknown number is refused: it would match no job, and look like an empty
@@ -27,7 +30,24 @@ fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
         let state = state.filter(|state| *state != job::State::Unspecified);
         state.ok_or_else(|| RequestError::invalid("states", format!("{number} is not a state")))
     };
-    numbers.iter().map(known).collect()
+    all(numbers.iter().map(known))
+}
+
+/// The jobs of these kinds, of this model and of this owner; an empty value: of all.
+fn filter(kinds: &[i32], model: &str, owner: &str) -> Result<JobFilter, RequestError> {
+    let model_id = match model {
+        "" => Ok(None),
+        model => fields::id(Collection::Models, "model", model).map(Some),
+    };
+    let owner = fields::line("owner", owner, usize::MAX);
+    let kinds = fields::job_kinds("kinds", kinds);
+    let ((kinds, model_id), owner) = both(both(kinds, model_id), owner)?;
+    Ok(JobFilter {
+        states: Vec::new(),
+        kinds,
+        model_id,
+        owner: (!owner.is_empty()).then_some(owner),
+    })
 }
 
 /// Jobs for the workers, and their progress.
@@ -45,16 +65,23 @@ impl JobService for JobApi {
         request: Request<CreateJobRequest>,
     ) -> Result<Response<Job>, Status> {
         let request = request.into_inner();
-        let key = fields::request_key("CreateJob", &request.request_id, &request)?;
+        let key = fields::request_key("CreateJob", &request.request_id, &request);
         let spec = request.spec.unwrap_or_default();
-        let new = fields::new_job(spec, request.priority, &request.owner)?;
-        Ok(Response::new(queue::create(&self.context, new, key).await?))
+        let new = fields::new_job(spec, request.priority, &request.owner);
+        let (key, new) = both(key, new)?;
+        if request.validate_only {
+            let priority = request.priority;
+            let job = queue::validate(&self.context, new).await?;
+            return Ok(Response::new(Job { priority, ..job }));
+        }
+        let job = queue::create(&self.context, new, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
         let job = self.context.store.job_history(&id).await;
-        Ok(Response::new(job.map_err(RequestError::from)?))
+        Ok(Response::new(public::job(job.map_err(RequestError::from)?)))
     }
 
     async fn list_jobs(
@@ -62,25 +89,23 @@ impl JobService for JobApi {
         request: Request<ListJobsRequest>,
     ) -> Result<Response<ListJobsResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("jobs", request.page_size, &request.page_token)?;
-        let model = &*request.model;
-        let owner = fields::line("owner", &request.owner, usize::MAX)?;
-        let filter = JobFilter {
-            states: states(&request.states)?,
-            kinds: fields::job_kinds("kinds", &request.kinds)?,
-            model_id: match model {
-                "" => None,
-                model => Some(fields::id(Collection::Models, "model", model)?),
-            },
-            owner: (!owner.is_empty()).then_some(owner),
+        let rest = ListJobsRequest {
+            page_size: 0,
+            page_token: String::new(),
+            ..request.clone()
         };
+        let page = paging::Request::read("jobs", request.page_size, &request.page_token, &rest);
+        let of_states = both(page, states(&request.states));
+        let filter = filter(&request.kinds, &request.model, &request.owner);
         let view = JobView::try_from(request.view);
-        let view = view.map_err(|error| RequestError::invalid("view", error.to_string()))?;
+        let view = view.map_err(|error| RequestError::invalid("view", error.to_string()));
+        let ((page, states), (filter, view)) = both(of_states, both(filter, view))?;
+        let filter = JobFilter { states, ..filter };
         let full = view == JobView::Full;
         let entries = self.context.store.jobs(page.page(), &filter, full).await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
-            jobs,
+            jobs: jobs.into_iter().map(public::job).collect(),
             next_page_token,
         }))
     }
@@ -92,7 +117,8 @@ impl JobService for JobApi {
         let request = request.get_ref();
         let key = fields::request_key("CancelJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        Ok(Response::new(queue::cancel(&self.context, &id, key).await?))
+        let job = queue::cancel(&self.context, &id, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 
     async fn pause_jobs(
@@ -100,8 +126,9 @@ impl JobService for JobApi {
         request: Request<PauseJobsRequest>,
     ) -> Result<Response<PauseJobsResponse>, Status> {
         let request = request.get_ref();
-        let kind = fields::job_kind("kind", request.kind)?;
-        let reason = fields::line("reason", &request.reason, REASON_CHARACTERS)?;
+        let kind = fields::job_kind("kind", request.kind);
+        let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
+        let (kind, reason) = both(kind, reason)?;
         let paused = self.context.store.pause_jobs(kind, &reason).await;
         paused.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), reason, "jobs paused");
@@ -148,7 +175,52 @@ impl JobService for JobApi {
             .map_err(RequestError::from)?;
         let context = Arc::clone(&self.context);
         let jobs = watch::watch(context, id, request.after_sequence, self.drain.clone());
-        let answers = jobs.map_ok(|job| WatchJobResponse { job: Some(job) });
+        let answers = jobs.map_ok(|job| WatchJobResponse {
+            job: Some(public::job(job)),
+        });
         Ok(Response::new(answers.map_err(Status::from).boxed()))
+    }
+
+    type WatchJobsStream = BoxStream<'static, Result<WatchJobsResponse, Status>>;
+
+    async fn watch_jobs(
+        &self,
+        request: Request<WatchJobsRequest>,
+    ) -> Result<Response<Self::WatchJobsStream>, Status> {
+        let request = request.into_inner();
+        let filter = filter(&request.kinds, &request.model, &request.owner)?;
+        if request.known.len() > LONGEST_PAGE_ENTRIES as usize {
+            let message = format!("at most {LONGEST_PAGE_ENTRIES} jobs are allowed");
+            return Err(RequestError::invalid("known", message).into());
+        }
+        let mut known = HashMap::new();
+        for (index, job) in request.known.into_iter().enumerate() {
+            fields::id(Collection::Jobs, &format!("known[{index}].name"), &job.name)?;
+            known.insert(job.name, job.sequence);
+        }
+        let context = Arc::clone(&self.context);
+        let answers = watch_all::watch_all(context, filter, known, self.drain.clone());
+        let answers = answers.map_ok(|answer| WatchJobsResponse {
+            jobs: answer.jobs.into_iter().map(public::job).collect(),
+            ..answer
+        });
+        Ok(Response::new(answers.map_err(Status::from).boxed()))
+    }
+
+    async fn get_job_metrics(
+        &self,
+        request: Request<GetJobMetricsRequest>,
+    ) -> Result<Response<JobMetrics>, Status> {
+        let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
+        let metrics = self.context.store.job_metrics(&id).await;
+        Ok(Response::new(metrics.map_err(RequestError::from)?))
+    }
+
+    async fn retry_job(&self, request: Request<RetryJobRequest>) -> Result<Response<Job>, Status> {
+        let request = request.get_ref();
+        let key = fields::request_key("RetryJob", &request.request_id, request)?;
+        let id = fields::id(Collection::Jobs, "name", &request.name)?;
+        let job = retry::retry(&self.context, &id, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 }

@@ -6,6 +6,7 @@ mod jobs;
 mod models;
 mod objects;
 mod paging;
+mod public;
 mod renders;
 mod service_status;
 mod status;

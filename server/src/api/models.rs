@@ -4,6 +4,7 @@ use super::{fields, paging};
 use crate::checkpoints::best::best_first;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::both;
 use crate::store::{NewModel, Target};
 use futures::StreamExt;
 use futures::stream::{self, BoxStream};
@@ -16,10 +17,10 @@ use yoto_proto::tiers;
 use yoto_proto::v1::model_service_server::ModelService;
 use yoto_proto::v1::{
     AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
-    DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
-    GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest,
-    ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model, ObjectRef,
-    RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
+    DeleteModelRequest, Deleted, ErrorReason, GetCheckpointRequest, GetModelRequest,
+    GetRefinedPosesRequest, GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot,
+    ListCheckpointsRequest, ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model,
+    ObjectRef, RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
 };
 
 /// The field of a model that can be changed.
@@ -78,19 +79,25 @@ impl ModelService for ModelApi {
             let model = store.model(&id).await;
             return Ok(Response::new(model.map_err(RequestError::from)?));
         }
-        if !tiers::is_tier(&request.tier) {
+        let display_name = fields::display_name(&request.display_name);
+        let tier = tiers::is_tier(&request.tier).then_some(()).ok_or_else(|| {
             let message = format!("the tiers are {}", tiers::listed(tiers::TIERS));
-            return Err(RequestError::invalid("tier", message).into());
-        }
-        if !tiers::is_variant(&request.variant) {
-            let message = format!("the variants are {}", tiers::listed(tiers::VARIANTS));
-            return Err(RequestError::invalid("variant", message).into());
-        }
+            RequestError::invalid("tier", message)
+        });
+        let variant = tiers::is_variant(&request.variant)
+            .then_some(())
+            .ok_or_else(|| {
+                let message = format!("the variants are {}", tiers::listed(tiers::VARIANTS));
+                RequestError::invalid("variant", message)
+            });
+        let retention = retention("retention", request.retention);
+        let of_training = both(tier, variant);
+        let ((display_name, _), retention) = both(both(display_name, of_training), retention)?;
         let new = NewModel {
-            display_name: fields::display_name(&request.display_name)?,
+            display_name,
             tier: request.tier,
             variant: request.variant,
-            retention: retention("retention", request.retention)?,
+            retention,
         };
         let model = self.context.store.create_model(new, key).await;
         Ok(Response::new(model.map_err(RequestError::from)?))
@@ -110,7 +117,7 @@ impl ModelService for ModelApi {
         request: Request<ListModelsRequest>,
     ) -> Result<Response<ListModelsResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("models", request.page_size, &request.page_token)?;
+        let page = paging::Request::read("models", request.page_size, &request.page_token, &())?;
         let entries = self.context.store.models(page.page()).await;
         let (models, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListModelsResponse {
@@ -195,7 +202,12 @@ impl ModelService for ModelApi {
         request: Request<ListCheckpointsRequest>,
     ) -> Result<Response<ListCheckpointsResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("checkpoints", request.page_size, &request.page_token)?;
+        let page = paging::Request::read(
+            "checkpoints",
+            request.page_size,
+            &request.page_token,
+            &request.model,
+        )?;
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let checkpoints = self.explained(&model).await?;
         let (checkpoints, next_page_token) = page.cut(page.of_all(checkpoints));
@@ -309,7 +321,8 @@ impl ModelApi {
         checkpoint: &Checkpoint,
         file: &str,
     ) -> Result<Option<Vec<u8>>, RequestError> {
-        let torn = |message: String| RequestError::precondition("CHECKPOINT_TORN", message);
+        let torn =
+            |message: String| RequestError::precondition(ErrorReason::CheckpointTorn, message);
         let manifest = checkpoint.manifest.as_ref();
         let manifest = manifest.ok_or_else(|| torn("it has no manifest".into()))?;
         let manifest = self.context.objects.read(manifest).await?;

@@ -11,7 +11,7 @@ use yoto_proto::manifest::{Manifest, files};
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::object_service_server::ObjectService;
 use yoto_proto::v1::{
-    DownloadObjectRequest, DownloadObjectResponse, Job, JobKind, ListObjectsRequest,
+    DownloadObjectRequest, DownloadObjectResponse, ErrorReason, Job, JobKind, ListObjectsRequest,
     ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
 };
 
@@ -38,7 +38,7 @@ impl ObjectService for ObjectApi {
             0 => MAX_PAGE,
             size => size,
         };
-        let page = paging::Request::read("objects", size, &request.page_token)?;
+        let page = paging::Request::read("objects", size, &request.page_token, parent)?;
         let found = self.objects("parent", parent).await?;
         let objects = found.into_iter().map(|(file, object)| NamedObject {
             name: names::object(parent, &file),
@@ -107,9 +107,14 @@ impl ObjectApi {
         if let Ok((model, _)) = names::parse_checkpoint(parent) {
             return self.of_checkpoint(model, parent).await;
         }
+        if let Ok(id) = Collection::Captures.parse(parent) {
+            let files = self.context.store.capture_objects(id).await?.into_iter();
+            let files = files.filter_map(|it| Some((it.file, it.object?)));
+            return Ok(files.collect());
+        }
         let Ok(id) = fields::id(Collection::Jobs, field, parent) else {
             let shown: String = parent.chars().take(200).collect();
-            let message = format!("'{shown}' is neither a job nor a checkpoint");
+            let message = format!("'{shown}' is neither a job nor a checkpoint nor a capture");
             return Err(RequestError::invalid(field, message));
         };
         let job = self.context.store.job(&id).await?;
@@ -130,7 +135,8 @@ impl ObjectApi {
         let checkpoints = self.context.store.checkpoints(model, u32::MAX).await?;
         let checkpoint = checkpoints.into_iter().find(|it| it.name == name);
         let checkpoint = checkpoint.ok_or_else(|| RequestError::NotFound { name: name.into() })?;
-        let torn = |message: String| RequestError::precondition("CHECKPOINT_TORN", message);
+        let torn =
+            |message: String| RequestError::precondition(ErrorReason::CheckpointTorn, message);
         let object = checkpoint
             .manifest
             .ok_or_else(|| torn(format!("{name} has no manifest")))?;
@@ -154,7 +160,10 @@ impl ObjectApi {
 fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
     if job.state() != job::State::Succeeded {
         let message = format!("{} is {}", job.name, job.state().as_str_name());
-        return Err(RequestError::precondition("NOT_SUCCEEDED", message));
+        return Err(RequestError::precondition(
+            ErrorReason::NotSucceeded,
+            message,
+        ));
     }
     let result = job.result.as_ref().and_then(|result| result.kind.as_ref());
     Ok(match result {

@@ -3,19 +3,32 @@
 use crate::error::RequestError;
 use crate::store::{Entry, Page};
 use prost::Message;
-use yoto_proto::hex;
 use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES, PAGE_ENTRIES};
+use yoto_proto::{hex, sha256_hex};
+
+/// Characters of a filter's digest, of 4 bits each.
+const DIGEST: usize = 16;
 
 /// The page of a list call.
 pub struct Request {
-    list: &'static str,
+    /// Name of the list, and digest of its filter: the beginning of its tokens.
+    list: String,
     size: u32,
     after: Option<i64>,
 }
 
 impl Request {
-    /// Reads `page_size` and `page_token` of a call on `list`.
-    pub fn read(list: &'static str, size: i32, token: &str) -> Result<Self, RequestError> {
+    /// Reads `page_size` and `page_token` of a call on `list`. A token is one of this list with the same `filter`: the rest
+    /// of the request.
+    pub fn read(
+        list: &str,
+        size: i32,
+        token: &str,
+        filter: &impl Message,
+    ) -> Result<Self, RequestError> {
+        let mut digest = sha256_hex(&filter.encode_to_vec());
+        digest.truncate(DIGEST);
+        let list = format!("{list}:{digest}");
         let size = u32::try_from(size)
             .map_err(|_| RequestError::invalid("page_size", format!("{size} is below 0")))?;
         let size = if size == 0 {
@@ -25,8 +38,9 @@ impl Request {
         };
         let after = match token {
             "" => None,
-            token => Some(position(list, token).ok_or_else(|| {
-                RequestError::invalid("page_token", "is not a token of this list")
+            token => Some(position(&list, token).ok_or_else(|| {
+                let message = "is not a token of this list with this filter";
+                RequestError::invalid("page_token", message)
             })?),
         };
         Ok(Self { list, size, after })
@@ -68,7 +82,7 @@ impl Request {
     }
 }
 
-/// The position in a token, which is the hex of `list:position`.
+/// The position in a token, which is the hex of `list:digest:position`.
 fn position(list: &str, token: &str) -> Option<i64> {
     let mut bytes = Vec::with_capacity(token.len() / 2);
     for pair in token.as_bytes().chunks(2) {
@@ -85,7 +99,11 @@ mod tests {
 
     #[test]
     fn a_token_leads_behind_the_last_entry_of_its_own_list_only() {
-        let request = Request::read("jobs", 2, "").expect("a good request");
+        let filter = Job {
+            owner: "lab".into(),
+            ..Job::default()
+        };
+        let request = Request::read("jobs", 2, "", &filter).expect("a good request");
         let entries = (1..=request.page().limit).map(|n| Entry {
             position: i64::from(n),
             item: Job {
@@ -95,12 +113,14 @@ mod tests {
         });
         let (items, token) = request.cut(entries.collect());
         assert_eq!(items.len(), 2);
-        let next = Request::read("jobs", 2, &token).expect("its own token");
+        let next = Request::read("jobs", 2, &token, &filter).expect("its own token");
         assert_eq!(next.page().after, Some(2));
-        assert!(Request::read("models", 2, &token).is_err());
+        assert!(Request::read("models", 2, &token, &filter).is_err());
+        let other = Job::default();
+        assert!(Request::read("jobs", 2, &token, &other).is_err());
         for bad in ["x", "ü", "6a", "zz", &"0".repeat(999)] {
-            assert!(Request::read("jobs", 2, bad).is_err(), "{bad}");
+            assert!(Request::read("jobs", 2, bad, &filter).is_err(), "{bad}");
         }
-        assert!(Request::read("jobs", -1, "").is_err());
+        assert!(Request::read("jobs", -1, "", &filter).is_err());
     }
 }

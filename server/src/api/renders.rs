@@ -1,6 +1,6 @@
 //! `yoto.v1.RenderService`.
 
-use super::fields;
+use super::{fields, public};
 use crate::context::Context;
 use crate::jobs::queue;
 use std::sync::Arc;
@@ -26,6 +26,7 @@ impl RenderService for RenderApi {
             kind: request.spec.map(job_spec::Kind::Render),
         };
         let new = fields::new_job(spec, request.priority, &request.owner)?;
-        Ok(Response::new(queue::create(&self.context, new, key).await?))
+        let job = queue::create(&self.context, new, key).await?;
+        Ok(Response::new(public::job(job)))
     }
 }

@@ -7,10 +7,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::SystemTime;
 use tonic::{Request, Response, Status};
+use yoto_proto::checks::SPEC_BYTES;
+use yoto_proto::checks::scene::MAX_PICTURES;
+use yoto_proto::limits as contract;
 use yoto_proto::names::Collection;
+use yoto_proto::orders;
 use yoto_proto::v1::status_service_server::StatusService;
 use yoto_proto::v1::{
-    GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceStatus, WorkerStatus,
+    GetLimitsRequest, GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceLimits,
+    ServiceStatus, UploadLimits, WorkerStatus,
 };
 
 /// The state of the service as a whole.
@@ -40,6 +45,7 @@ impl StatusService for StatusApi {
         let disk = context.disk.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            order_level: orders::LEVEL,
             start_time: Some(context.started.into()),
             workers,
             queued,
@@ -51,12 +57,19 @@ impl StatusService for StatusApi {
         }))
     }
 
+    async fn get_limits(
+        &self,
+        _: Request<GetLimitsRequest>,
+    ) -> Result<Response<ServiceLimits>, Status> {
+        Ok(Response::new(limits(&self.context)))
+    }
+
     async fn list_workers(
         &self,
         request: Request<ListWorkersRequest>,
     ) -> Result<Response<ListWorkersResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("workers", request.page_size, &request.page_token)?;
+        let page = paging::Request::read("workers", request.page_size, &request.page_token, &())?;
         let context = &self.context;
         let workers = context
             .store
@@ -71,6 +84,32 @@ impl StatusService for StatusApi {
             workers,
             next_page_token,
         }))
+    }
+}
+
+/// What this service allows: the contract's limits, and those that its operator has set.
+fn limits(context: &Context) -> ServiceLimits {
+    let (upload, storage) = (&context.config.upload, &context.config.storage);
+    let room = context.disk.room();
+    let room = room.map(|it| it.free.saturating_sub(storage.min_free_bytes));
+    ServiceLimits {
+        upload: Some(UploadLimits {
+            file_bytes: upload.file_bytes,
+            capture_bytes: upload.capture_bytes,
+            files: upload.files as u64,
+            path_bytes: contract::PATH_BYTES as u32,
+            expiry_seconds: upload.expiry.as_secs_f64(),
+            room_bytes: room,
+        }),
+        message_bytes: contract::MESSAGE_BYTES as u64,
+        order_bytes: SPEC_BYTES as u64,
+        render_pictures: MAX_PICTURES,
+        page_entries: contract::LONGEST_PAGE_ENTRIES,
+        default_page_entries: contract::PAGE_ENTRIES,
+        display_name_bytes: contract::DISPLAY_NAME_BYTES as u32,
+        consent_note_bytes: contract::CONSENT_NOTE_BYTES as u32,
+        owner_characters: contract::OWNER_CHARACTERS as u32,
+        request_id_bytes: contract::REQUEST_ID_BYTES as u32,
     }
 }
 

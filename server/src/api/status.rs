@@ -4,43 +4,41 @@
 //! details would help attackers, not callers.
 
 use crate::error::RequestError;
+use crate::field_faults::{FieldFault, FieldFaults};
 use crate::store::StoreError;
 use std::collections::HashMap;
-use tonic::{Code, Status};
-use tonic_types::{ErrorDetails, StatusExt};
+use tonic::Status;
+use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 use yoto_objects::ObjectsError;
 use yoto_proto::limits::beginning;
-use yoto_proto::reasons;
-
-/// The domain of every `ErrorInfo`.
-const DOMAIN: &str = "yoto.v1";
+use yoto_proto::reasons::{DOMAIN, code};
+use yoto_proto::v1::ErrorReason as Reason;
 
 /// Maximum length of an error's message, bytes. Errors are sent in headers, and gRPC's C core accepts 8 KiB of headers.
 /// The message is sent once percent-encoded (up to 3 bytes for each) and twice in Base64 details (4 bytes for 3).
 const TEXT_BYTES: usize = 1024;
 /// Maximum length of a field's name, or of a metadata value of an error, bytes.
 const FIELD_BYTES: usize = 256;
+/// Maximum length of each text of an error with several faults, bytes.
+const TEXT_OF_SEVERAL_BYTES: usize = 256;
+/// Maximum length of all field names and descriptions of an error with several faults, bytes. They are sent once, in Base64,
+/// with about 8 bytes of tags for each.
+const SEVERAL_BYTES: usize = 2048;
 
 impl From<RequestError> for Status {
     fn from(error: RequestError) -> Self {
         let text = error.to_string();
         match error {
-            RequestError::NotFound { name } => {
-                status(Code::NotFound, text, reasons::NOT_FOUND, &[("name", name)])
-            }
-            RequestError::Invalid { field, message } => invalid(text, field, message),
-            RequestError::Precondition { reason, .. } => {
-                status(Code::FailedPrecondition, text, reason, &[])
-            }
+            RequestError::NotFound { name } => status(Reason::NotFound, text, &[("name", name)]),
+            RequestError::Invalid(faults) => invalid(&faults),
+            RequestError::Precondition { reason, .. } => status(reason, text, &[]),
             RequestError::DiskFull { free, needed } => {
                 let metadata = [("free", free.to_string()), ("needed", needed.to_string())];
-                status(Code::ResourceExhausted, text, "DISK_FULL", &metadata)
+                status(Reason::DiskFull, text, &metadata)
             }
-            RequestError::CorruptChunk { .. } => {
-                status(Code::DataLoss, text, reasons::CORRUPT_CHUNK, &[])
-            }
-            RequestError::Busy(_) => status(Code::Unavailable, text, "BUSY", &[]),
-            RequestError::ShuttingDown => status(Code::Unavailable, text, "SHUTTING_DOWN", &[]),
+            RequestError::CorruptChunk { .. } => status(Reason::CorruptChunk, text, &[]),
+            RequestError::Busy(_) => status(Reason::Busy, text, &[]),
+            RequestError::ShuttingDown => status(Reason::ShuttingDown, text, &[]),
             RequestError::Stream(status) => status,
             RequestError::Store(error) => store(error),
             RequestError::Objects(error) if error.is_torn() => altered(&error),
@@ -53,31 +51,25 @@ impl From<RequestError> for Status {
 fn store(error: StoreError) -> Status {
     let text = error.to_string();
     match error {
-        StoreError::NotFound { name } => {
-            status(Code::NotFound, text, reasons::NOT_FOUND, &[("name", name)])
-        }
+        StoreError::NotFound { name } => status(Reason::NotFound, text, &[("name", name)]),
         StoreError::RequestIdReused { request_id } => {
             let metadata = [("request_id", request_id)];
-            status(Code::AlreadyExists, text, "REQUEST_ID_REUSED", &metadata)
+            status(Reason::RequestIdReused, text, &metadata)
         }
         StoreError::StaleLease { job, token } => {
             let metadata = [("job", job), ("token", token.to_string())];
-            status(
-                Code::FailedPrecondition,
-                text,
-                reasons::STALE_LEASE,
-                &metadata,
-            )
+            status(Reason::StaleLease, text, &metadata)
         }
-        StoreError::Rule { reason, .. } => status(Code::FailedPrecondition, text, reason, &[]),
+        StoreError::Rule { reason, .. } => status(reason, text, &[]),
         StoreError::TooLarge { field, value } => {
-            invalid(text, field.to_owned(), format!("{value} is too large"))
+            let message = format!("{value} is too large");
+            invalid(&FieldFaults::one(field.to_owned(), message))
         }
         error @ StoreError::Unavailable { .. } => unavailable(&error),
         StoreError::Conflict { .. } => {
             tracing::warn!(error = text, "two calls changed the same thing");
             let text = "another call changed the same thing first; try again".to_owned();
-            status(Code::Aborted, text, "CONFLICT", &[])
+            status(Reason::Conflict, text, &[])
         }
         error @ (StoreError::Database { .. } | StoreError::Corrupt { .. }) => internal(&error),
     }
@@ -91,38 +83,60 @@ fn brief(text: &str, bytes: usize) -> String {
     }
 }
 
-fn status(
-    code: Code,
-    text: String,
-    reason: &'static str,
-    metadata: &[(&'static str, String)],
-) -> Status {
+fn status(reason: Reason, text: String, metadata: &[(&'static str, String)]) -> Status {
     let text = brief(&text, TEXT_BYTES);
     let metadata: HashMap<String, String> = metadata
         .iter()
         .map(|(key, value)| ((*key).to_owned(), brief(value, FIELD_BYTES)))
         .collect();
-    Status::with_error_details(
-        code,
-        text,
-        ErrorDetails::with_error_info(reason, DOMAIN, metadata),
-    )
+    let details = ErrorDetails::with_error_info(reason.as_str_name(), DOMAIN, metadata);
+    Status::with_error_details(code(reason), text, details)
 }
 
-fn invalid(text: String, field: String, message: String) -> Status {
-    let (text, message) = (brief(&text, TEXT_BYTES), brief(&message, TEXT_BYTES));
-    let field = brief(&field, FIELD_BYTES);
-    let metadata = HashMap::from([("field".to_owned(), field.clone())]);
-    let mut details = ErrorDetails::with_error_info("INVALID_ARGUMENT", DOMAIN, metadata);
-    details.add_bad_request_violation(field, message);
-    Status::with_error_details(Code::InvalidArgument, text, details)
+/// The answer to a request with these faults, as far as there is room for them.
+fn invalid(faults: &FieldFaults) -> Status {
+    let longest = match faults.count {
+        1 => TEXT_BYTES,
+        _ => TEXT_OF_SEVERAL_BYTES,
+    };
+    let mut named = Vec::new();
+    let mut bytes = 0;
+    for FieldFault { field, message } in &faults.kept {
+        let (field, message) = (brief(field, FIELD_BYTES), brief(message, longest));
+        bytes += field.len() + message.len() + 8;
+        if bytes > SEVERAL_BYTES {
+            break;
+        }
+        named.push(FieldViolation::new(field, message));
+    }
+    let field = named
+        .first()
+        .map_or_else(String::new, |it| it.field.clone());
+    let mut text = match faults.kept.first() {
+        Some(FieldFault { field, message }) => brief(&format!("{field}: {message}"), longest),
+        None => String::new(),
+    };
+    // A client shows the further faults that are named, and this the others.
+    match (faults.count - named.len().min(faults.count), named.len()) {
+        (0, 0 | 1) => {}
+        (0, all) => text.push_str(&format!("; {all} faults in all")),
+        (more, _) => text.push_str(&format!(
+            "; {} faults in all, of which {more} are not named",
+            faults.count
+        )),
+    }
+    let metadata = HashMap::from([("field".to_owned(), field)]);
+    let reason = Reason::InvalidArgument;
+    let mut details = ErrorDetails::with_error_info(reason.as_str_name(), DOMAIN, metadata);
+    details.set_bad_request(named);
+    Status::with_error_details(code(reason), text, details)
 }
 
 /// An object that differs from its entry in the catalogue. Only the operator sees its key, in the log.
 fn altered(error: &ObjectsError) -> Status {
     tracing::error!(%error, "a stored object is missing or altered");
     let text = "a stored object is missing or altered; see the coordinator's log".to_owned();
-    status(Code::DataLoss, text, "OBJECT_ALTERED", &[])
+    status(Reason::ObjectAltered, text, &[])
 }
 
 /// The error when the database or the disk fails for now: the same call may succeed later.
@@ -130,18 +144,19 @@ fn unavailable(error: &dyn std::error::Error) -> Status {
     tracing::warn!(%error, "the store is unavailable for a request");
     let text = "the service can't read or write its store: it is locked, or its disk is full; \
                 see the coordinator's log";
-    status(Code::Unavailable, text.to_owned(), "STORE_UNAVAILABLE", &[])
+    status(Reason::StoreUnavailable, text.to_owned(), &[])
 }
 
 fn internal(error: &dyn std::error::Error) -> Status {
     tracing::error!(%error, "internal error in a request");
     let text = "internal error of the coordinator; see its log".to_owned();
-    status(Code::Internal, text, "INTERNAL", &[])
+    status(Reason::Internal, text, &[])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field_faults::all;
 
     /// Maximum size of headers that gRPC's C core accepts by default.
     const HEADER_BYTES: usize = 8 << 10;
@@ -153,8 +168,10 @@ mod tests {
         for error in [
             RequestError::invalid("spec.render.background", number()),
             RequestError::invalid(marks(), marks()),
-            RequestError::precondition("NO_SLOT", marks()),
+            RequestError::precondition(Reason::NoSlot, marks()),
             RequestError::NotFound { name: marks() },
+            all::<()>((0..200).map(|_| Err(RequestError::invalid(marks(), marks()))))
+                .expect_err("is refused"),
         ] {
             let response = Status::from(error).into_http::<()>();
             let headers = response.headers().iter();
@@ -165,5 +182,26 @@ mod tests {
         }
         let short = Status::from(RequestError::invalid("a", "b"));
         assert_eq!(short.message(), "a: b");
+    }
+
+    #[test]
+    fn all_faults_are_named_as_far_as_there_is_room() {
+        let told = |count: usize| {
+            let bad = |index| Err(RequestError::invalid(format!("a[{index}]"), "is bad"));
+            let refused = all::<()>((0..count).map(bad)).expect_err("is refused");
+            let status = Status::from(refused);
+            let details = status.get_error_details();
+            let bad = details.bad_request().map(|it| it.field_violations.len());
+            (status.message().to_owned(), bad.unwrap_or_default())
+        };
+        assert_eq!(told(1), ("a[0]: is bad".into(), 1));
+        assert_eq!(told(3), ("a[0]: is bad; 3 faults in all".into(), 3));
+        let (text, named) = told(1000);
+        assert!((50..=100).contains(&named), "{named}");
+        let more = 1000 - named;
+        assert_eq!(
+            text,
+            format!("a[0]: is bad; 1000 faults in all, of which {more} are not named")
+        );
     }
 }

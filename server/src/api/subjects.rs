@@ -3,7 +3,8 @@
 use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{NewSubject, Target};
+use crate::field_faults::{all, both};
+use crate::store::{NewSubject, SubjectChange, Target};
 use crate::uploads;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -12,14 +13,40 @@ use yoto_proto::names::Collection;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
     Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListSubjectsRequest,
-    ListSubjectsResponse, Subject,
+    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListCapturesRequest,
+    ListCapturesResponse, ListSubjectsRequest, ListSubjectsResponse, Subject, UpdateSubjectRequest,
 };
 
 /// People, and the captures of them.
 pub struct SubjectApi {
     /// The shared parts.
     pub context: Arc<Context>,
+}
+
+/// What the fields at `paths` of `subject` say.
+fn subject_change(subject: &Subject, paths: &[String]) -> Result<SubjectChange, RequestError> {
+    let mut change = SubjectChange::default();
+    let mut faults = Vec::new();
+    for path in paths {
+        let found = match path.as_str() {
+            "display_name" => fields::display_name(&subject.display_name)
+                .map(|name| change.display_name = Some(name)),
+            "consent_note" => {
+                let note = &subject.consent_note;
+                fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES)
+                    .map(|()| change.consent_note = Some(note.clone()))
+            }
+            other => {
+                let message = format!("'{other}' can't be changed");
+                Err(RequestError::invalid("update_mask", message))
+            }
+        };
+        faults.push(found);
+    }
+    if paths.is_empty() {
+        faults.push(Err(RequestError::invalid("update_mask", "names no field")));
+    }
+    all(faults).map(|_| change)
 }
 
 #[tonic::async_trait]
@@ -41,9 +68,11 @@ impl SubjectService for SubjectApi {
             return Ok(Response::new(subject.map_err(RequestError::from)?));
         }
         let note = &request.consent_note;
-        fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES)?;
+        let display_name = fields::display_name(&request.display_name);
+        let note = fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES);
+        let (display_name, ()) = both(display_name, note)?;
         let new = NewSubject {
-            display_name: fields::display_name(&request.display_name)?,
+            display_name,
             consent_note: request.consent_note,
         };
         let subject = store.create_subject(new, key).await;
@@ -64,13 +93,27 @@ impl SubjectService for SubjectApi {
         request: Request<ListSubjectsRequest>,
     ) -> Result<Response<ListSubjectsResponse>, Status> {
         let request = request.get_ref();
-        let page = paging::Request::read("subjects", request.page_size, &request.page_token)?;
+        let page = paging::Request::read("subjects", request.page_size, &request.page_token, &())?;
         let entries = self.context.store.subjects(page.page()).await;
         let (subjects, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListSubjectsResponse {
             subjects,
             next_page_token,
         }))
+    }
+
+    async fn update_subject(
+        &self,
+        request: Request<UpdateSubjectRequest>,
+    ) -> Result<Response<Subject>, Status> {
+        let request = request.into_inner();
+        let subject = request.subject.unwrap_or_default();
+        let id = fields::id(Collection::Subjects, "subject.name", &subject.name);
+        let change = subject_change(&subject, &request.update_mask.unwrap_or_default().paths);
+        let (id, change) = both(id, change)?;
+        let store = &self.context.store;
+        let changed = store.update_subject(&id, change, &subject.etag).await;
+        Ok(Response::new(changed.map_err(RequestError::from)?))
     }
 
     async fn get_capture(
@@ -80,6 +123,31 @@ impl SubjectService for SubjectApi {
         let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
         let capture = self.context.store.capture(&id).await;
         Ok(Response::new(capture.map_err(RequestError::from)?))
+    }
+
+    async fn list_captures(
+        &self,
+        request: Request<ListCapturesRequest>,
+    ) -> Result<Response<ListCapturesResponse>, Status> {
+        let request = request.get_ref();
+        let (size, token) = (request.page_size, &request.page_token);
+        let page = paging::Request::read("captures", size, token, &request.parent);
+        let subject = match &*request.parent {
+            "" => Ok(None),
+            name => fields::id(Collection::Subjects, "parent", name).map(Some),
+        };
+        let (page, subject) = both(page, subject)?;
+        let store = &self.context.store;
+        if let Some(id) = &subject {
+            // A person who does not exist is no empty list.
+            store.subject(id).await.map_err(RequestError::from)?;
+        }
+        let entries = store.captures(page.page(), subject.as_deref()).await;
+        let (captures, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
+        Ok(Response::new(ListCapturesResponse {
+            captures,
+            next_page_token,
+        }))
     }
 
     async fn ingest_capture(

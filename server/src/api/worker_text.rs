@@ -22,6 +22,12 @@ fn cut_list(lines: &mut Vec<String>) {
     cut_lines(lines);
 }
 
+/// A short text, such as a version.
+pub fn line(mut line: String) -> String {
+    cut_lines([&mut line]);
+    line
+}
+
 /// The error of a job.
 pub fn error(mut error: JobError) -> JobError {
     cut(&mut error.code);

@@ -1,19 +1,22 @@
-//! `yoto.v1.WorkerService`.
+//! `yoto.worker.v1.WorkerService`.
 
 use super::{fields, worker_text};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::both;
 use crate::jobs::{lease, report};
 use crate::store::{Ending, LeaseKey, NewWorker};
+use crate::traffic::Client;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
 use yoto_proto::names::Collection;
-use yoto_proto::v1::end_job_request::Outcome;
-use yoto_proto::v1::worker_service_server::WorkerService;
-use yoto_proto::v1::{
+use yoto_proto::v1::JobError;
+use yoto_proto::worker::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::worker_service_server::WorkerService;
+use yoto_proto::worker::v1::{
     Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
-    HeartbeatRequest, HeartbeatResponse, JobError, LeaseJobRequest, LeaseJobResponse,
+    HeartbeatRequest, HeartbeatResponse, LeaseJobRequest, LeaseJobResponse,
     PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
     RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
 };
@@ -59,19 +62,34 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
+        let in_process = Client::is_in_process(&request);
         let request = request.into_inner();
-        let kinds = fields::job_kinds("kinds", &request.kinds)?;
-        if kinds.is_empty() {
-            return Err(RequestError::invalid("kinds", "a worker needs at least one kind").into());
-        }
+        let embedded = match request.embedded && !in_process {
+            true => {
+                let message = "only a worker in the process of the service is";
+                Err(RequestError::invalid("embedded", message))
+            }
+            false => Ok(request.embedded),
+        };
+        let kinds = match &request.kinds[..] {
+            [] => Err(RequestError::invalid(
+                "kinds",
+                "a worker needs at least one kind",
+            )),
+            kinds => fields::job_kinds("kinds", kinds),
+        };
         let device = request.device.map(worker_text::device);
-        let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"))?;
-        let display_name = fields::display_name(&request.display_name)?;
+        let device = device.ok_or_else(|| RequestError::invalid("device", "is missing"));
+        let display_name = fields::display_name(&request.display_name);
+        let of_worker = both(display_name, device);
+        let ((display_name, device), (kinds, embedded)) = both(of_worker, both(kinds, embedded))?;
         let new = NewWorker {
             display_name,
             device,
             kinds,
-            embedded: request.embedded,
+            embedded,
+            version: worker_text::line(request.version),
+            order_level: request.order_level,
         };
         let id = lease::register(&self.context, new).await?;
         Ok(Response::new(RegisterWorkerResponse {

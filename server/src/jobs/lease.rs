@@ -6,7 +6,9 @@ use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker, StoreError};
 use prost::Message;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{JobError, Lease};
+use yoto_proto::orders;
+use yoto_proto::v1::JobError;
+use yoto_proto::worker::v1::Lease;
 
 /// Bytes of an answer besides its lease.
 const MARGIN: usize = 64;
@@ -17,14 +19,25 @@ const MARGIN: usize = 64;
 /// When the store fails.
 pub async fn register(context: &Context, new: NewWorker) -> Result<String, RequestError> {
     let (name, device) = (new.display_name.clone(), new.device.clone());
+    let (version, order_level) = (new.version.clone(), new.order_level);
     let id = context.store.register_worker(new).await?;
     tracing::info!(
         worker = id,
         name,
         adapter = device.adapter,
         gpu = device.gpu,
+        version,
         "worker registered"
     );
+    if order_level < orders::LEVEL {
+        tracing::warn!(
+            worker = id,
+            version,
+            order_level,
+            newest = orders::LEVEL,
+            "the worker is of an earlier version: it gets no orders that it does not understand"
+        );
+    }
     Ok(id)
 }
 

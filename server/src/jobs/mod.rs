@@ -5,5 +5,7 @@ pub mod lease;
 pub mod queue;
 pub mod reaper;
 pub mod report;
+pub mod retry;
 pub mod roster;
 pub mod watch;
+pub mod watch_all;

@@ -7,31 +7,55 @@
 use super::checks::specs::check_spec;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::all;
 use crate::store::{JobKind, NewJob, RequestKey};
 use yoto_proto::checks;
-use yoto_proto::v1::Job;
+use yoto_proto::v1::{Job, JobSpec, job};
 
-/// Checks a job and queues it.
+/// Checks a job, whose order is well-formed, and queues it.
 ///
 /// # Errors
-/// When the spec is malformed, names a missing resource, or can't be served yet.
+/// When the spec names a missing resource, or can't be served yet.
 pub async fn create(
     context: &Context,
     new: NewJob,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
-    // Comes before every check: a repeated request gets its first answer, whatever has changed since.
+    // Comes before the checks against the catalogue: a repeated request gets its first answer, whatever has changed since.
     if let Some(id) = context.store.answered(request.as_ref()).await? {
         return Ok(context.store.job(&id).await?);
-    }
-    if let Some(fault) = checks::job(&new.spec).into_iter().next() {
-        return Err(RequestError::invalid(path(&fault.field), fault.message));
     }
     check_spec(context, &new.spec).await?;
     let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
     let job = context.store.create_job(new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
+}
+
+/// The job that an order would become, after the same checks as in [`create`].
+///
+/// # Errors
+/// As [`create`].
+pub async fn validate(context: &Context, new: NewJob) -> Result<Job, RequestError> {
+    check_spec(context, &new.spec).await?;
+    let kind = JobKind::of(&new.spec).map(JobKind::to_proto);
+    Ok(Job {
+        state: job::State::Queued.into(),
+        kind: kind.unwrap_or_default().into(),
+        spec: Some(new.spec),
+        owner: new.owner,
+        ..Job::default()
+    })
+}
+
+/// Checks an order without the catalogue.
+///
+/// # Errors
+/// With all faults of its fields.
+pub fn check_order(spec: &JobSpec) -> Result<(), RequestError> {
+    let faults = checks::job(spec).into_iter();
+    let faults = faults.map(|it| Err(RequestError::invalid(path(&it.field), it.message)));
+    all::<()>(faults).map(drop)
 }
 
 /// The path of the order's `field` in the request.

@@ -7,15 +7,7 @@ use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
-use yoto_proto::v1::{Job, job};
-
-/// Whether `state` is terminal.
-pub fn is_terminal(state: job::State) -> bool {
-    matches!(
-        state,
-        job::State::Succeeded | job::State::Failed | job::State::Cancelled
-    )
-}
+use yoto_proto::v1::Job;
 
 struct Watcher {
     context: Arc<Context>,
@@ -57,7 +49,7 @@ pub fn watch(
             return None;
         }
         let next = watcher.next().await.transpose();
-        watcher.ended = !matches!(&next, Some(Ok(job)) if !is_terminal(job.state()));
+        watcher.ended = !matches!(&next, Some(Ok(job)) if !job.state().is_terminal());
         next.map(|item| (item, watcher))
     })
 }
@@ -74,7 +66,7 @@ impl Watcher {
             if !known {
                 return Ok(Some(job));
             }
-            if is_terminal(job.state()) {
+            if job.state().is_terminal() {
                 return Ok(None);
             }
         }

@@ -2,7 +2,8 @@
 
 use crate::store::UploadedFile;
 use yoto_proto::keys;
-use yoto_proto::v1::{InputFile, ObjectRef};
+use yoto_proto::v1::ObjectRef;
+use yoto_proto::worker::v1::InputFile;
 
 /// An uploaded file as the ingest job gets it.
 pub fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {

@@ -1,8 +1,9 @@
-//! The version of a resource, so that a deletion can be limited to the state that its caller has seen.
+//! The version of a resource, so that a deletion or a change can be limited to the state that its caller has seen.
 
 use crate::store::StoreError;
 use prost::Message;
 use yoto_proto::sha256_hex;
+use yoto_proto::v1::ErrorReason;
 
 /// Characters of a version, of 4 bits each.
 const LENGTH: usize = 16;
@@ -23,8 +24,8 @@ pub fn check(name: &str, asked: &str, found: &str) -> Result<(), StoreError> {
         return Ok(());
     }
     Err(StoreError::Rule {
-        reason: "ETAG_MISMATCH",
-        message: format!("{name} has changed since it was read; nothing was deleted"),
+        reason: ErrorReason::EtagMismatch,
+        message: format!("{name} has changed since it was read; nothing was changed"),
     })
 }
 

@@ -10,6 +10,7 @@
 //! | a deletion applies only to the version that its caller has seen | [`etag`] |
 //! | an outage of the coordinator charges nobody | [`outage`] |
 //! | steps of the clock do not count for ages | [`steps`] |
+//! | the figures that are kept for a training's curve | [`thinning`] |
 
 pub mod etag;
 pub mod losses;
@@ -17,3 +18,4 @@ pub mod outage;
 pub mod ranges;
 pub mod retries;
 pub mod steps;
+pub mod thinning;

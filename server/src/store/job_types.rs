@@ -4,8 +4,9 @@ use super::StoreError;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{
-    self, Inputs, Job, JobError, JobResult, JobSpec, PictureRange, RenderedFile, job, job_spec,
+    self, Job, JobError, JobPriority, JobResult, JobSpec, RenderedFile, job, job_spec,
 };
+use yoto_proto::worker::v1::{Inputs, PictureRange};
 
 /// Kind of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,6 +162,16 @@ impl NewJob {
     /// Priority of a job that asks for none.
     pub const NORMAL: u8 = 1;
 
+    /// The column of a priority.
+    pub fn column(priority: JobPriority) -> u8 {
+        match priority {
+            JobPriority::Low => 0,
+            JobPriority::Unspecified | JobPriority::Normal => Self::NORMAL,
+            JobPriority::High => 2,
+            JobPriority::Urgent => 3,
+        }
+    }
+
     /// An order of normal priority without an owner.
     pub fn normal(spec: JobSpec) -> Self {
         Self {
@@ -182,6 +193,15 @@ pub struct JobFilter {
     pub model_id: Option<String>,
     /// Their owner, if only one is asked for.
     pub owner: Option<String>,
+}
+
+/// The jobs to look at for changes.
+#[derive(Debug, Default)]
+pub struct JobVersions {
+    /// Position of the newest job of all; 0: there is none.
+    pub newest: i64,
+    /// Ids and sequence numbers.
+    pub jobs: Vec<(String, u64)>,
 }
 
 /// End of a lease.

@@ -8,20 +8,23 @@ mod sqlite;
 mod types;
 
 pub use job_types::{
-    Ending, JobFilter, JobKind, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped, TakenRange,
+    Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped,
+    TakenRange,
 };
 pub use sqlite::SqliteStore;
 pub use types::{
     CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
-    Reference, RequestKey, StoreError, Target, Upload, UploadFile, UploadedFile, new_id,
+    Reference, RequestKey, StoreError, SubjectChange, Target, Upload, UploadFile, UploadedFile,
+    new_id,
 };
 
 use crate::checkpoints::retention::Retention;
 use async_trait::async_trait;
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
-    RenderedFile, Subject, SubjectShard, WorkerStatus,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobMetrics, JobSpec, Model, PausedKind,
+    Progress, RenderedFile, Subject, WorkerStatus,
 };
+use yoto_proto::worker::v1::SubjectShard;
 
 /// The catalogue and the job queue. If the database fails, each method returns [`StoreError::Unavailable`],
 /// [`StoreError::Conflict`] or [`StoreError::Database`], depending on what a caller can do.
@@ -37,6 +40,13 @@ pub trait Store: Send + Sync + 'static {
     async fn subject(&self, id: &str) -> Result<Subject, StoreError>;
     /// Subjects, oldest first.
     async fn subjects(&self, page: Page) -> Result<Vec<Entry<Subject>>, StoreError>;
+    /// Changes a subject, if its version is `etag` (empty: any).
+    async fn update_subject(
+        &self,
+        id: &str,
+        change: SubjectChange,
+        etag: &str,
+    ) -> Result<Subject, StoreError>;
     /// The shard of the subject's newest READY capture.
     async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError>;
 
@@ -75,6 +85,15 @@ pub trait Store: Send + Sync + 'static {
     async fn capture_files(&self, id: &str) -> Result<Vec<UploadedFile>, StoreError>;
     /// A capture by id.
     async fn capture(&self, id: &str) -> Result<Capture, StoreError>;
+
+    /// Captures of a person, or of all people, oldest first.
+    async fn captures(
+        &self,
+        page: Page,
+        subject_id: Option<&str>,
+    ) -> Result<Vec<Entry<Capture>>, StoreError>;
+    /// What the ingest job of a capture made for people: the check's report and a thumbnail.
+    async fn capture_objects(&self, id: &str) -> Result<Vec<RenderedFile>, StoreError>;
 
     /// Creates a model, or repeats the earlier answer to `request`.
     async fn create_model(
@@ -151,6 +170,11 @@ pub trait Store: Send + Sync + 'static {
         filter: &JobFilter,
         full: bool,
     ) -> Result<Vec<Entry<Job>>, StoreError>;
+    /// The figures of a job over its steps.
+    async fn job_metrics(&self, id: &str) -> Result<JobMetrics, StoreError>;
+    /// The open jobs, and all jobs after the position `after`, with the position of the newest job of all. Without `after`,
+    /// only the open jobs.
+    async fn job_versions(&self, after: Option<i64>) -> Result<JobVersions, StoreError>;
     /// The files that a render has committed so far.
     async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError>;
     /// Numbers of QUEUED and RUNNING jobs.

@@ -3,7 +3,16 @@
 use super::JobKind;
 use prost::Message;
 use thiserror::Error;
-use yoto_proto::v1::{self, WorkerDevice};
+use yoto_proto::v1::{self, ErrorReason, WorkerDevice};
+
+/// What to change of a subject.
+#[derive(Debug, Clone, Default)]
+pub struct SubjectChange {
+    /// Its new display name.
+    pub display_name: Option<String>,
+    /// Its new consent note.
+    pub consent_note: Option<String>,
+}
 
 /// A new id: unique, and in the alphabet that resource names allow.
 pub fn new_id() -> String {
@@ -79,7 +88,7 @@ pub enum StoreError {
     #[error("{message}")]
     Rule {
         /// Machine-readable.
-        reason: &'static str,
+        reason: ErrorReason,
         /// Human-readable.
         message: String,
     },
@@ -262,6 +271,10 @@ pub struct NewWorker {
     pub kinds: Vec<JobKind>,
     /// Whether it runs in the coordinator's process.
     pub embedded: bool,
+    /// Version of its program.
+    pub version: String,
+    /// The newest orders that it understands.
+    pub order_level: u32,
 }
 
 /// A file that was uploaded and written to the object store.

@@ -1,6 +1,8 @@
 //! Limits the number of connections, and closes idle ones.
 
 use super::{Client, Traffic};
+use crate::in_memory::InProcess;
+use std::any::Any;
 use std::io;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -26,7 +28,7 @@ pub struct Admitted<IO> {
 
 impl Traffic {
     /// Admits a connection unless the limit is reached.
-    pub fn admit<IO>(&self, io: IO) -> Option<Admitted<IO>> {
+    pub fn admit<IO: Connected>(&self, io: IO) -> Option<Admitted<IO>> {
         let Ok(place) = Arc::clone(&self.connections).try_acquire_owned() else {
             tracing::warn!(
                 limit = self.limits.connections,
@@ -34,9 +36,13 @@ impl Traffic {
             );
             return None;
         };
+        let in_process = (&io.connect_info() as &dyn Any).is::<InProcess>();
         Some(Admitted {
             io,
-            client: Arc::new(self.client()),
+            client: Arc::new(Client {
+                in_process,
+                ..self.client()
+            }),
             check: Box::pin(tokio::time::sleep(self.limits.idle)),
             idle: self.limits.idle,
             _place: place,
@@ -139,10 +145,10 @@ mod tests {
     #[tokio::test]
     async fn connections_beyond_the_limit_are_refused_until_another_ends() {
         let traffic = traffic();
-        let first = traffic.admit(tokio::io::empty()).expect("has a place");
-        assert!(traffic.admit(tokio::io::empty()).is_none());
+        let first = traffic.admit(tokio::io::duplex(1).0).expect("has a place");
+        assert!(traffic.admit(tokio::io::duplex(1).0).is_none());
         drop(first);
-        assert!(traffic.admit(tokio::io::empty()).is_some());
+        assert!(traffic.admit(tokio::io::duplex(1).0).is_some());
     }
 
     #[tokio::test]

@@ -23,6 +23,7 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::{Arc, Mutex};
 use tokio::sync::Semaphore;
 use tokio::time::Instant;
+use tonic::Request;
 
 /// What all clients of a listener use together.
 #[derive(Debug)]
@@ -37,6 +38,8 @@ pub struct Traffic {
 /// What the client of one connection uses.
 #[derive(Debug)]
 pub struct Client {
+    /// Whether it is in this process.
+    in_process: bool,
     calls: AtomicUsize,
     /// When its last call ended; before its first call, when it connected.
     quiet_since: Mutex<Instant>,
@@ -57,10 +60,19 @@ impl Traffic {
 
     fn client(&self) -> Client {
         Client {
+            in_process: false,
             calls: AtomicUsize::new(0),
             quiet_since: Mutex::new(Instant::now()),
             bytes: Arc::new(Semaphore::new(self.limits.connection_bytes as usize)),
         }
+    }
+}
+
+impl Client {
+    /// Whether the call `request` came through a pipe from this process.
+    pub fn is_in_process<T>(request: &Request<T>) -> bool {
+        let client = request.extensions().get::<Arc<Self>>();
+        client.is_some_and(|it| it.in_process)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::input_file;
 use crate::store::RequestKey;
-use yoto_proto::v1::{Capture, capture};
+use yoto_proto::v1::{Capture, ErrorReason, capture};
 
 /// Queues another ingest job for a capture whose last one failed.
 ///
@@ -34,7 +34,7 @@ pub async fn ingest_again(
                         "{} of {} is no longer there: upload the capture again",
                         file.path, capture.name
                     );
-                    return Err(RequestError::precondition("UPLOAD_GONE", message));
+                    return Err(RequestError::precondition(ErrorReason::UploadGone, message));
                 }
                 required => required?,
             }

@@ -4,6 +4,7 @@ use super::paths::CapturePaths;
 use crate::config::UploadLimits;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::all;
 use crate::objects::upload::{input_file, is_sha256};
 use crate::store::{NewUpload, RequestKey, Upload, UploadedFile, new_id};
 use prost::Message;
@@ -50,26 +51,31 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
     // As long as any other id.
     let example_id = new_id();
     let mut checked = Vec::with_capacity(files.len());
+    let mut faults = Vec::new();
     for (number, file) in files.into_iter().enumerate() {
         let shown: String = file.path.chars().take(80).collect();
-        let refuse = |field: &str, message: String| {
+        let mut refuse = |field: &str, message: String| {
             let field = format!("files[{number}].{field}");
-            Err(RequestError::invalid(field, format!("{shown}: {message}")))
+            let message = format!("{shown}: {message}");
+            faults.push(Err(RequestError::invalid(field, message)));
         };
         if let Err(reason) = paths.add(&file.path) {
-            return refuse("path", reason);
+            refuse("path", reason);
         }
         if file.bytes > limits.file_bytes {
             let most = limits.file_bytes;
-            return refuse(
+            refuse(
                 "bytes",
                 format!("{} bytes; a file has at most {most}", file.bytes),
             );
+        } else {
+            bytes = bytes.saturating_add(file.bytes);
         }
-        bytes = bytes.saturating_add(file.bytes);
         if bytes > limits.capture_bytes {
             let most = limits.capture_bytes;
-            return refuse("bytes", format!("a capture has at most {most} bytes"));
+            refuse("bytes", format!("a capture has at most {most} bytes"));
+            // The files after it would all be too much.
+            break;
         }
         let file = UploadedFile {
             sha256: file.sha256.to_ascii_lowercase(),
@@ -77,15 +83,17 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
             path: file.path,
         };
         if !is_sha256(&file.sha256) {
-            return refuse("sha256", "a SHA-256 is 64 hex digits".into());
+            refuse("sha256", "a SHA-256 is 64 hex digits".into());
         }
         // A message in a list costs its length, a tag, and up to four bytes for the length.
         listing += 5 + input_file(&example_id, &file).encoded_len();
         if listing > limits::LISTING_BYTES {
-            return refuse("path", format!("too many files, {number} are before it"));
+            refuse("path", format!("too many files, {number} are before it"));
+            break;
         }
         checked.push(file);
     }
+    all::<()>(faults)?;
     let told = |path: &str| pose_track::FILES.contains(&path) || CAPTURE_ARCHIVES.contains(&path);
     if !checked.iter().any(|file| told(&file.path)) {
         let (tracks, archives) = (pose_track::FILES.join(", "), CAPTURE_ARCHIVES.join(", "));

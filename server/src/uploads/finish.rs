@@ -8,8 +8,7 @@ use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
 use yoto_objects::ObjectsError;
 use yoto_proto::keys;
-use yoto_proto::reasons::UPLOAD_INCOMPLETE;
-use yoto_proto::v1::Capture;
+use yoto_proto::v1::{Capture, ErrorReason};
 
 /// Files that are hashed at once.
 const HASHED_AT_ONCE: usize = 2;
@@ -39,7 +38,10 @@ pub async fn finish(
                 ..
             } = file;
             let message = format!("{path}: {committed} of {bytes} bytes have arrived");
-            return Err(RequestError::precondition(UPLOAD_INCOMPLETE, message));
+            return Err(RequestError::precondition(
+                ErrorReason::UploadIncomplete,
+                message,
+            ));
         }
         stream::iter(upload.files)
             .map(|file| verify(context, id, file))

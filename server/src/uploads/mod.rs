@@ -21,7 +21,7 @@ pub use write::receive;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::Upload;
-use yoto_proto::reasons::UPLOAD_INCOMPLETE;
+use yoto_proto::v1::ErrorReason;
 
 /// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
 /// the call that found this. Otherwise each later write would fail until the upload expires.
@@ -37,7 +37,7 @@ async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestErro
     }
     let message =
         format!("{path}: only {left} bytes are left of it; the file has to be sent again");
-    RequestError::precondition(UPLOAD_INCOMPLETE, message)
+    RequestError::precondition(ErrorReason::UploadIncomplete, message)
 }
 
 /// The open upload with this id.
@@ -50,7 +50,10 @@ async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
         return Ok(upload);
     }
     let message = format!("uploads/{id} is finished");
-    Err(RequestError::precondition("UPLOAD_FINISHED", message))
+    Err(RequestError::precondition(
+        ErrorReason::UploadFinished,
+        message,
+    ))
 }
 
 /// The state of an upload; with `stop_writer`, after the current writer has stopped.

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use tonic::Status;
 use yoto_proto::crc32c;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{WriteUploadRequest, WriteUploadResponse};
+use yoto_proto::v1::{ErrorReason, WriteUploadRequest, WriteUploadResponse};
 
 /// Receives chunks until the stream ends, and commits all valid ones, however it ends.
 ///
@@ -107,7 +107,7 @@ impl Writer {
                 () = context.stop.cancelled() => return Err(RequestError::ShuttingDown),
                 () = lock.wanted() => {
                     let message = format!("another call goes on with {}", self.name);
-                    return Err(RequestError::precondition("UPLOAD_TAKEN_OVER", message));
+                    return Err(RequestError::precondition(ErrorReason::UploadTakenOver, message));
                 }
                 next = within(context, chunks.next()) => next?,
             };
@@ -148,7 +148,10 @@ impl Writer {
         }
         if offset != file_state.next {
             let message = format!("{shown}: byte {} is next, not {offset}", file_state.next);
-            return Err(RequestError::precondition("UPLOAD_OFFSET", message));
+            return Err(RequestError::precondition(
+                ErrorReason::UploadOffset,
+                message,
+            ));
         }
         let length = chunk.len() as u64;
         if length > file_state.end - file_state.next {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use tempfile::TempDir;
 use tonic::Code;
 use yoto_proto::v1::CollectGarbageResponse;
-use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_server::clock::ManualClock;
 
 const HOUR: f64 = 3600.0;

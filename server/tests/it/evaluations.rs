@@ -4,9 +4,10 @@ use crate::support::{Service, assert_invalid, assert_refused};
 use tonic::Code;
 use yoto_proto::names;
 use yoto_proto::v1::{
-    EvaluateResult, EvaluateSpec, Job, Lease, ListCheckpointsRequest, Model, Scores, Subject,
+    EvaluateResult, EvaluateSpec, Job, ListCheckpointsRequest, Model, Scores, Subject,
     SubjectScores, job, job_result, job_spec,
 };
+use yoto_proto::worker::v1::Lease;
 
 fn spec(model: &Model, subjects: &[&Subject]) -> job_spec::Kind {
     job_spec::Kind::Evaluate(EvaluateSpec {

@@ -6,10 +6,10 @@ use std::fs;
 use std::time::Duration;
 use tonic::Code;
 use yoto_proto::keys;
-use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::{
     CreateJobRequest, CreateUploadRequest, DeleteJobRequest, JobSpec, TrainSpec, job_spec,
 };
+use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_server::ServerConfig;
 
 const HOUR: Duration = Duration::from_secs(3600);

@@ -5,14 +5,17 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use tonic::{Code, Status};
 use yoto_proto::keys;
-use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
 use yoto_proto::v1::job_attempt::Outcome as Ended;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    CancelJobRequest, Claim, CommitOutputRequest, CreateJobRequest, EndJobRequest,
-    HeartbeatRequest, Job, JobKind, JobPriority, JobResult, JobSpec, Lease, ListObjectsRequest,
-    Model, Orbit, PauseJobsRequest, Progress, RenderResult, RenderSpec, RenderedFile,
-    ResumeJobsRequest, Subject, TakeRangeRequest, TakeRangeResponse, job, job_result, job_spec,
+    CancelJobRequest, CreateJobRequest, Job, JobKind, JobPriority, JobResult, JobSpec,
+    ListObjectsRequest, Model, Orbit, PauseJobsRequest, Progress, RenderResult, RenderSpec,
+    RenderedFile, ResumeJobsRequest, Subject, job, job_result, job_spec,
+};
+use yoto_proto::worker::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::worker::v1::{
+    Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Lease, TakeRangeRequest,
+    TakeRangeResponse,
 };
 use yoto_server::clock::ManualClock;
 

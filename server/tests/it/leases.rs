@@ -6,12 +6,12 @@ use crate::support::{
 use std::sync::Arc;
 use tonic::{Code, Status};
 use yoto_proto::names::{Collection, parse_checkpoint};
-use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
 use yoto_proto::v1::job_attempt::Outcome as Ended;
 use yoto_proto::v1::{
-    CancelJobRequest, HeartbeatRequest, IngestResult, Job, Lease, LeaseJobRequest, Progress,
-    TrainResult, capture, job, job_result,
+    CancelJobRequest, IngestResult, Job, Progress, TrainResult, capture, job, job_result,
 };
+use yoto_proto::worker::v1::end_job_request::{Cancelled, Outcome, Returned};
+use yoto_proto::worker::v1::{HeartbeatRequest, Lease, LeaseJobRequest};
 use yoto_server::clock::ManualClock;
 
 /// Length of a lease, seconds.

@@ -6,14 +6,15 @@ use crate::support::{
 };
 use tonic::Code;
 use yoto_proto::keys;
-use yoto_proto::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::{
-    CommitOutputRequest, CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec,
-    JobView, Lease, ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model,
-    PauseJobsRequest, RegisterWorkerRequest, RenderedFile, ResumeJobsRequest, TrainSpec,
-    WorkerDevice, job, job_result, job_spec,
+    CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec, JobView,
+    ListJobsRequest, ListObjectsRequest, ListWorkersRequest, Model, PauseJobsRequest, RenderedFile,
+    ResumeJobsRequest, TrainSpec, WorkerDevice, job, job_result, job_spec,
 };
+use yoto_proto::worker::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::worker::v1::{CommitOutputRequest, Lease, RegisterWorkerRequest};
 
 async fn train_for(service: &Service, model: &Model, owner: &str, priority: JobPriority) -> Job {
     let train = TrainSpec {
@@ -305,6 +306,8 @@ async fn a_coordinator_that_starts_takes_back_the_jobs_of_its_own_worker_at_once
         device: Some(WorkerDevice::default()),
         kinds: vec![JobKind::Train.into()],
         embedded: true,
+        order_level: LEVEL,
+        ..RegisterWorkerRequest::default()
     };
     let embedded = service.workers().register_worker(request).await;
     let embedded = embedded.expect("registers").into_inner().worker;
@@ -353,4 +356,30 @@ async fn who_is_trained_alone_needs_a_trained_model_and_no_capture_but_their_own
     let whose: Vec<&str> = inputs.shards.iter().map(|it| &*it.subject).collect();
     assert_eq!(whose, [&*bob.name]);
     assert_eq!(inputs.model.expect("a model").slots.len(), 2);
+}
+
+#[tokio::test]
+async fn a_worker_gets_no_order_that_it_does_not_understand() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let job = service.train(&service.model_of(&ada).await).await;
+    // As a worker of a version that sends no level.
+    let request = RegisterWorkerRequest {
+        display_name: "old".into(),
+        device: Some(WorkerDevice::default()),
+        kinds: vec![JobKind::Train.into()],
+        version: "0.0.9".into(),
+        ..RegisterWorkerRequest::default()
+    };
+    let old = service.workers().register_worker(request).await;
+    let old = old.expect("registers").into_inner().worker;
+    assert_eq!(service.lease(&old).await, None);
+    let mut status = StatusServiceClient::new(service.channel.clone());
+    let workers = status.list_workers(ListWorkersRequest::default()).await;
+    let workers = workers.expect("lists").into_inner().workers;
+    let listed = workers.iter().find(|it| it.name == old).expect("is listed");
+    assert_eq!((&*listed.version, listed.order_level), ("0.0.9", 0));
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    assert_eq!(job_name(&lease), job.name);
 }

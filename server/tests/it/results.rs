@@ -6,10 +6,10 @@ use futures::TryStreamExt;
 use tonic::{Code, Status};
 use yoto_proto::manifest::{self, files};
 use yoto_proto::v1::{
-    Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, Lease,
-    ListObjectsRequest, ObjectRef, PublishCheckpointRequest, RenderResult, RenderedFile, capture,
-    job_result,
+    Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, ListObjectsRequest,
+    ObjectRef, RenderResult, RenderedFile, capture, job_result,
 };
+use yoto_proto::worker::v1::{Lease, PublishCheckpointRequest};
 use yoto_proto::{keys, names};
 
 #[tokio::test]
@@ -107,6 +107,16 @@ async fn a_render_is_downloaded_from_a_job_that_succeeded() {
         let mut client = service.objects();
         async move { Ok::<_, Status>(client.list_objects(request).await?.into_inner().objects) }
     };
+    let shown = service.get_job(&job.name).await.result;
+    let Some(job_result::Kind::Render(shown)) = shown.and_then(|it| it.kind) else {
+        panic!("a render has a result");
+    };
+    let object = shown.files[0].object.clone().expect("is described");
+    assert_eq!(
+        (&*object.key, object.bytes),
+        ("", 100_000),
+        "keys are not shown"
+    );
     let listed = list(&job.name).await.expect("lists");
     assert_eq!(listed.len(), 1);
     assert_eq!(listed[0].name, names::object(&job.name, "000000.png"));

@@ -2,7 +2,8 @@
 
 use crate::support;
 use crate::support::{Service, assert_invalid};
-use yoto_proto::v1::{CreateModelRequest, Lease, Model, Retention, UpdateModelRequest};
+use yoto_proto::v1::{CreateModelRequest, Model, Retention, UpdateModelRequest};
+use yoto_proto::worker::v1::Lease;
 
 /// A service whose models keep the `newest` checkpoints and every n-th; with a model in training.
 async fn training(newest: u32, every: u32) -> (Service, Model, Lease) {

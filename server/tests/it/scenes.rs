@@ -8,10 +8,11 @@ use yoto_proto::v1::actor::Motion;
 use yoto_proto::v1::render_quality::Want;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    Actor, CaptureMotion, CommitOutputRequest, DeleteCheckpointRequest, DeleteJobRequest,
-    DeleteModelRequest, Job, Lease, Model, RemoveIdentityRequest, RenderQuality, RenderResult,
-    RenderSpec, RenderedFile, Scene, Subject, TakeRangeRequest, job_result, job_spec,
+    Actor, CaptureMotion, DeleteCheckpointRequest, DeleteJobRequest, DeleteModelRequest, Job,
+    Model, RemoveIdentityRequest, RenderQuality, RenderResult, RenderSpec, RenderedFile, Scene,
+    Subject, job_result, job_spec,
 };
+use yoto_proto::worker::v1::{CommitOutputRequest, Lease, TakeRangeRequest};
 
 /// Ada is in the models duo and fog; only duo is trained. Bob is in fog alone.
 struct Stage {
@@ -117,7 +118,7 @@ fn actor(subject: &Subject, model: &str) -> Actor {
 /// Names of the other models of a lease, each with the step to use.
 fn others(lease: &Lease) -> Vec<(String, u64)> {
     let others = lease.inputs.iter().flat_map(|it| &it.other_models);
-    let of = |it: &yoto_proto::v1::OtherModel| {
+    let of = |it: &yoto_proto::worker::v1::OtherModel| {
         let model = it.model.clone().expect("a model");
         (model.name, it.checkpoints[0].step)
     };
@@ -250,7 +251,7 @@ async fn a_scene_that_has_begun_goes_on_with_what_it_began_with() {
     let committed = stage.service.workers().commit_output(request).await;
     committed.expect("commits");
     stage.train(&stage.fog, 20, 30.0).await;
-    let returned = yoto_proto::v1::end_job_request::Outcome::Returned(<_>::default());
+    let returned = yoto_proto::worker::v1::end_job_request::Outcome::Returned(<_>::default());
     stage.service.end(&lease, returned).await.expect("returns");
     let again = stage.lease(false).await;
     assert_eq!(others(&again), [(stage.fog.name.clone(), 10)]);

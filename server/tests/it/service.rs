@@ -1,7 +1,7 @@
 //! The service as a whole: one process per folder, state that outlives it, health, reflection.
 
 use crate::support;
-use crate::support::{Service, eventually, file, job_name};
+use crate::support::{Service, assert_invalid, eventually, file, job_name};
 use futures::stream;
 use sqlx::Connection;
 use std::time::Duration;
@@ -18,7 +18,9 @@ use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
 use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
 use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
-use yoto_proto::v1::{GetSubjectRequest, ListJobsRequest, job};
+use yoto_proto::v1::{GetSubjectRequest, JobKind, ListJobsRequest, WorkerDevice, job};
+use yoto_proto::worker::v1::RegisterWorkerRequest;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_server::{Coordinator, ServerConfig, ServerError};
 
 #[tokio::test]
@@ -58,7 +60,7 @@ async fn what_was_answered_survives_a_restart() {
 async fn health_and_reflection_answer() {
     let service = Service::start().await;
     let mut health = HealthClient::new(service.channel.clone());
-    for name in ["", "yoto.v1.JobService", "yoto.v1.WorkerService"] {
+    for name in ["", "yoto.v1.JobService", "yoto.worker.v1.WorkerService"] {
         let request = HealthCheckRequest {
             service: name.into(),
         };
@@ -89,7 +91,8 @@ async fn health_and_reflection_answer() {
         .into_iter()
         .map(|service| service.name)
         .collect();
-    for name in ["Subject", "Model", "Job", "Render", "Worker"] {
+    assert!(names.contains(&"yoto.worker.v1.WorkerService".to_owned()));
+    for name in ["Subject", "Model", "Job", "Render"] {
         assert!(
             names.contains(&format!("yoto.v1.{name}Service")),
             "{name} in {names:?}"
@@ -183,11 +186,23 @@ async fn one_coordinator_serves_tcp_beside_memory_and_drains_alone() {
     let request = GetSubjectRequest {
         name: subject.name.clone(),
     };
-    let seen = SubjectServiceClient::new(channel)
+    let seen = SubjectServiceClient::new(channel.clone())
         .get_subject(request)
         .await
         .expect("is there");
     assert_eq!(seen.into_inner(), subject);
+    // Another process can't be embedded: its jobs would be taken back at the next start of the service.
+    let request = RegisterWorkerRequest {
+        display_name: "far".into(),
+        device: Some(WorkerDevice::default()),
+        kinds: vec![JobKind::Train.into()],
+        embedded: true,
+        ..<_>::default()
+    };
+    let mut workers = WorkerServiceClient::new(channel);
+    assert_invalid(workers.register_worker(request.clone()).await, "embedded");
+    let near = service.workers().register_worker(request).await;
+    near.expect("is in this process");
     stop.send(()).expect("is heard");
     serving.await.expect("no panic").expect("ends in order");
     assert_eq!(

@@ -6,10 +6,10 @@ use yoto_proto::keys;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::{
-    CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, HeartbeatRequest, IngestResult,
-    JobKind, ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec, job, job_result,
-    job_spec,
+    CreateRenderRequest, CreateSubjectRequest, GetStatusRequest, IngestResult, JobKind,
+    ListJobsRequest, Orbit, Progress, RenderSpec, Subject, TrainSpec, job, job_result, job_spec,
 };
+use yoto_proto::worker::v1::HeartbeatRequest;
 
 #[tokio::test]
 async fn the_status_counts_jobs_and_knows_who_asks_for_them() {

@@ -7,10 +7,11 @@ use tonic::Code;
 use yoto_proto::v1::render_quality::Want;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    EvaluateResult, EvaluateSpec, GetTradeoffRequest, Lease, ListCheckpointsRequest, Model, Orbit,
+    EvaluateResult, EvaluateSpec, GetTradeoffRequest, ListCheckpointsRequest, Model, Orbit,
     RenderChoice, RenderQuality, RenderResult, RenderSpec, Scores, Subject, SubjectScores,
     TradeoffSpec, job_result, job_spec,
 };
+use yoto_proto::worker::v1::Lease;
 use yoto_proto::{keys, tiers};
 
 fn evaluate(model: &Model, tradeoff: bool) -> job_spec::Kind {

@@ -8,12 +8,13 @@ use futures::stream::{self, StreamExt};
 use std::time::Duration;
 use tonic::{Code, Status};
 use yoto_proto::keys;
-use yoto_proto::v1::end_job_request::{Cancelled, Outcome};
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
     CancelJobRequest, Capture, CreateUploadRequest, GetUploadRequest, IngestCaptureRequest,
-    JobError, Lease, Violation, capture, job, subject, upload,
+    JobError, Violation, capture, job, subject, upload,
 };
+use yoto_proto::worker::v1::Lease;
+use yoto_proto::worker::v1::end_job_request::{Cancelled, Outcome};
 
 #[tokio::test]
 async fn an_upload_becomes_an_ingest_job_with_all_its_files() {

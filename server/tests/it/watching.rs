@@ -5,11 +5,12 @@ use futures::{StreamExt, TryStreamExt};
 use prost::Message;
 use std::time::Duration;
 use tonic::{Code, Streaming};
-use yoto_proto::v1::end_job_request::Outcome;
 use yoto_proto::v1::{
-    CancelJobRequest, HeartbeatRequest, Job, Progress, TrainResult, WatchJobRequest,
-    WatchJobResponse, job, job_result,
+    CancelJobRequest, Job, Progress, TrainResult, WatchJobRequest, WatchJobResponse, job,
+    job_result,
 };
+use yoto_proto::worker::v1::HeartbeatRequest;
+use yoto_proto::worker::v1::end_job_request::Outcome;
 
 async fn watch(service: &Service, name: &str, after_sequence: u64) -> Streaming<WatchJobResponse> {
     let request = WatchJobRequest {

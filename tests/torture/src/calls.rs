@@ -12,12 +12,12 @@ use yoto_client::endpoint;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, Capture, Checkpoint, CreateJobRequest,
     CreateModelRequest, CreateSubjectRequest, DeleteJobRequest, GetCaptureRequest, GetJobRequest,
     Job, ListCheckpointsRequest, ListJobsRequest, WatchJobRequest, WatchJobResponse, job,
 };
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 
 /// Longest wait for one answer.
 const ANSWER: Duration = Duration::from_secs(10);

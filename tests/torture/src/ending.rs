@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use yoto_proto::manifest::Manifest;
 use yoto_proto::sha256_hex;
-use yoto_proto::v1::{Job, ObjectRef, job, job_result};
+use yoto_proto::v1::{Job, JobResult, ObjectRef, job, job_result};
 
 /// Waits until no job is open, for at most `limit`. The checker reports jobs that stay open.
 ///
@@ -54,7 +54,8 @@ pub async fn collect(
             attempts: attempts.collect(),
         };
         end.jobs.insert(job.name.clone(), last);
-        for object in objects_of(&job) {
+        let result = records.result(&job.name).await?;
+        for object in objects_of(&job, result.as_ref()) {
             check(folder, object, end);
         }
     }
@@ -107,11 +108,11 @@ pub async fn repeat(calls: &Calls, workload: &Workload, end: &mut Final) -> Resu
 }
 
 /// The objects that a job's result names, if it has ended.
-fn objects_of(job: &Job) -> Vec<&ObjectRef> {
-    let result = job.result.as_ref().and_then(|result| result.kind.as_ref());
-    match result {
+fn objects_of<'a>(job: &Job, result: Option<&'a JobResult>) -> Vec<&'a ObjectRef> {
+    match result.and_then(|result| result.kind.as_ref()) {
         Some(job_result::Kind::Ingest(ingest)) if is_ended(job.state()) => {
-            ingest.shard.iter().chain(&ingest.check).collect()
+            let shard = ingest.shard.iter().chain(&ingest.check);
+            shard.chain(&ingest.thumbnail).collect()
         }
         Some(job_result::Kind::Render(render)) => {
             let files = render.files.iter();

@@ -5,13 +5,16 @@ use super::history::{Event, History};
 use super::records::Records;
 use anyhow::{Context, Result};
 use tonic::Status;
-use tonic_types::StatusExt;
-use yoto_proto::reasons::{NOT_FOUND, STALE_LEASE};
-use yoto_proto::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::orders::LEVEL;
+use yoto_proto::reasons;
 use yoto_proto::v1::{
-    Checkpoint, Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, Job, JobAttempt,
-    JobKind, JobResult, PublishCheckpointRequest, RegisterWorkerRequest, RenderedFile,
-    TakeRangeRequest, WorkerDevice, job_attempt,
+    Checkpoint, ErrorReason, Job, JobAttempt, JobKind, JobResult, RenderedFile, WorkerDevice,
+    job_attempt,
+};
+use yoto_proto::worker::v1::end_job_request::{Outcome, Returned};
+use yoto_proto::worker::v1::{
+    Claim, CommitOutputRequest, EndJobRequest, HeartbeatRequest, PublishCheckpointRequest,
+    RegisterWorkerRequest, TakeRangeRequest,
 };
 
 /// Registers a worker that never gets a job.
@@ -23,7 +26,8 @@ pub async fn register_stranger(calls: &Calls) -> Result<String> {
         display_name: "stranger".into(),
         device: Some(WorkerDevice::default()),
         kinds: vec![JobKind::Train.into()],
-        embedded: false,
+        order_level: LEVEL,
+        ..RegisterWorkerRequest::default()
     };
     let registered = answered(|| {
         let (mut service, request) = (calls.workers(), request.clone());
@@ -152,7 +156,9 @@ fn told<T>(history: &History, job: &Job, what: &str, answer: Result<T, Status>) 
 
 /// Whether the claim itself was refused. If only the content was, the guard let the claim pass.
 fn is_refused_as_late(status: &Status) -> bool {
-    let details = status.get_error_details();
-    let reason = details.error_info().map(|info| info.reason.as_str());
-    matches!(reason, Some(STALE_LEASE | NOT_FOUND))
+    let reason = reasons::of(status);
+    matches!(
+        reason,
+        Some(ErrorReason::StaleLease | ErrorReason::NotFound)
+    )
 }

@@ -1,11 +1,12 @@
-//! Reads what only workers know, tokens of leases and manifests of checkpoints, from the coordinator's database.
+//! Reads what only workers know, tokens of leases and keys of objects, from the coordinator's database.
 
 use anyhow::{Context, Result};
+use prost::Message;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row, SqliteConnection};
 use std::path::PathBuf;
 use yoto_proto::names::{Collection, parse_checkpoint};
-use yoto_proto::v1::ObjectRef;
+use yoto_proto::v1::{JobResult, ObjectRef};
 
 /// The records of a coordinator.
 #[derive(Debug, Clone)]
@@ -57,5 +58,21 @@ impl Records {
             bytes: u64::try_from(row.try_get::<i64, _>("manifest_bytes")?)?,
             sha256: row.try_get("manifest_sha256")?,
         }))
+    }
+
+    /// The result of `jobs/{id}`, with the keys of its objects; `None` if it has none.
+    ///
+    /// # Errors
+    /// When the database can't be read.
+    pub async fn result(&self, job: &str) -> Result<Option<JobResult>> {
+        let row = sqlx::query("SELECT result FROM jobs WHERE id = ?1")
+            .bind(Collection::Jobs.parse(job)?)
+            .fetch_optional(&mut self.open().await?)
+            .await?;
+        let Some(row) = row else {
+            return Ok(None);
+        };
+        let bytes: Option<&[u8]> = row.try_get("result")?;
+        Ok(bytes.map(JobResult::decode).transpose()?)
     }
 }

@@ -149,6 +149,7 @@ impl Workload {
             request_id: request_id.clone(),
             priority: priority.into(),
             owner: request_id.clone(),
+            validate_only: false,
         };
         let job = match self.calls.create_job(&request).await {
             Ok(job) => job.name,

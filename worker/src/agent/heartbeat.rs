@@ -9,8 +9,9 @@ use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 use tonic::Status;
 use tonic::transport::Channel;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{Claim, HeartbeatRequest, HeartbeatResponse, Progress};
+use yoto_proto::v1::Progress;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{Claim, HeartbeatRequest, HeartbeatResponse};
 
 /// Renewals per lease: two may fail without harm.
 const RENEWALS: u32 = 3;

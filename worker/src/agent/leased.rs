@@ -13,7 +13,8 @@ use tokio::runtime::Handle;
 use tokio::sync::{oneshot, watch};
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
-use yoto_proto::v1::{Claim, JobResult, Lease, Progress};
+use yoto_proto::v1::{JobResult, Progress};
+use yoto_proto::worker::v1::{Claim, Lease};
 
 /// Backpropagation recurses through the graph; the default stack of a thread is tight.
 const STACK_BYTES: usize = 16 << 20;

@@ -30,8 +30,10 @@ use yoto_ingest::IngestSettings;
 use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::limits::ANSWER_BYTES;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{JobKind, Lease, LeaseJobRequest, RegisterWorkerRequest};
+use yoto_proto::orders;
+use yoto_proto::v1::JobKind;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{Lease, LeaseJobRequest, RegisterWorkerRequest};
 
 /// Kinds of jobs that this program runs.
 pub const KINDS: &[JobKind] = &[
@@ -266,6 +268,8 @@ impl Worker {
             device: Some(self.device.info.clone()),
             kinds: self.kinds.iter().map(|&kind| kind.into()).collect(),
             embedded: self.embedded,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            order_level: orders::LEVEL,
         };
         let mut backoff = Backoff::new(self.poll, self.idle_poll);
         let mut told = false;

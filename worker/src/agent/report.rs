@@ -7,9 +7,10 @@ use std::time::Duration;
 use tonic::Status;
 use tonic::transport::Channel;
 use yoto_proto::backoff::Backoff;
-use yoto_proto::v1::end_job_request::Outcome;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{Claim, EndJobRequest, JobResult};
+use yoto_proto::v1::JobResult;
+use yoto_proto::worker::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{Claim, EndJobRequest};
 
 /// Delivers `outcome`. Returns once the coordinator accepts it, or reports that the lease is lost;
 /// retries while the connection is broken. The caller limits it.

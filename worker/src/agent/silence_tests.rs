@@ -8,13 +8,13 @@ use tokio::sync::mpsc;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response};
-use yoto_proto::v1::end_job_request::Outcome;
-use yoto_proto::v1::worker_service_server::{WorkerService, WorkerServiceServer};
-use yoto_proto::v1::{
+use yoto_proto::v1::{IngestSpec, Job, JobSpec, job_spec};
+use yoto_proto::worker::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::worker_service_server::{WorkerService, WorkerServiceServer};
+use yoto_proto::worker::v1::{
     CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse, HeartbeatRequest,
-    HeartbeatResponse, IngestSpec, InputFile, Inputs, Job, JobSpec, LeaseJobResponse,
-    PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerResponse, TakeRangeRequest,
-    TakeRangeResponse, job_spec,
+    HeartbeatResponse, InputFile, Inputs, LeaseJobResponse, PublishCheckpointRequest,
+    PublishCheckpointResponse, RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
 };
 
 /// A coordinator that leases one job, and refuses all reports on it as UNAVAILABLE for the time of the lease.

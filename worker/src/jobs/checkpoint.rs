@@ -12,7 +12,8 @@ use yoto_avatar::render::Renderer;
 use yoto_proto::keys;
 use yoto_proto::manifest::{self, Manifest, ManifestObject, files};
 use yoto_proto::names::{self, Collection};
-use yoto_proto::v1::{Checkpoint, Inputs, ObjectRef};
+use yoto_proto::v1::{Checkpoint, ObjectRef};
+use yoto_proto::worker::v1::Inputs;
 
 /// A checkpoint's files on this machine.
 pub(crate) struct Downloaded {

@@ -24,10 +24,10 @@ use yoto_ingest::IngestSettings;
 use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::names::{Collection, NameError};
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::v1::{
-    Checkpoint, Claim, CommitOutputRequest, ObjectRef, Progress, PublishCheckpointRequest,
-    RenderedFile, TakeRangeRequest, TakeRangeResponse,
+use yoto_proto::v1::{Checkpoint, ObjectRef, Progress, RenderedFile};
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{
+    Claim, CommitOutputRequest, PublishCheckpointRequest, TakeRangeRequest, TakeRangeResponse,
 };
 
 /// Longest wait for an answer of the coordinator before a retry.

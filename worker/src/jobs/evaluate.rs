@@ -18,7 +18,8 @@ use yoto_capture::{FrameImage, Shard};
 use yoto_proto::checks::evaluate as order;
 use yoto_proto::names;
 use yoto_proto::protocols::HELD_OUT;
-use yoto_proto::v1::{EvaluateResult, EvaluateSpec, IdentitySlot, Inputs, SubjectScores};
+use yoto_proto::v1::{EvaluateResult, EvaluateSpec, IdentitySlot, SubjectScores};
+use yoto_proto::worker::v1::Inputs;
 
 /// Measures the requested subjects.
 ///

@@ -7,8 +7,8 @@ use yoto_media::png::PngError;
 use yoto_objects::ObjectsError;
 use yoto_proto::checks::Fault;
 use yoto_proto::pose_track::{describe, violation};
-use yoto_proto::v1::end_job_request::{Cancelled, Outcome, Returned};
 use yoto_proto::v1::{JobError, Violation};
+use yoto_proto::worker::v1::end_job_request::{Cancelled, Outcome, Returned};
 
 /// The reason why a job ended without a result.
 #[derive(Debug)]

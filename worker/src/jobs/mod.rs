@@ -18,7 +18,8 @@ pub mod train;
 pub use context::JobContext;
 pub use failure::JobFailure;
 
-use yoto_proto::v1::{JobResult, Lease, job_result, job_spec};
+use yoto_proto::v1::{JobResult, job_result, job_spec};
+use yoto_proto::worker::v1::Lease;
 
 /// Runs the leased job to its end on the calling thread.
 ///

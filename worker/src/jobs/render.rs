@@ -24,7 +24,8 @@ use picture::PictureRenderer;
 use quality::QualityChoice;
 use request::Request;
 use yoto_film::{needs, plan};
-use yoto_proto::v1::{Inputs, RenderResult, RenderSpec};
+use yoto_proto::v1::{RenderResult, RenderSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// Renders all views of the request, or those that are left to a lease that `helps`.
 ///

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use yoto_avatar::train::refined_track;
 use yoto_capture::Shard;
 use yoto_proto::names;
-use yoto_proto::v1::{Checkpoint, Inputs, Model, SubjectShard};
+use yoto_proto::v1::{Checkpoint, Model};
+use yoto_proto::worker::v1::{Inputs, SubjectShard};
 
 /// The shard of `subject`, with its display name.
 pub(crate) fn fetch(

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tonic::transport::Endpoint;
-use yoto_proto::v1::Claim;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::Claim;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 
 /// The context of `jobs/test` under token 3. Call it inside a runtime.
 pub(crate) fn context() -> JobContext {

@@ -1,6 +1,7 @@
 //! Uploads of captures, which continue after a lost connection, a restart of the service, and a restart
 //! of this program.
 
+mod fits;
 mod send;
 mod source;
 
@@ -12,12 +13,12 @@ use super::{ClientError, YotoClient, request_id};
 use prost::Message;
 use send::send;
 use tonic::Status;
-use tonic_types::StatusExt;
 use yoto_proto::limits::ANSWER_BYTES;
-use yoto_proto::reasons::UPLOAD_INCOMPLETE;
+use yoto_proto::reasons;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
-    Capture, CreateUploadRequest, FileHeader, FinishUploadRequest, GetUploadRequest, Upload, upload,
+    Capture, CreateUploadRequest, ErrorReason, FileHeader, FinishUploadRequest, GetUploadRequest,
+    Upload, upload,
 };
 
 /// Number of times that the service may lose bytes of one upload: after more, its disk counts as broken.
@@ -34,6 +35,7 @@ impl YotoClient {
     /// An open upload of the same files is continued, even that of another process.
     ///
     /// # Errors
+    /// [`ClientError::BadCapture`] when the service's limits forbid it, before anything is read;
     /// [`ClientError::File`] when a file can't be read; [`ClientError::Refused`], also when the service
     /// stays out of reach for a minute.
     pub async fn upload_capture(
@@ -43,6 +45,7 @@ impl YotoClient {
         on_bytes: impl FnMut(u64),
     ) -> Result<Capture, ClientError> {
         let refused = || ClientError::refused(format!("uploading a capture of {subject}"));
+        self.fits(&files).await?;
         let mut headers = Vec::with_capacity(files.len());
         for file in &files {
             headers.push(file.header().await?);
@@ -131,10 +134,7 @@ impl YotoClient {
 
 /// Whether the service's disk has lost bytes of the upload, which must be sent again.
 fn is_incomplete(status: &Status) -> bool {
-    let details = status.get_error_details();
-    details
-        .error_info()
-        .is_some_and(|it| it.reason == UPLOAD_INCOMPLETE)
+    reasons::of(status) == Some(ErrorReason::UploadIncomplete)
 }
 
 /// Reports the progress of an upload; bytes that are sent again count once.

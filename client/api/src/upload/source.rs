@@ -27,6 +27,17 @@ pub struct UploadFile {
 }
 
 impl UploadFile {
+    /// Its length.
+    pub(super) async fn bytes(&self) -> Result<u64, ClientError> {
+        match &self.source {
+            FileSource::Disk(path) => {
+                let found = tokio::fs::metadata(path).await;
+                Ok(found.map_err(ClientError::file("reading", path))?.len())
+            }
+            FileSource::Memory(bytes) => Ok(bytes.len() as u64),
+        }
+    }
+
     /// What an upload announces of it.
     pub(super) async fn header(&self) -> Result<FileHeader, ClientError> {
         let (bytes, sha256) = match &self.source {

@@ -18,10 +18,26 @@ type Script = (u64, Vec<Result<Job, Status>>);
 struct Scripted(Mutex<VecDeque<Script>>);
 
 type Answer<T> = Result<Response<T>, Status>;
+type Answers<T> = tokio_stream::Iter<std::vec::IntoIter<Result<T, Status>>>;
 
 #[tonic::async_trait]
 impl JobService for Scripted {
-    type WatchJobStream = tokio_stream::Iter<std::vec::IntoIter<Result<WatchJobResponse, Status>>>;
+    type WatchJobsStream = Answers<v1::WatchJobsResponse>;
+
+    async fn watch_jobs(&self, _: Request<v1::WatchJobsRequest>) -> Answer<Self::WatchJobsStream> {
+        Err(Status::unimplemented("only watching one job is scripted"))
+    }
+    async fn get_job_metrics(
+        &self,
+        _: Request<v1::GetJobMetricsRequest>,
+    ) -> Answer<v1::JobMetrics> {
+        Err(Status::unimplemented("only watching is scripted"))
+    }
+    async fn retry_job(&self, _: Request<v1::RetryJobRequest>) -> Answer<Job> {
+        Err(Status::unimplemented("only watching is scripted"))
+    }
+
+    type WatchJobStream = Answers<WatchJobResponse>;
 
     async fn watch_job(&self, request: Request<WatchJobRequest>) -> Answer<Self::WatchJobStream> {
         let next = self

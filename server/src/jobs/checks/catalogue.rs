@@ -7,7 +7,8 @@ use crate::error::RequestError;
 use crate::store::StoreError;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::Need;
-use yoto_proto::v1::{Checkpoint, Model, SubjectShard};
+use yoto_proto::v1::{Checkpoint, ErrorReason, Model};
+use yoto_proto::worker::v1::SubjectShard;
 
 /// A person who must have a slot in a model.
 pub(super) struct RequiredSlot {
@@ -58,7 +59,7 @@ pub(super) fn check_known(
             "step {} of {} was trained before {person} joined the model: train it again",
             used.step, model.display_name
         );
-        return Err(RequestError::precondition("NOT_TRAINED", message).of(field));
+        return Err(RequestError::precondition(ErrorReason::NotTrained, message).of(field));
     }
     Ok(())
 }
@@ -75,7 +76,7 @@ pub(super) async fn require_slot(
     let id = parse(Collection::Subjects, "subject", subject)?;
     let person = context.store.subject(id).await?.display_name;
     let message = format!("{person} is not in {}", model.display_name);
-    Err(RequestError::precondition("NO_SLOT", message))
+    Err(RequestError::precondition(ErrorReason::NoSlot, message))
 }
 
 /// The model's checkpoint with the name `wanted`, or its best one if that is empty.
@@ -97,7 +98,7 @@ pub(super) async fn require_checkpoint(
     }
     best_first(all).into_iter().next().ok_or_else(|| {
         let message = format!("{} has no checkpoint; train it first", model.display_name);
-        RequestError::precondition("NO_CHECKPOINT", message)
+        RequestError::precondition(ErrorReason::NoCheckpoint, message)
     })
 }
 
@@ -139,7 +140,7 @@ pub(super) async fn require_shard(
     let subject = context.store.subject(id).await?;
     let (person, state) = (&subject.display_name, subject.state().as_str_name());
     Err(StoreError::Rule {
-        reason: "SUBJECT_NOT_READY",
+        reason: ErrorReason::SubjectNotReady,
         message: format!("{person} is {state}: a capture that is READY is needed"),
     }
     .into())

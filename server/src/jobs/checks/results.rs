@@ -82,16 +82,19 @@ async fn check_ingest(
         |key| key == expected,
     )
     .await?;
-    if result.check.is_some() {
-        let expected = keys::check(capture_id, &lease.job_id, lease.token);
-        let is_expected = |key: &str| key == expected;
-        require(
-            context,
-            "result.ingest.check",
-            result.check.as_ref(),
-            is_expected,
-        )
-        .await?;
+    for (field, file, object) in [
+        ("result.ingest.check", keys::CHECK, &result.check),
+        (
+            "result.ingest.thumbnail",
+            keys::THUMBNAIL,
+            &result.thumbnail,
+        ),
+    ] {
+        let expected = keys::of_capture(capture_id, &lease.job_id, lease.token, file);
+        if object.is_some() {
+            let is_expected = |key: &str| key == expected;
+            require(context, field, object.as_ref(), is_expected).await?;
+        }
     }
     if result.frames == 0 || result.width == 0 || result.height == 0 {
         return Err(RequestError::invalid(

@@ -6,15 +6,17 @@ use super::catalogue::{
 use super::parse;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::all;
 use crate::store::StoreError;
 use yoto_proto::checks::render::too_many;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    Checkpoint, EvaluateSpec, ExportSpec, JobSpec, Model, MotionTransfer, RenderSpec, SubjectShard,
+    Checkpoint, ErrorReason, EvaluateSpec, ExportSpec, JobSpec, Model, MotionTransfer, RenderSpec,
     TrainSpec, job_spec,
 };
+use yoto_proto::worker::v1::SubjectShard;
 use yoto_proto::{checks, exports, tiers};
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
@@ -41,16 +43,17 @@ pub async fn check_spec(context: &Context, spec: &JobSpec) -> Result<(), Request
 async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
     context.ensure_room(0)?;
     let model = model(context, "spec.train.model", &train.model).await?;
-    if let Some(fault) = checks::train::of_tier(train, &model.tier)
-        .into_iter()
-        .next()
-    {
+    let of_tier = checks::train::of_tier(train, &model.tier).into_iter();
+    all::<()>(of_tier.map(|fault| {
         let field = format!("spec.train.{}", fault.field);
-        return Err(RequestError::invalid(field, fault.message));
-    }
+        Err(RequestError::invalid(field, fault.message))
+    }))?;
     if model.slots.is_empty() {
         let message = format!("{} has no people; add one first", model.display_name);
-        return Err(RequestError::precondition("NO_IDENTITIES", message));
+        return Err(RequestError::precondition(
+            ErrorReason::NoIdentities,
+            message,
+        ));
     }
     let people: Vec<&str> = match &*train.only {
         "" => model.slots.iter().map(|slot| &*slot.subject).collect(),
@@ -64,7 +67,10 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
                  {MIN_TRAIN_FRAMES} frames, of different poses",
                 shard.display_name, shard.frames
             );
-            return Err(RequestError::precondition("TOO_FEW_FRAMES", message));
+            return Err(RequestError::precondition(
+                ErrorReason::TooFewFrames,
+                message,
+            ));
         }
     }
     Ok(())
@@ -83,7 +89,10 @@ async fn check_only<'a>(
             "{} is untrained, so no person can be trained in it alone: train it first",
             model.display_name
         );
-        return Err(RequestError::precondition("NO_CHECKPOINT", message));
+        return Err(RequestError::precondition(
+            ErrorReason::NoCheckpoint,
+            message,
+        ));
     }
     Ok(only)
 }
@@ -108,7 +117,7 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
              tradeoff {} --checkpoint {} --out DIR",
             used.name, own.display_name, used.step
         );
-        return Err(RequestError::precondition("NO_TRADEOFF", message));
+        return Err(RequestError::precondition(ErrorReason::NoTradeoff, message));
     }
     Ok(())
 }

@@ -1,11 +1,14 @@
 //! Captures, and the results of their ingest jobs.
 
+use super::capture_objects;
 use super::rows::{Columns, During, integer, state};
 use crate::rules::etag;
-use crate::store::{StoreError, UploadedFile};
+use crate::store::{Entry, Page, StoreError, UploadedFile};
 use sqlx::SqliteConnection;
+use sqlx::sqlite::SqliteRow;
+use yoto_proto::keys::{CHECK, THUMBNAIL};
 use yoto_proto::limits;
-use yoto_proto::names::Collection;
+use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Capture, IngestResult, Violation, capture};
 
 fn not_found(id: &str) -> StoreError {
@@ -14,20 +17,67 @@ fn not_found(id: &str) -> StoreError {
     }
 }
 
+/// Selects captures with their newest ingest job.
+macro_rules! select_captures {
+    ($rest:literal) => {
+        concat!(
+            "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size,
+                 (SELECT j.id FROM jobs j WHERE j.capture = c.id ORDER BY j.ord DESC LIMIT 1)
+                     AS ingest_job
+             FROM captures c ",
+            $rest
+        )
+    };
+}
+
 /// A capture by id.
 pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, StoreError> {
-    let row = sqlx::query(
-        "SELECT c.*, coalesce(c.shard_bytes, 0) AS shard_size,
-             (SELECT j.id FROM jobs j WHERE j.capture = c.id ORDER BY j.ord DESC LIMIT 1)
-                 AS ingest_job
-         FROM captures c WHERE c.id = ?1",
-    )
-    .bind(id)
-    .fetch_optional(&mut *conn)
+    let row = sqlx::query(select_captures!("WHERE c.id = ?1"))
+        .bind(id)
+        .fetch_optional(&mut *conn)
+        .await
+        .during("reading a capture")?
+        .ok_or_else(|| not_found(id))?;
+    read(conn, &row).await
+}
+
+/// Captures of a person, or of all people, oldest first.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    page: Page,
+    subject_id: Option<&str>,
+) -> Result<Vec<Entry<Capture>>, StoreError> {
+    let rows = sqlx::query(select_captures!(
+        "WHERE c.ord > ?1 AND (?2 IS NULL OR c.subject = ?2) ORDER BY c.ord LIMIT ?3"
+    ))
+    .bind(page.after.unwrap_or(0))
+    .bind(subject_id)
+    .bind(page.limit)
+    .fetch_all(&mut *conn)
     .await
-    .during("reading a capture")?
-    .ok_or_else(|| not_found(id))?;
+    .during("listing captures")?;
+    let mut captures = Vec::with_capacity(rows.len());
+    for row in &rows {
+        captures.push(Entry {
+            position: row.number("ord")?,
+            item: read(conn, row).await?,
+        });
+    }
+    Ok(captures)
+}
+
+async fn read(conn: &mut SqliteConnection, row: &SqliteRow) -> Result<Capture, StoreError> {
+    let id = &*row.text("id")?;
     let ingest_job = row.maybe_text("ingest_job")?;
+    let name = Collection::Captures.name(id);
+    let mut files = Vec::new();
+    if row.text("state")? == capture::State::Ready.as_str_name() {
+        files = capture_objects::list(conn, id).await?;
+    }
+    let object = |file: &str| match files.iter().any(|it| it.file == file) {
+        true => names::object(&name, file),
+        false => String::new(),
+    };
     let mut capture = Capture {
         name: Collection::Captures.name(id),
         subject: Collection::Subjects.name(&row.text("subject")?),
@@ -48,6 +98,8 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Capture, Store
         first_frame: row.maybe_number("first_frame")?,
         last_frame: row.maybe_number("last_frame")?,
         etag: String::new(),
+        check: object(CHECK),
+        thumbnail: object(THUMBNAIL),
     };
     capture.etag = etag::of(&capture);
     Ok(capture)
@@ -122,10 +174,10 @@ pub async fn accept(
     .bind(shard.sha256)
     .bind(result.first_frame)
     .bind(result.last_frame)
-    .execute(conn)
+    .execute(&mut *conn)
     .await
     .during("marking a capture READY")?;
-    Ok(())
+    capture_objects::record(conn, id, result).await
 }
 
 /// Marks a capture as UPLOADED: its ingest failed through no fault of its files, and can be repeated.

@@ -11,7 +11,7 @@ use crate::store::{RequestKey, StoreError, Target};
 use sqlx::SqliteConnection;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::needs;
-use yoto_proto::v1::{Capture, Deleted, JobSpec, capture, job, job_result, job_spec};
+use yoto_proto::v1::{Capture, Deleted, ErrorReason, JobSpec, capture, job, job_result, job_spec};
 use yoto_proto::{exports, keys};
 
 /// Deletes `target` with everything that depends on it if its version is `etag` (empty: any). A repeated
@@ -59,7 +59,7 @@ fn counted(answer: &str) -> Result<Deleted, StoreError> {
     }
 }
 
-fn refuse(reason: &'static str, message: String) -> StoreError {
+fn refuse(reason: ErrorReason, message: String) -> StoreError {
     StoreError::Rule { reason, message }
 }
 
@@ -84,7 +84,7 @@ async fn checkpoint(
         job = pins::open_job(conn, model_id, "train").await?;
     }
     if let Some(job) = job {
-        return Err(pins::in_use(&job, &name, "CHECKPOINT_BUSY"));
+        return Err(pins::in_use(&job, &name, ErrorReason::CheckpointBusy));
     }
     checkpoints::remove(conn, model_id, step, now).await?;
     Ok(Deleted {
@@ -136,7 +136,7 @@ async fn job(
             job.name,
             job.state().as_str_name()
         );
-        return Err(refuse("JOB_OPEN", message));
+        return Err(refuse(ErrorReason::JobOpen, message));
     }
     garbage::deleted(conn, &format!("renders/{id}"), now).await?;
     if let Some(job_result::Kind::Evaluate(result)) = job.result.and_then(|it| it.kind)
@@ -177,7 +177,7 @@ async fn capture(
                  capture first, or delete the model",
                 capture.name
             );
-            return Err(refuse("CAPTURE_IN_MODEL", message));
+            return Err(refuse(ErrorReason::CaptureInModel, message));
         }
         ensure_unused(conn, &subject, &capture.name).await?;
     }
@@ -198,7 +198,7 @@ async fn subject(
             "{person} is in {model}, whose checkpoints hold what it has learned of them: delete the \
              model first, or take them out if it was not trained with them yet"
         );
-        return Err(refuse("SUBJECT_IN_MODEL", message));
+        return Err(refuse(ErrorReason::SubjectInModel, message));
     }
     ensure_unused(conn, id, person).await?;
     let mut deleted = Deleted::default();
@@ -224,7 +224,7 @@ async fn remove_capture(
         return Err(pins::in_use(
             &capture.ingest_job,
             &capture.name,
-            "CAPTURE_BUSY",
+            ErrorReason::CaptureBusy,
         ));
     }
     uploads::forget(conn, id, now).await?;
@@ -274,7 +274,7 @@ async fn ensure_unused(
         let spec: Option<JobSpec> = row.message("spec")?;
         if row.flag("has_slot")? || spec.is_some_and(|spec| is_needed(&spec, &name)) {
             let job = Collection::Jobs.name(&row.text("id")?);
-            return Err(pins::in_use(&job, what, "SUBJECT_BUSY"));
+            return Err(pins::in_use(&job, what, ErrorReason::SubjectBusy));
         }
     }
     Ok(())

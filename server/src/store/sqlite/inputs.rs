@@ -6,10 +6,8 @@ use crate::checkpoints::best::to_use;
 use crate::store::{StoreError, UploadedFile};
 use sqlx::SqliteConnection;
 use yoto_proto::names::{Collection, NameError};
-use yoto_proto::v1::{
-    Checkpoint, IngestSpec, InputFile, Inputs, JobSpec, ObjectRef, OtherModel, RenderedFile,
-    SubjectShard, job_spec,
-};
+use yoto_proto::v1::{Checkpoint, IngestSpec, JobSpec, ObjectRef, RenderedFile, job_spec};
+use yoto_proto::worker::v1::{InputFile, Inputs, OtherModel, SubjectShard};
 use yoto_proto::{keys, tiers};
 
 /// Number of checkpoints in a lease: the one to use, and others in case that one is damaged.

@@ -7,6 +7,7 @@ use prost::Message;
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use yoto_proto::names::Collection;
+use yoto_proto::orders;
 use yoto_proto::v1::{Job, JobPriority, JobSpec, job, job_spec};
 
 /// Priorities by their column.
@@ -134,8 +135,8 @@ pub async fn insert(
     let pinned = pins::chosen(conn, spec).await?;
     sqlx::query(
         "INSERT INTO jobs
-             (id, kind, capture, model, spec, pinned_step, priority, owner, create_time)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
+             (id, kind, capture, model, spec, pinned_step, priority, owner, create_time, order_level)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
     )
     .bind(&id)
     .bind(kind.as_str())
@@ -146,6 +147,7 @@ pub async fn insert(
     .bind(new.priority)
     .bind(&new.owner)
     .bind(now)
+    .bind(orders::level(spec))
     .execute(&mut *conn)
     .await
     .during("queueing a job")?;

@@ -5,7 +5,9 @@
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
 use super::rows::{Columns, During, integer};
-use super::{attempts, checkpoints, helpers, inputs, jobs, outcome, outputs, pins, queue, ranges};
+use super::{
+    attempts, checkpoints, helpers, inputs, jobs, metrics, outcome, outputs, pins, queue, ranges,
+};
 use crate::checkpoints::retention::Retention;
 use crate::store::{LeaseKey, LeaseOutcome, LeasedJob, StoreError};
 use prost::Message;
@@ -297,12 +299,17 @@ pub async fn heartbeat(
     );
     let row = bound(statement, lease)?
         .bind(deadline)
-        .bind(progress.map(|progress| progress.encode_to_vec()))
+        .bind(progress.as_ref().map(Message::encode_to_vec))
         .fetch_optional(&mut *conn)
         .await
         .during("recording a heartbeat")?;
     match row {
-        Some(row) => row.flag("cancel_requested"),
+        Some(row) => {
+            if let Some(progress) = &progress {
+                metrics::record(conn, &lease.job_id, progress).await?;
+            }
+            row.flag("cancel_requested")
+        }
         None => helpers::heartbeat(conn, lease, deadline).await,
     }
 }

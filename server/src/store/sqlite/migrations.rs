@@ -23,6 +23,10 @@ pub fn migrations() -> Migrator {
     let models = include_str!("../../../../migrations/sqlite/0012_scene_models.sql").into_sql_str();
     let exports = include_str!("../../../../migrations/sqlite/0013_export_jobs.sql").into_sql_str();
     let clock = include_str!("../../../../migrations/sqlite/0014_clock_steps.sql").into_sql_str();
+    let metrics = include_str!("../../../../migrations/sqlite/0017_job_metrics.sql").into_sql_str();
+    let levels = include_str!("../../../../migrations/sqlite/0018_order_levels.sql").into_sql_str();
+    let files =
+        include_str!("../../../../migrations/sqlite/0019_capture_objects.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -42,5 +46,8 @@ pub fn migrations() -> Migrator {
         step(12, "scene models", models, false),
         step(13, "export jobs", exports, true),
         step(14, "clock steps", clock, false),
+        step(17, "job metrics", metrics, false),
+        step(18, "order levels", levels, false),
+        step(19, "capture objects", files, false),
     ])
 }

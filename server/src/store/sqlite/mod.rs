@@ -4,6 +4,7 @@
 //! fails because of an earlier read; readers have their own connections and never wait.
 
 mod attempts;
+mod capture_objects;
 mod captures;
 mod checkpoints;
 mod connections;
@@ -14,6 +15,7 @@ mod helpers;
 mod inputs;
 mod jobs;
 mod leases;
+mod metrics;
 mod migrations;
 mod models;
 mod outcome;
@@ -32,12 +34,14 @@ mod ticks;
 #[cfg(test)]
 mod upgrade_tests;
 mod uploads;
+mod versions;
 mod workers;
 
 use super::{
-    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, KnownGarbage, LeaseKey,
-    LeaseOutcome, NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped, Reference,
-    RequestKey, Store, StoreError, TakenRange, Target, Upload, UploadedFile,
+    CommittedPart, Ending, Entry, Horizons, JobFilter, JobKind, JobVersions, KnownGarbage,
+    LeaseKey, LeaseOutcome, NewJob, NewModel, NewSubject, NewUpload, NewWorker, Page, Reaped,
+    Reference, RequestKey, Store, StoreError, SubjectChange, TakenRange, Target, Upload,
+    UploadedFile,
 };
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
@@ -51,9 +55,10 @@ use std::path::Path;
 use std::sync::Arc;
 use tokio::sync::Mutex;
 use yoto_proto::v1::{
-    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobSpec, Model, PausedKind, Progress,
-    RenderedFile, Subject, SubjectShard, WorkerStatus,
+    self, Capture, Checkpoint, Deleted, IdentitySlot, Job, JobMetrics, JobSpec, Model, PausedKind,
+    Progress, RenderedFile, Subject, WorkerStatus,
 };
+use yoto_proto::worker::v1::SubjectShard;
 
 /// The SQLite store; see the module's documentation.
 #[derive(Debug)]
@@ -130,6 +135,18 @@ impl Store for SqliteStore {
         subjects::list(&mut *self.read().await?, page).await
     }
 
+    async fn update_subject(
+        &self,
+        id: &str,
+        change: SubjectChange,
+        etag: &str,
+    ) -> Result<Subject, StoreError> {
+        let mut tx = self.write().await?;
+        let subject = subjects::update(&mut tx, id, change, etag).await?;
+        commit(tx).await?;
+        Ok(subject)
+    }
+
     async fn shard(&self, subject_id: &str) -> Result<Option<SubjectShard>, StoreError> {
         subjects::shard(&mut *self.read().await?, subject_id).await
     }
@@ -204,6 +221,20 @@ impl Store for SqliteStore {
 
     async fn capture(&self, id: &str) -> Result<Capture, StoreError> {
         captures::get(&mut *self.read().await?, id).await
+    }
+
+    async fn captures(
+        &self,
+        page: Page,
+        subject_id: Option<&str>,
+    ) -> Result<Vec<Entry<Capture>>, StoreError> {
+        captures::list(&mut *self.read().await?, page, subject_id).await
+    }
+
+    async fn capture_objects(&self, id: &str) -> Result<Vec<RenderedFile>, StoreError> {
+        let mut conn = self.read().await?;
+        captures::get(&mut conn, id).await?;
+        capture_objects::list(&mut conn, id).await
     }
 
     async fn create_model(
@@ -339,6 +370,14 @@ impl Store for SqliteStore {
         full: bool,
     ) -> Result<Vec<Entry<Job>>, StoreError> {
         jobs::list(&mut *self.read().await?, page, filter, full).await
+    }
+
+    async fn job_metrics(&self, id: &str) -> Result<JobMetrics, StoreError> {
+        metrics::of_job(&mut *self.read().await?, id).await
+    }
+
+    async fn job_versions(&self, after: Option<i64>) -> Result<JobVersions, StoreError> {
+        versions::list(&mut *self.read().await?, after).await
     }
 
     async fn outputs(&self, job_id: &str) -> Result<Vec<RenderedFile>, StoreError> {

@@ -8,7 +8,7 @@ use crate::store::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{self, IdentitySlot, Model, subject};
+use yoto_proto::v1::{self, ErrorReason, IdentitySlot, Model, subject};
 
 /// The variant with a single subject per model.
 const SINGLE_SUBJECT_VARIANT: &str = "humannerf";
@@ -203,7 +203,7 @@ async fn next_identity(
     if subject.state() != subject::State::Ready {
         let state = subject.state().as_str_name();
         return Err(StoreError::Rule {
-            reason: "SUBJECT_NOT_READY",
+            reason: ErrorReason::SubjectNotReady,
             message: format!(
                 "{} is {state}; only a READY subject gets a slot",
                 subject.display_name
@@ -212,7 +212,7 @@ async fn next_identity(
     }
     if model.variant == SINGLE_SUBJECT_VARIANT && !model.slots.is_empty() {
         return Err(StoreError::Rule {
-            reason: "MODEL_FULL",
+            reason: ErrorReason::ModelFull,
             message: format!(
                 "{} has the variant {SINGLE_SUBJECT_VARIANT}, which is limited to one subject, and has one",
                 model.display_name
@@ -262,7 +262,7 @@ pub async fn remove_identity(
     if slot.trained {
         let person = subjects::get(conn, subject_id).await?.display_name;
         return Err(StoreError::Rule {
-            reason: "SLOT_TRAINED",
+            reason: ErrorReason::SlotTrained,
             message: format!(
                 "{} was trained with {person}: only an untrained slot is removed",
                 model.display_name

@@ -12,7 +12,7 @@ use prost::Message;
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::v1::job_attempt::Outcome;
-use yoto_proto::v1::{JobError, JobResult, Progress, Violation, job, job_result};
+use yoto_proto::v1::{ErrorReason, JobError, JobResult, Progress, Violation, job, job_result};
 
 /// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
 pub async fn end(
@@ -46,7 +46,7 @@ pub async fn end(
 /// The refusal of a cancel that was not requested.
 pub fn not_requested() -> StoreError {
     StoreError::Rule {
-        reason: "CANCEL_NOT_REQUESTED",
+        reason: ErrorReason::CancelNotRequested,
         message: "no cancel of this job was requested".into(),
     }
 }

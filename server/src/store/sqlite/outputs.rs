@@ -6,7 +6,8 @@ use crate::store::{LeaseKey, StoreError};
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::keys;
-use yoto_proto::v1::{PictureRange, RenderedFile};
+use yoto_proto::v1::RenderedFile;
+use yoto_proto::worker::v1::PictureRange;
 
 /// Commits a file of a job that the worker runs, or of a render that it helps with. It replaces an earlier file
 /// of the same name, which is damaged or from an earlier lease.

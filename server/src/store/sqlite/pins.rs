@@ -16,7 +16,7 @@ use crate::store::StoreError;
 use sqlx::SqliteConnection;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
-use yoto_proto::v1::{JobSpec, Model, job_spec};
+use yoto_proto::v1::{ErrorReason, JobSpec, Model, job_spec};
 use yoto_proto::{exports, tiers};
 
 /// Step of the checkpoint that a job uses.
@@ -98,7 +98,7 @@ async fn step_of(
     let all = checkpoints::list(conn, model_id(model)?, u32::MAX).await?;
     let Some(used) = to_use(all, wanted, tradeoff).into_iter().next() else {
         return Err(StoreError::Rule {
-            reason: "NO_CHECKPOINT",
+            reason: ErrorReason::NoCheckpoint,
             message: format!("the checkpoint of {model} to use was removed meanwhile"),
         });
     };
@@ -214,7 +214,7 @@ pub async fn pin_capture(
     match row {
         Some(row) => row.text("capture"),
         None => Err(StoreError::Rule {
-            reason: "NO_CAPTURE",
+            reason: ErrorReason::NoCapture,
             message: format!(
                 "{} has no READY capture",
                 Collection::Subjects.name(subject_id)
@@ -261,13 +261,13 @@ pub async fn open_job(
 /// Refuses if a job of the model, or with people of it, is open.
 pub async fn ensure_idle(conn: &mut SqliteConnection, model: &Model) -> Result<(), StoreError> {
     match open_job(conn, model_id(&model.name)?, "").await? {
-        Some(job) => Err(in_use(&job, &model.display_name, "MODEL_BUSY")),
+        Some(job) => Err(in_use(&job, &model.display_name, ErrorReason::ModelBusy)),
         None => Ok(()),
     }
 }
 
 /// The refusal that names the job.
-pub fn in_use(job: &str, what: &str, reason: &'static str) -> StoreError {
+pub fn in_use(job: &str, what: &str, reason: ErrorReason) -> StoreError {
     let message = format!("{job} uses {what}: wait for it, or cancel it");
     StoreError::Rule { reason, message }
 }

@@ -1,5 +1,5 @@
 //! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the oldest
-//! job. A model has one trainer at a time, and paused kinds wait. A worker without a job in the queue helps
+//! job. A model has one trainer at a time, paused kinds wait, and a worker gets no order that it does not understand. A worker without a job in the queue helps
 //! with a render.
 
 use super::rows::{Columns, During};
@@ -26,6 +26,7 @@ macro_rules! waiting {
         "q.state = 'QUEUED' AND (q.not_before IS NULL OR q.not_before <= ?2)
            AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1
                           EXCEPT SELECT kind FROM paused_kinds)
+           AND q.order_level <= (SELECT order_level FROM workers WHERE id = ?1)
            AND NOT (q.kind = 'train' AND EXISTS (
                SELECT 1 FROM jobs r
                WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING'))"
@@ -98,6 +99,7 @@ pub async fn to_help(
          WHERE j.state = 'RUNNING' AND j.kind = 'render' AND j.cancel_requested = 0
              AND j.kind IN (SELECT kind FROM worker_kinds WHERE worker = ?1
                             EXCEPT SELECT kind FROM paused_kinds)
+             AND j.order_level <= (SELECT order_level FROM workers WHERE id = ?1)
              AND j.priority > coalesce(?2, -1) AND j.lost_workers < ?3
              AND EXISTS (SELECT 1 FROM render_ranges r
                          WHERE r.job = j.id AND r.token IS NULL AND r.drawn = 0)

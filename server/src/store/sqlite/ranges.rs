@@ -6,7 +6,8 @@ use super::rows::{Columns, During};
 use crate::rules::ranges::split;
 use crate::store::{LeaseKey, StoreError, TakenRange};
 use sqlx::SqliteConnection;
-use yoto_proto::v1::PictureRange;
+use yoto_proto::v1::ErrorReason;
+use yoto_proto::worker::v1::PictureRange;
 
 /// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
 /// range that it already has. Also returns whether all pictures are drawn.
@@ -86,7 +87,7 @@ async fn divide(
     if !row.flag("runs")? {
         let message = format!("the render has {known} pictures, not {pictures}");
         return Err(StoreError::Rule {
-            reason: "OTHER_PICTURES",
+            reason: ErrorReason::OtherPictures,
             message,
         });
     }

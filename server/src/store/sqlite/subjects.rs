@@ -3,11 +3,12 @@
 use super::requests;
 use super::rows::{Columns, During, state};
 use crate::rules::etag;
-use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, new_id};
+use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, new_id};
 use sqlx::SqliteConnection;
 use sqlx::sqlite::SqliteRow;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{Subject, SubjectShard, subject};
+use yoto_proto::v1::{Subject, subject};
+use yoto_proto::worker::v1::SubjectShard;
 
 fn read(row: &SqliteRow) -> Result<Subject, StoreError> {
     let captures = row.maybe_text("captures")?.unwrap_or_default();
@@ -68,6 +69,28 @@ pub async fn get(conn: &mut SqliteConnection, id: &str) -> Result<Subject, Store
             name: Collection::Subjects.name(id),
         }),
     }
+}
+
+/// Changes a subject, if its version is `asked` (empty: any).
+pub async fn update(
+    conn: &mut SqliteConnection,
+    id: &str,
+    change: SubjectChange,
+    asked: &str,
+) -> Result<Subject, StoreError> {
+    let before = get(conn, id).await?;
+    etag::check(&before.display_name, asked, &before.etag)?;
+    sqlx::query(
+        "UPDATE subjects SET display_name = coalesce(?2, display_name),
+             consent_note = coalesce(?3, consent_note) WHERE id = ?1",
+    )
+    .bind(id)
+    .bind(change.display_name)
+    .bind(change.consent_note)
+    .execute(&mut *conn)
+    .await
+    .during("changing a subject")?;
+    get(conn, id).await
 }
 
 /// Subjects, oldest first.

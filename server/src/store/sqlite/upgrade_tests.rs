@@ -89,6 +89,8 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         display_name: "new".into(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Evaluate],
+        version: String::new(),
+        order_level: 1,
     };
     let worker = store.register_worker(new).await.expect("registers");
     let outcome = store

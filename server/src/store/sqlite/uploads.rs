@@ -8,8 +8,7 @@ use crate::store::{
 };
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use yoto_proto::names::Collection;
-use yoto_proto::reasons::UPLOAD_INCOMPLETE;
-use yoto_proto::v1::{Capture, IngestSpec, JobSpec, job_spec};
+use yoto_proto::v1::{Capture, ErrorReason, IngestSpec, JobSpec, job_spec};
 
 /// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
 const ROWS_PER_STATEMENT: usize = 4000;
@@ -136,7 +135,7 @@ pub async fn commit(
         .during("committing a part of an upload")?;
         if done.rows_affected() == 0 {
             return Err(StoreError::Rule {
-                reason: "UPLOAD_OFFSET",
+                reason: ErrorReason::UploadOffset,
                 message: format!(
                     "{}: bytes {} to {} do not follow what was committed",
                     part.path, part.from, part.to
@@ -180,7 +179,7 @@ pub async fn finish(
         ingest(conn, id, now).await?;
     } else if get(conn, id).await?.open {
         return Err(StoreError::Rule {
-            reason: UPLOAD_INCOMPLETE,
+            reason: ErrorReason::UploadIncomplete,
             message: format!("{} is not complete", Collection::Uploads.name(id)),
         });
     }
@@ -221,7 +220,7 @@ pub async fn ingest_again(
     .during("starting an ingest anew")?;
     if done.rows_affected() == 0 {
         return Err(StoreError::Rule {
-            reason: "NOT_REPEATABLE",
+            reason: ErrorReason::NotRepeatable,
             message: format!(
                 "{} is {}: only one that is UPLOADED or REJECTED is read again",
                 before.name,

@@ -19,8 +19,9 @@ pub async fn register(
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sqlx::query(
         "INSERT INTO workers
-             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, version,
+              order_level)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
     )
     .bind(&id)
     .bind(&new.display_name)
@@ -30,6 +31,8 @@ pub async fn register(
     .bind(memory)
     .bind(new.embedded)
     .bind(now)
+    .bind(&new.version)
+    .bind(new.order_level)
     .execute(&mut *conn)
     .await
     .during("registering a worker")?;
@@ -138,5 +141,7 @@ fn read(row: &SqliteRow) -> Result<WorkerStatus, StoreError> {
         kinds: kinds.collect::<Result<_, StoreError>>()?,
         last_seen: row.time("reported")?,
         job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
+        version: row.text("version")?,
+        order_level: row.number("order_level")?,
     })
 }

@@ -26,7 +26,7 @@ use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tonic::Status;
 use tonic::transport::Channel;
-use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::object_service_client::ObjectServiceClient;
@@ -35,15 +35,18 @@ use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::storage_service_client::StorageServiceClient;
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
-    AddIdentityRequest, Capture, Checkpoint, Claim, CollectGarbageRequest, CollectGarbageResponse,
-    CreateJobRequest, CreateModelRequest, CreateSubjectRequest, CreateUploadRequest, EndJobRequest,
+    AddIdentityRequest, Capture, Checkpoint, CollectGarbageRequest, CollectGarbageResponse,
+    CreateJobRequest, CreateModelRequest, CreateSubjectRequest, CreateUploadRequest,
     FinishUploadRequest, GetCaptureRequest, GetJobRequest, GetSubjectRequest, GetUploadRequest,
-    IngestResult, Job, JobError, JobKind, JobResult, JobSpec, Lease, LeaseJobRequest,
-    ListCheckpointsRequest, Model, ObjectRef, Orbit, PublishCheckpointRequest,
-    RegisterWorkerRequest, RenderResult, RenderSpec, RenderedFile, Subject, TrainResult, TrainSpec,
+    IngestResult, Job, JobError, JobKind, JobResult, JobSpec, ListCheckpointsRequest, Model,
+    ObjectRef, Orbit, RenderResult, RenderSpec, RenderedFile, Subject, TrainResult, TrainSpec,
     Upload, WorkerDevice, WriteUploadRequest, job_result, job_spec,
+};
+use yoto_proto::worker::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{
+    Claim, EndJobRequest, Lease, LeaseJobRequest, PublishCheckpointRequest, RegisterWorkerRequest,
 };
 use yoto_proto::{keys, names, sha256_hex};
 use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
@@ -231,7 +234,8 @@ impl Service {
                 ..<_>::default()
             }),
             kinds: kinds.iter().map(|kind| job_kind(kind) as i32).collect(),
-            embedded: false,
+            order_level: LEVEL,
+            ..RegisterWorkerRequest::default()
         };
         self.workers()
             .register_worker(request)

@@ -1,7 +1,8 @@
 //! Models with a checkpoint, from which most tests of renders, exports and evaluations start.
 
 use super::Service;
-use yoto_proto::v1::{Checkpoint, Lease, Model, Subject};
+use yoto_proto::v1::{Checkpoint, Model, Subject};
+use yoto_proto::worker::v1::Lease;
 
 /// A model of one person with a checkpoint at step 1. Its `worker` runs trainings and renders.
 pub struct Trained {

@@ -4,13 +4,16 @@ use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
 use yoto_client::YotoClient;
-use yoto_proto::v1::end_job_request::Outcome;
+use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::render_spec::What;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
-    Checkpoint, Claim, EndJobRequest, IngestResult, JobKind, JobResult, LeaseJobRequest, ObjectRef,
-    Orbit, PublishCheckpointRequest, RegisterWorkerRequest, RenderSpec, TrainResult, TrainSpec,
-    WorkerDevice, job_result, job_spec,
+    Checkpoint, IngestResult, JobKind, JobResult, ObjectRef, Orbit, RenderSpec, TrainResult,
+    TrainSpec, WorkerDevice, job_result, job_spec,
+};
+use yoto_proto::worker::v1::end_job_request::Outcome;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{
+    Claim, EndJobRequest, LeaseJobRequest, PublishCheckpointRequest, RegisterWorkerRequest,
 };
 use yoto_proto::{keys, names, sha256_hex};
 use yoto_tests::upload::file;
@@ -157,7 +160,8 @@ impl Scene {
             display_name: "load".into(),
             device: Some(WorkerDevice::default()),
             kinds: vec![kind.into()],
-            embedded: false,
+            order_level: LEVEL,
+            ..RegisterWorkerRequest::default()
         };
         Ok(self
             .workers()

@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tonic::transport::{Channel, Endpoint};
 use yoto_proto::v1::job_service_client::JobServiceClient;
-use yoto_proto::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::v1::{
-    GetJobRequest, HeartbeatRequest, JobKind, LeaseJobRequest, ListJobsRequest, PauseJobsRequest,
-    Progress, WatchJobRequest,
+    GetJobRequest, JobKind, ListJobsRequest, PauseJobsRequest, Progress, WatchJobRequest,
 };
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{HeartbeatRequest, LeaseJobRequest};
 use yoto_tests::process::Process;
 
 /// Sizes of the load.

@@ -24,6 +24,9 @@ pub enum RenderError {
     /// The model has no identity in the slot.
     #[error("the model has no identity in slot {0}")]
     NoSuchSlot(usize),
+    /// A scene names a model that it does not have.
+    #[error("the scene has no model with the index {0}")]
+    NoSuchModel(usize),
     /// The identity in the slot was removed.
     #[error("the person in slot {0} was removed from the model")]
     Removed(usize),

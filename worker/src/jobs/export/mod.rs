@@ -12,9 +12,10 @@ use yoto_export::order::{ExportError, Exported, File, Order};
 use yoto_export::source::{Source, SourceError};
 use yoto_proto::checks::export;
 use yoto_proto::v1::{
-    DistilledSplats, ExportResult, ExportSpec, ExportedFile, IdentitySlot, Inputs, ObjectRef,
-    Progress, RenderedFile,
+    DistilledSplats, ExportResult, ExportSpec, ExportedFile, IdentitySlot, ObjectRef, Progress,
+    RenderedFile,
 };
+use yoto_proto::worker::v1::Inputs;
 use yoto_proto::{exports, keys, names};
 
 /// Exports the person of the order.

@@ -7,7 +7,8 @@ use std::collections::HashMap;
 use yoto_export::source::Source;
 use yoto_proto::exports::moves_as_captured;
 use yoto_proto::v1::export_motion::Motion;
-use yoto_proto::v1::{ExportMotion, ExportSpec, Inputs};
+use yoto_proto::v1::{ExportMotion, ExportSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// Name of a clip that has none.
 const NAME: &str = "motion";

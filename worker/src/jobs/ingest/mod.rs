@@ -3,12 +3,15 @@
 //! The worker fetches the files, `yoto_ingest` reads them in a child process, and the worker stores
 //! the result. A fault of the store or of this machine never rejects a capture: the job is retried.
 
+mod thumbnail;
+
 use super::context::id;
 use super::{JobContext, JobFailure};
 use yoto_ingest::{Files, IngestError, Ingested, Progress, ingest};
 use yoto_proto::keys;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{IngestResult, IngestSpec, Inputs};
+use yoto_proto::v1::{IngestResult, IngestSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// Fetches, checks and packs the capture, and stores the shard.
 ///
@@ -47,7 +50,18 @@ pub fn run(
     } = ingest(folder.path(), files, &context.ingest, watch)?;
     let capture = id(Collection::Captures, &spec.capture)?;
     let key = keys::shard(capture, context.job_id()?, context.claim.token);
-    let check = keys::check(capture, context.job_id()?, context.claim.token);
+    let job = context.job_id()?;
+    let of_capture = |file: &str| keys::of_capture(capture, job, context.claim.token, file);
+    let thumbnail = match thumbnail::of(&shard) {
+        Ok(Some(png)) => Some(context.put(&of_capture(keys::THUMBNAIL), png)?),
+        Ok(None) => None,
+        Err(error) => {
+            return Err(JobFailure::Failed {
+                code: "INTERNAL",
+                message: format!("writing a thumbnail: {error}"),
+            });
+        }
+    };
     let [width, height] = shard.track.image_size;
     let numbers = || shard.track.frames.iter().map(|frame| frame.index);
     Ok(IngestResult {
@@ -58,7 +72,8 @@ pub fn run(
         last_frame: numbers().max(),
         notes,
         warnings,
-        check: Some(context.put(&check, report)?),
+        check: Some(context.put(&of_capture(keys::CHECK), report)?),
+        thumbnail,
         shard: Some(context.put(&key, shard.to_bytes())?),
     })
 }

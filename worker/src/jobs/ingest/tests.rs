@@ -3,7 +3,7 @@
 use super::*;
 use crate::jobs::test_context::context;
 use yoto_proto::pose_track::FILE;
-use yoto_proto::v1::InputFile;
+use yoto_proto::worker::v1::InputFile;
 
 #[tokio::test]
 async fn an_object_that_changed_after_the_upload_is_our_fault_not_the_owner_s() {

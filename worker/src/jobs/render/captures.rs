@@ -3,7 +3,7 @@
 use super::models::Models;
 use crate::jobs::{JobContext, JobFailure, shard};
 use yoto_film::{Capture, CaptureNeed, Captures};
-use yoto_proto::v1::Inputs;
+use yoto_proto::worker::v1::Inputs;
 
 /// The captures of `needs`, each with the poses that its model was taught. Shards are downloaded whole; pictures
 /// stay in memory only if the plan needs them.

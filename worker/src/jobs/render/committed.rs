@@ -5,7 +5,8 @@ use crate::jobs::{JobContext, JobFailure};
 use std::collections::BTreeMap;
 use yoto_media::png::{self, Pixels};
 use yoto_proto::keys;
-use yoto_proto::v1::{Inputs, RenderedFile};
+use yoto_proto::v1::RenderedFile;
+use yoto_proto::worker::v1::Inputs;
 
 /// The files of a render.
 pub(super) struct Committed<'a> {

@@ -8,7 +8,8 @@ use std::time::Duration;
 use yoto_film::View;
 use yoto_media::png::{self, Animation};
 use yoto_proto::keys;
-use yoto_proto::v1::{Inputs, RenderedFile};
+use yoto_proto::v1::RenderedFile;
+use yoto_proto::worker::v1::Inputs;
 
 /// Name of the animated file.
 const ANIMATION: &str = "animation.png";

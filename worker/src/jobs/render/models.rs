@@ -12,7 +12,8 @@ use yoto_avatar::render::{
 use yoto_film::{Bodies, ModelBodies, Person, View};
 use yoto_proto::names;
 use yoto_proto::render_needs::other_models;
-use yoto_proto::v1::{Checkpoint, Inputs, RenderSpec};
+use yoto_proto::v1::{Checkpoint, RenderSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// A model with the checkpoint that draws its people.
 pub(super) struct Model<'a> {
@@ -77,6 +78,12 @@ impl<'a> Models<'a> {
         !self.others.is_empty()
     }
 
+    /// The model with the `index` among all.
+    fn at(&self, index: usize) -> Result<&Model<'a>, RenderError> {
+        let model = self.all().nth(index);
+        model.ok_or(RenderError::NoSuchModel(index))
+    }
+
     /// The model called `name`; the render's own if no other has the name.
     pub(super) fn named(&self, name: &str) -> &Model<'a> {
         let other = self.others.iter().find(|model| model.name == name);
@@ -91,16 +98,12 @@ impl<'a> Models<'a> {
 
     /// Computes what does not depend on poses for the people in `views`, once for all pictures.
     pub(super) fn prepare(&self, views: &[View]) -> Result<(), JobFailure> {
-        let models: Vec<&Model<'_>> = self.all().collect();
         let actors = views.iter().flat_map(|view| &view.actors);
         let people: BTreeSet<(usize, usize)> = actors.map(|it| (it.model, it.slot)).collect();
-        for (model, slot) in people {
-            let renderer = &models.get(model).unwrap_or(&&self.own).renderer;
-            let prepared = renderer.prepare([slot]);
-            prepared
-                .map_err(|error| JobFailure::failed("INTERNAL", "preparing the people", &error))?;
-        }
-        Ok(())
+        let mut people = people.into_iter();
+        let prepared =
+            people.try_for_each(|(model, slot)| self.at(model)?.renderer.prepare([slot]));
+        prepared.map_err(|error| JobFailure::failed("INTERNAL", "preparing the people", &error))
     }
 
     /// What a plan needs to know of the models.
@@ -132,13 +135,12 @@ impl<'a> Models<'a> {
         if self.others.is_empty() {
             return self.own.renderer.render_scene(&scene, go_on);
         }
-        let models: Vec<&Model<'_>> = self.all().collect();
         let guests = view.actors.iter().zip(&scene.actors);
-        let guests = guests.map(|(planned, actor)| Guest {
-            model: &models.get(planned.model).unwrap_or(&&self.own).renderer,
-            actor,
+        let guests = guests.map(|(planned, actor)| {
+            let model = &self.at(planned.model)?.renderer;
+            Ok(Guest { model, actor })
         });
-        let guests: Vec<Guest<'_>> = guests.collect();
+        let guests = guests.collect::<Result<Vec<Guest<'_>>, RenderError>>()?;
         render_together(&guests, &scene.camera, scene.background, go_on)
     }
 }

@@ -3,7 +3,8 @@
 use crate::jobs::{JobFailure, shard};
 use yoto_proto::checks::render;
 use yoto_proto::render_needs::needs;
-use yoto_proto::v1::{Inputs, Model, RenderSpec};
+use yoto_proto::v1::{Model, RenderSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// A valid request.
 #[derive(Debug)]
@@ -68,7 +69,8 @@ mod tests {
     use super::*;
     use yoto_proto::v1::actor::Motion;
     use yoto_proto::v1::render_spec::What;
-    use yoto_proto::v1::{Actor, CaptureMotion, IdentitySlot, Model, Orbit, OtherModel, Scene};
+    use yoto_proto::v1::{Actor, CaptureMotion, IdentitySlot, Model, Orbit, Scene};
+    use yoto_proto::worker::v1::OtherModel;
 
     fn orbit(views: u32, size: u32) -> RenderSpec {
         RenderSpec {

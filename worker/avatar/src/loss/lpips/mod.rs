@@ -26,6 +26,11 @@ const NORM_EPSILON: f64 = 1e-10;
 /// beside [`NORM_EPSILON`] in single precision, so no value changes.
 const SQUARED_NORM_FLOOR: f64 = 1e-36;
 
+/// Environment variable with the name of VGG16's file.
+pub const VGG16_VARIABLE: &str = "YOTO_VGG16_WEIGHTS";
+/// Environment variable with the name of the linear heads' file.
+pub const HEADS_VARIABLE: &str = "YOTO_LPIPS_WEIGHTS";
+
 /// Where the networks' weights are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LpipsWeights {
@@ -33,6 +38,40 @@ pub struct LpipsWeights {
     pub vgg16: PathBuf,
     /// The linear heads of LPIPS 0.1 for VGG.
     pub heads: PathBuf,
+}
+
+impl LpipsWeights {
+    /// Both files, or none. An empty name is none.
+    ///
+    /// # Errors
+    /// When one is given without the other, which is most likely a mistake.
+    pub fn both(
+        vgg16: Option<PathBuf>,
+        heads: Option<PathBuf>,
+    ) -> Result<Option<Self>, HalfOfWeights> {
+        let given = |name: Option<PathBuf>| name.filter(|name| !name.as_os_str().is_empty());
+        match (given(vgg16), given(heads)) {
+            (Some(vgg16), Some(heads)) => Ok(Some(Self { vgg16, heads })),
+            (None, None) => Ok(None),
+            (Some(_), None) => Err(HalfOfWeights::Heads),
+            (None, Some(_)) => Err(HalfOfWeights::Vgg16),
+        }
+    }
+}
+
+/// The file of weights that is missing beside the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum HalfOfWeights {
+    /// VGG16.
+    #[error(
+        "{HEADS_VARIABLE} is set but {VGG16_VARIABLE} is not: LPIPS needs both files of weights"
+    )]
+    Vgg16,
+    /// The linear heads.
+    #[error(
+        "{VGG16_VARIABLE} is set but {HEADS_VARIABLE} is not: LPIPS needs both files of weights"
+    )]
+    Heads,
 }
 
 /// Why there is no LPIPS.
@@ -184,6 +223,27 @@ fn unit(features: Tensor<4>) -> Tensor<4> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_file_without_the_other_is_refused_and_none_is_none() {
+        let file = |name: &str| Some(PathBuf::from(name));
+        assert_eq!(LpipsWeights::both(None, file("")), Ok(None));
+        let both = LpipsWeights::both(file("v.pth"), file("h.pth")).expect("both");
+        let both = both.expect("weights");
+        assert_eq!((both.vgg16, both.heads), ("v.pth".into(), "h.pth".into()));
+        let halves = [
+            (file("v.pth"), file(""), VGG16_VARIABLE, HEADS_VARIABLE),
+            (None, file("h.pth"), HEADS_VARIABLE, VGG16_VARIABLE),
+        ];
+        for (vgg16, heads, given, missing) in halves {
+            let error = LpipsWeights::both(vgg16, heads).expect_err("refused");
+            let error = error.to_string();
+            assert!(
+                error.starts_with(given) && error.contains(missing),
+                "{error}"
+            );
+        }
+    }
 
     #[test]
     fn unit_features_are_the_packages_and_have_a_slope_at_zero() {

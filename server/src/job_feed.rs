@@ -1,0 +1,128 @@
+//! The changes of all jobs, for [`crate::jobs::watch_all`]: read once at each poll for all watchers, and only while there are
+//! any.
+
+use crate::context::Context;
+use crate::store::{JobVersions, StoreError};
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+use tokio::sync::{Mutex, broadcast};
+use yoto_proto::v1::Job;
+
+/// Changes that a slow watcher may lag behind; one that lags further reads all open jobs again.
+const CHANGES: usize = 1024;
+
+/// A change of a job, which comes without its order.
+#[derive(Debug, Clone)]
+pub enum Change {
+    /// The new state.
+    Job(Arc<Job>),
+    /// The last known state of an open job that ended and was deleted since the last poll.
+    Deleted(Arc<Job>),
+}
+
+/// Sends the changes to all watchers. It is `None` while nobody watches.
+#[derive(Debug, Default)]
+pub struct JobFeed {
+    sender: Mutex<Option<broadcast::Sender<Change>>>,
+}
+
+/// All changes from now on: each after the reading with which this call began.
+///
+/// # Errors
+/// When the store fails.
+pub async fn subscribe(context: &Arc<Context>) -> Result<broadcast::Receiver<Change>, StoreError> {
+    let mut sender = context.feed.sender.lock().await;
+    if let Some(sender) = &*sender {
+        return Ok(sender.subscribe());
+    }
+    // The first reading comes before the watcher's own: otherwise a change between the two would be lost.
+    let mut open = Open::default();
+    open.read(context).await?;
+    let (new, receiver) = broadcast::channel(CHANGES);
+    tokio::spawn(follow(Arc::clone(context), new.clone(), open));
+    *sender = Some(new);
+    Ok(receiver)
+}
+
+/// Reads the jobs at each poll, until nobody watches or the store is broken. Watchers then subscribe again, and get the
+/// reason.
+async fn follow(context: Arc<Context>, sender: broadcast::Sender<Change>, mut open: Open) {
+    loop {
+        tokio::select! {
+            () = tokio::time::sleep(context.config.watch_poll) => {}
+            () = context.stop.cancelled() => break,
+        }
+        let mut current = context.feed.sender.lock().await;
+        if sender.receiver_count() == 0 {
+            *current = None;
+            return;
+        }
+        drop(current);
+        match open.read(&context).await {
+            // Nobody may listen by now.
+            Ok(changes) => changes
+                .into_iter()
+                .for_each(|change| drop(sender.send(change))),
+            Err(StoreError::Unavailable { .. }) => {}
+            Err(error) => {
+                tracing::error!(%error, "could not read the watched jobs");
+                break;
+            }
+        }
+    }
+    *context.feed.sender.lock().await = None;
+}
+
+/// The open jobs of the last reading.
+#[derive(Debug, Default)]
+struct Open {
+    jobs: HashMap<String, Arc<Job>>,
+    /// Position of the newest job; `None` before the first reading.
+    newest: Option<i64>,
+}
+
+impl Open {
+    /// The changes since the last reading. A job of which the reading fails keeps its last state, so that the next reading
+    /// finds its change again.
+    async fn read(&mut self, context: &Context) -> Result<Vec<Change>, StoreError> {
+        let JobVersions { newest, jobs } = context.store.job_versions(self.newest).await?;
+        let mut changes = Vec::new();
+        let mut seen = HashSet::with_capacity(jobs.len());
+        for (id, sequence) in jobs {
+            if self.jobs.get(&id).map(|it| it.sequence) != Some(sequence) {
+                self.update(context, &id, &mut changes).await?;
+            }
+            seen.insert(id);
+        }
+        let gone: Vec<String> = self.jobs.keys().cloned().collect();
+        for id in gone.into_iter().filter(|id| !seen.contains(id)) {
+            self.update(context, &id, &mut changes).await?;
+        }
+        self.newest = Some(newest);
+        Ok(changes)
+    }
+
+    async fn update(
+        &mut self,
+        context: &Context,
+        id: &str,
+        changes: &mut Vec<Change>,
+    ) -> Result<(), StoreError> {
+        match context.store.job_state(id).await {
+            Ok(job) => {
+                let job = Arc::new(job);
+                match job.state().is_terminal() {
+                    true => self.jobs.remove(id),
+                    false => self.jobs.insert(id.to_owned(), Arc::clone(&job)),
+                };
+                changes.push(Change::Job(job));
+            }
+            Err(StoreError::NotFound { .. }) => {
+                let last = self.jobs.remove(id);
+                changes.extend(last.map(Change::Deleted));
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+}

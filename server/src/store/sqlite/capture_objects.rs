@@ -1,0 +1,53 @@
+//! What an ingest job makes of a capture for people: the check's report and a thumbnail.
+
+use super::rows::{Columns, During, integer};
+use crate::store::StoreError;
+use sqlx::SqliteConnection;
+use yoto_proto::keys::{CHECK, THUMBNAIL};
+use yoto_proto::v1::{IngestResult, RenderedFile};
+
+/// Records the files of a capture that became READY, in place of earlier ones.
+pub async fn record(
+    conn: &mut SqliteConnection,
+    capture_id: &str,
+    result: &IngestResult,
+) -> Result<(), StoreError> {
+    for (file, object) in [(CHECK, &result.check), (THUMBNAIL, &result.thumbnail)] {
+        let Some(object) = object else { continue };
+        sqlx::query(
+            "INSERT INTO capture_objects (capture, file, key, bytes, sha256)
+             VALUES (?1, ?2, ?3, ?4, ?5)
+             ON CONFLICT (capture, file) DO UPDATE SET key = excluded.key, bytes = excluded.bytes,
+                 sha256 = excluded.sha256",
+        )
+        .bind(capture_id)
+        .bind(file)
+        .bind(&object.key)
+        .bind(integer("result.ingest.bytes", object.bytes)?)
+        .bind(&object.sha256)
+        .execute(&mut *conn)
+        .await
+        .during("recording the files of a capture")?;
+    }
+    Ok(())
+}
+
+/// The files of a capture, by name.
+pub async fn list(
+    conn: &mut SqliteConnection,
+    capture_id: &str,
+) -> Result<Vec<RenderedFile>, StoreError> {
+    let rows = sqlx::query("SELECT * FROM capture_objects WHERE capture = ?1 ORDER BY file")
+        .bind(capture_id)
+        .fetch_all(conn)
+        .await
+        .during("listing the files of a capture")?;
+    rows.iter()
+        .map(|row| {
+            Ok(RenderedFile {
+                file: row.text("file")?,
+                object: row.object("key", "bytes", "sha256")?,
+            })
+        })
+        .collect()
+}
