@@ -59,7 +59,6 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let (watched, masks) = masks::of(options, &clip, watched, &mut notes)?;
     let fps = options.fps_or(clip.fps, &mut notes);
     let indices: Vec<usize> = watched.iter().map(|it| it.index).collect();
-    let lacks = hands::lacks(watched.iter().map(|it| &it.points));
     let points = KeyPoints {
         set: KeyPointSet::BlazePose33,
         image_size: clip.size,
@@ -77,6 +76,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     });
     display.clear();
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
+    let lacks = hands::lacks(&points.frames, &fitted.track);
     let found = Found {
         fit: Some(PoseFit::of(&fitted, wanted.len())),
         doubts: (clip.notes.iter().cloned())

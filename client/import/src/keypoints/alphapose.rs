@@ -1,8 +1,9 @@
 //! AlphaPose's `alphapose-results.json`: a list of people over all frames, each with `image_id`, flat
-//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets) and, where it follows
-//! people, `idx`.
+//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets, and the full-body ones
+//! have hands) and, where it follows people, `idx`.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use super::hands;
 use crate::source::Part;
 use std::collections::BTreeMap;
 use yoto_client::ClientError;
@@ -33,11 +34,13 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             Some(idx) => idx.vector()?.first().map(|idx| idx.to_string()),
             None => None,
         };
+        let points = part.get("keypoints")?;
+        let count = (points.vector()?.len() / 3).max(KeyPointSet::Coco17.points());
         let detection = Detection {
             mask: None,
             own: None,
             person,
-            picture: flat(&part.get("keypoints")?, KeyPointSet::Coco17.points())?,
+            picture: hands::body_and_knuckles(&flat(&points, count)?),
             space: Vec::new(),
         };
         frames.entry((number, name)).or_default().push(detection);
@@ -50,5 +53,6 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let frames = frames.into_iter().map(seen).collect();
     let mut found = Detections::new("AlphaPose", KeyPointSet::Coco17, frames);
     found.first = None;
+    hands::settle(&mut found);
     Ok(found)
 }

@@ -15,6 +15,7 @@ mod capture;
 mod clip_frames;
 mod detections;
 mod easy_vitpose;
+mod hands;
 mod mask;
 mod mediapipe;
 mod mediapipe_json;
