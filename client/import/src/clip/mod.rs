@@ -1,8 +1,10 @@
 //! The clip that poses belong to: a video, or a folder of pictures in order.
 
+mod counting;
 mod frames;
 mod numbers;
 
+pub(crate) use counting::Counting;
 pub(crate) use frames::for_each;
 pub(crate) use numbers::{left_out, number_in};
 

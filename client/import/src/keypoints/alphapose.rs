@@ -3,7 +3,7 @@
 //! people, `idx`.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
-use crate::source::Part;
+use crate::source::{Faulty, Part};
 use std::collections::BTreeMap;
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -17,6 +17,7 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
 /// The people of all frames.
 pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let mut frames: BTreeMap<(usize, String), Vec<Detection>> = BTreeMap::new();
+    let mut faulty = Faulty::default();
     for at in 0..root.len()? {
         let entry = root.at(at)?;
         let image = entry.get("image_id")?;
@@ -33,14 +34,16 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             Some(idx) => idx.vector()?.first().map(|idx| idx.to_string()),
             None => None,
         };
-        let detection = Detection {
+        let points = part.get("keypoints")?;
+        let picture = faulty.keep(flat(&points, KeyPointSet::Coco17.points()))?;
+        let seen = frames.entry((number, name)).or_default();
+        seen.extend(picture.map(|picture| Detection {
             mask: None,
             own: None,
             person,
-            picture: flat(&part.get("keypoints")?, KeyPointSet::Coco17.points())?,
+            picture,
             space: Vec::new(),
-        };
-        frames.entry((number, name)).or_default().push(detection);
+        }));
     }
     let seen = |((number, image), people): ((usize, String), Vec<Detection>)| FrameDetections {
         number,
@@ -50,5 +53,6 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let frames = frames.into_iter().map(seen).collect();
     let mut found = Detections::new("AlphaPose", KeyPointSet::Coco17, frames);
     found.first = None;
+    faulty.finish(&mut found.notes)?;
     Ok(found)
 }
