@@ -5,6 +5,7 @@
 
 use crate::context::Context;
 use crate::store::StoreError;
+use crate::tenant::Tenant;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -49,8 +50,12 @@ impl JobChanges {
     }
 }
 
-/// The states of the job with this id, from now on.
-pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedState> {
+/// The states of the tenant's job with this id, from now on. The caller has found that the tenant has it.
+pub fn subscribe(
+    context: &Arc<Context>,
+    tenant: &Tenant,
+    id: &str,
+) -> watch::Receiver<WatchedState> {
     let mut watched = context.changes.lock();
     match watched.entry(Collection::Jobs.name(id)) {
         Entry::Occupied(entry) => entry.get().seen.subscribe(),
@@ -60,7 +65,12 @@ pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedSta
                 Arc::<Notify>::default(),
             );
             let receiver = seen.subscribe();
-            tokio::spawn(follow(context.clone(), id.to_owned(), changed.clone()));
+            tokio::spawn(follow(
+                context.clone(),
+                tenant.clone(),
+                id.to_owned(),
+                changed.clone(),
+            ));
             entry.insert(Watched { changed, seen });
             receiver
         }
@@ -68,10 +78,10 @@ pub fn subscribe(context: &Arc<Context>, id: &str) -> watch::Receiver<WatchedSta
 }
 
 /// Reads a job at each change and at each poll, until nobody watches it.
-async fn follow(context: Arc<Context>, id: String, changed: Arc<Notify>) {
+async fn follow(context: Arc<Context>, tenant: Tenant, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
-        let seen = match context.store.job_state(&id).await {
+        let seen = match context.store.job_state(&tenant, &id).await {
             Ok(job) => Some(WatchedState::Job(Arc::new(job))),
             // The watch continues with the last known state.
             Err(StoreError::Unavailable { .. }) => None,

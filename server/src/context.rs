@@ -10,7 +10,6 @@ use crate::objects::disk::ObjectDisk;
 use crate::objects::room;
 use crate::store::Store;
 use crate::uploads::UploadLocks;
-use std::sync::Arc;
 use std::time::SystemTime;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
@@ -23,7 +22,7 @@ pub struct Context {
     /// Settings.
     pub config: ServerConfig,
     /// The catalogue and the queue.
-    pub store: Arc<dyn Store>,
+    pub store: Store,
     /// Uploads, shards, checkpoints, renders.
     pub objects: Objects,
     /// Where the objects are.

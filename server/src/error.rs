@@ -98,6 +98,9 @@ pub enum RequestError {
     /// The caller's own stream broke off.
     #[error("the request stream broke off: {0}")]
     Stream(tonic::Status),
+    /// No layer has set the request's tenant.
+    #[error("the request has no tenant")]
+    NoTenant,
     /// The store.
     #[error(transparent)]
     Store(#[from] StoreError),

@@ -1,8 +1,9 @@
-//! The changes of all jobs, for [`crate::jobs::watch_all`]: read once at each poll for all watchers, and only while there are
-//! any.
+//! The changes of all jobs of a tenant, for [`crate::jobs::watch_all`]: read once at each poll for all of its watchers, and only
+//! while there are any.
 
 use crate::context::Context;
 use crate::store::{JobVersions, StoreError};
+use crate::tenant::Tenant;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::sync::{Mutex, broadcast};
@@ -20,27 +21,30 @@ pub enum Change {
     Deleted(Arc<Job>),
 }
 
-/// Sends the changes to all watchers. It is `None` while nobody watches.
+/// Sends the changes of each tenant's jobs to its watchers. A tenant without watchers has no sender.
 #[derive(Debug, Default)]
 pub struct JobFeed {
-    sender: Mutex<Option<broadcast::Sender<Change>>>,
+    senders: Mutex<HashMap<Tenant, broadcast::Sender<Change>>>,
 }
 
-/// All changes from now on: each after the reading with which this call began.
+/// All changes of the tenant's jobs from now on: each after the reading with which this call began.
 ///
 /// # Errors
 /// When the store fails.
-pub async fn subscribe(context: &Arc<Context>) -> Result<broadcast::Receiver<Change>, StoreError> {
-    let mut sender = context.feed.sender.lock().await;
-    if let Some(sender) = &*sender {
+pub async fn subscribe(
+    context: &Arc<Context>,
+    tenant: &Tenant,
+) -> Result<broadcast::Receiver<Change>, StoreError> {
+    let mut senders = context.feed.senders.lock().await;
+    if let Some(sender) = senders.get(tenant) {
         return Ok(sender.subscribe());
     }
     // The first reading comes before the watcher's own: otherwise a change between the two would be lost.
-    let mut open = Open::default();
+    let mut open = Open::of(tenant.clone());
     open.read(context).await?;
     let (new, receiver) = broadcast::channel(CHANGES);
     tokio::spawn(follow(Arc::clone(context), new.clone(), open));
-    *sender = Some(new);
+    senders.insert(tenant.clone(), new);
     Ok(receiver)
 }
 
@@ -52,12 +56,12 @@ async fn follow(context: Arc<Context>, sender: broadcast::Sender<Change>, mut op
             () = tokio::time::sleep(context.config.watch_poll) => {}
             () = context.stop.cancelled() => break,
         }
-        let mut current = context.feed.sender.lock().await;
+        let mut senders = context.feed.senders.lock().await;
         if sender.receiver_count() == 0 {
-            *current = None;
+            senders.remove(&open.tenant);
             return;
         }
-        drop(current);
+        drop(senders);
         match open.read(&context).await {
             // Nobody may listen by now.
             Ok(changes) => changes
@@ -70,22 +74,35 @@ async fn follow(context: Arc<Context>, sender: broadcast::Sender<Change>, mut op
             }
         }
     }
-    *context.feed.sender.lock().await = None;
+    context.feed.senders.lock().await.remove(&open.tenant);
 }
 
-/// The open jobs of the last reading.
-#[derive(Debug, Default)]
+/// A tenant's open jobs of the last reading.
+#[derive(Debug)]
 struct Open {
+    tenant: Tenant,
     jobs: HashMap<String, Arc<Job>>,
     /// Position of the newest job; `None` before the first reading.
     newest: Option<i64>,
 }
 
 impl Open {
+    /// Nothing, before the first reading.
+    fn of(tenant: Tenant) -> Self {
+        Self {
+            tenant,
+            jobs: HashMap::new(),
+            newest: None,
+        }
+    }
+
     /// The changes since the last reading. A job of which the reading fails keeps its last state, so that the next reading
     /// finds its change again.
     async fn read(&mut self, context: &Context) -> Result<Vec<Change>, StoreError> {
-        let JobVersions { newest, jobs } = context.store.job_versions(self.newest).await?;
+        let JobVersions { newest, jobs } = context
+            .store
+            .job_versions(&self.tenant, self.newest)
+            .await?;
         let mut changes = Vec::new();
         let mut seen = HashSet::with_capacity(jobs.len());
         for (id, sequence) in jobs {
@@ -108,7 +125,7 @@ impl Open {
         id: &str,
         changes: &mut Vec<Change>,
     ) -> Result<(), StoreError> {
-        match context.store.job_state(id).await {
+        match context.store.job_state(&self.tenant, id).await {
             Ok(job) => {
                 let job = Arc::new(job);
                 match job.state().is_terminal() {

@@ -25,6 +25,7 @@ mod private;
 mod rules;
 mod serve;
 mod store;
+mod tenant;
 mod traffic;
 mod uploads;
 
@@ -33,6 +34,7 @@ pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use listen::tcp;
 pub use store::StoreError;
+pub use tenant::Tenant;
 pub use traffic::TrafficLimits;
 pub use yoto_objects::ObjectsError;
 
@@ -48,7 +50,7 @@ use objects::disk::ObjectDisk;
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
-use store::SqliteStore;
+use store::Store;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -85,11 +87,11 @@ impl Coordinator {
             None => folder_url(&data_dir.join(OBJECTS_FOLDER))?,
         };
         let (disk, objects) = ObjectDisk::open(&objects_url)?;
-        let store = SqliteStore::open(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
+        let store = Store::open_sqlite(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
         let started = config.clock.time();
         let context = Arc::new(Context {
             config,
-            store: Arc::new(store),
+            store,
             objects,
             objects_url,
             disk,
@@ -115,7 +117,8 @@ impl Coordinator {
     /// Serves all services, with health and reflection, on `incoming` until `shutdown` is
     /// ready or the coordinator is closed; then open calls have
     /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, such as on a TCP
-    /// listener and in memory. The future borrows nothing, so it can be spawned.
+    /// listener and in memory. The future borrows nothing, so it can be spawned. All calls are
+    /// those of the default tenant.
     ///
     /// # Errors
     /// When the transport fails.
@@ -130,7 +133,26 @@ impl Coordinator {
         IE: Into<Box<dyn std::error::Error + Send + Sync>>,
         F: Future<Output = ()>,
     {
-        serve::serve(Arc::clone(&self.context), incoming, shutdown)
+        self.serve_tenant(Tenant::default(), incoming, shutdown)
+    }
+
+    /// [`Coordinator::serve`] for the calls of `tenant`.
+    ///
+    /// # Errors
+    /// When the transport fails.
+    pub fn serve_tenant<I, IO, IE, F>(
+        &self,
+        tenant: Tenant,
+        incoming: I,
+        shutdown: F,
+    ) -> impl Future<Output = Result<(), ServerError>> + use<I, IO, IE, F>
+    where
+        I: Stream<Item = Result<IO, IE>>,
+        IO: AsyncRead + AsyncWrite + Connected + Unpin + Send + 'static,
+        IE: Into<Box<dyn std::error::Error + Send + Sync>>,
+        F: Future<Output = ()>,
+    {
+        serve::serve(Arc::clone(&self.context), tenant, incoming, shutdown)
     }
 
     /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].

@@ -7,6 +7,7 @@ use crate::context::Context;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
 use crate::health;
+use crate::tenant::{Tenant, TenantLayer};
 use crate::traffic::{Traffic, TrafficLayer};
 use futures::{Stream, StreamExt};
 use std::future::Future;
@@ -75,10 +76,11 @@ async fn routes(
     Ok((routes, reporter))
 }
 
-/// Serves until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
+/// Serves `tenant` until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
 /// no new leases, watch streams end, and open calls have the configured grace to finish.
 pub async fn serve<I, IO, IE>(
     context: Arc<Context>,
+    tenant: Tenant,
     incoming: I,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServerError>
@@ -117,6 +119,7 @@ where
         .http2_keepalive_timeout(Some(limits.ping))
         .layer(TrafficLayer(traffic))
         .layer(tower::util::option_layer(faults))
+        .layer(TenantLayer(tenant))
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);
     // A client that keeps an idle connection open would keep the server alive for ever.

@@ -38,8 +38,8 @@ pub(crate) struct ImportOptions {
     /// Poses: a file inside the capture if it has several, or what a pose tool wrote.
     #[arg(long, value_name = "PATH")]
     poses: Option<PathBuf>,
-    /// The person, by the number or name that the files give [default: the one that the masks show, or
-    /// who is seen most often].
+    /// The person, by the number or name that the files give, or that the picture of people has for a clip alone [default: the one
+    /// that the masks show, or who is seen most often].
     #[arg(long, value_name = "ID")]
     person: Option<String>,
     /// The set of key points, if the file doesn't tell.

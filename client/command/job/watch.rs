@@ -52,9 +52,11 @@ async fn all(client: &YotoClient) -> anyhow::Result<()> {
     let mut titles = Titles::load(client).await?;
     let mut states: HashMap<String, job::State> = HashMap::new();
     let mut ended: Vec<Job> = Vec::new();
+    let mut any = false;
     loop {
         match watch.next_change().await? {
             JobsChange::Changed { jobs, deleted } => {
+                any |= !jobs.is_empty();
                 for job in jobs {
                     let state = job.state();
                     if states.insert(job.name.clone(), state) == Some(state) {
@@ -77,6 +79,9 @@ async fn all(client: &YotoClient) -> anyhow::Result<()> {
             JobsChange::Disconnected => tell!("the service can't be reached; trying again"),
         }
         if watch.open() == 0 {
+            if !any {
+                tell!("no job is queued or running");
+            }
             output::put("jobs", output::messages(&ended));
             return Ok(());
         }

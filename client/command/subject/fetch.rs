@@ -32,7 +32,7 @@ impl Fetch {
             true => client.get_capture(&self.of).await?,
             false => {
                 let subject = client.find_subject(&self.of).await?;
-                let captures = client.list_captures(&subject.name).await?.into_iter();
+                let mut captures = client.list_captures(&subject.name).await?.into_iter();
                 let newest = captures.rfind(|it| it.state() == capture::State::Ready);
                 newest.with_context(|| format!("{} has no READY capture", self.of))?
             }

@@ -1,6 +1,7 @@
 //! A capture between reading and writing.
 
 use crate::Pictures;
+use image::RgbImage;
 use yoto_capture::check::Lack;
 use yoto_pose::Fitted;
 use yoto_proto::pose_track::PoseTrack;
@@ -14,6 +15,8 @@ pub struct Found {
     pub doubts: Vec<String>,
     /// What the clip lacks, as far as the reader can tell.
     pub lacks: Vec<Lack>,
+    /// A frame of a clip of several people, with everybody's number.
+    pub people: Option<RgbImage>,
 }
 
 /// A fit of poses in figures.

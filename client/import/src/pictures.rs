@@ -51,6 +51,8 @@ pub enum Mask {
     /// One of a stack in an HDF5 file.
     #[cfg(feature = "hdf5")]
     Stack(MaskStack, usize),
+    /// The alpha channel of an image.
+    Alpha(PathBuf),
     /// The pixels of one colour of an image that gives every person a colour.
     Colour(PathBuf, [u8; 3]),
     /// Runs of pixels, as pose tools store them.
@@ -85,6 +87,19 @@ pub(crate) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbI
         .map_err(|error| undecodable(path, frame, error.to_string()))
 }
 
+/// Whether the image has an alpha channel that is not the same everywhere, by which the person is cut out.
+pub(crate) fn is_cut_out(path: &Path, frame: u32) -> Result<bool, ClientError> {
+    let image = reader(path, frame)?.decode();
+    let image = image.map_err(|error| undecodable(path, frame, error.to_string()))?;
+    if !image.color().has_alpha() {
+        return Ok(false);
+    }
+    let image = image.into_rgba8();
+    let mut levels = image.pixels().map(|pixel| pixel.0[3]);
+    let first = levels.next();
+    Ok(levels.any(|level| Some(level) != first))
+}
+
 /// The union of masks of `size`.
 pub(crate) fn read_masks(
     masks: &[Mask],
@@ -104,10 +119,11 @@ pub(crate) fn read_masks(
 fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientError> {
     match mask {
         Mask::Image(path, kind) => {
-            sized(path, size, frame, image_size(path, frame)?)?;
+            let found = image_size(path, frame)?;
+            alike(path, size, frame, found)?;
             let image = reader(path, frame)?.decode();
             let image = image.map_err(|error| undecodable(path, frame, error.to_string()))?;
-            Ok(match kind {
+            let levels = match kind {
                 MaskKind::Coverage => image.into_luma8().into_raw(),
                 // The first channel, since label images have three equal channels: a conversion
                 // to grey may change a label.
@@ -116,24 +132,41 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
                     let any = |pixel: &[u8; 3]| 255 * u8::from(pixel[0] != 0);
                     rgb.as_chunks::<3>().0.iter().map(any).collect()
                 }
-            })
+            };
+            Ok(resized(levels, found, size))
+        }
+        Mask::Alpha(path) => {
+            let found = image_size(path, frame)?;
+            alike(path, size, frame, found)?;
+            let image = reader(path, frame)?.decode();
+            let image = image.map_err(|error| undecodable(path, frame, error.to_string()))?;
+            let levels = image
+                .into_rgba8()
+                .pixels()
+                .map(|pixel| pixel.0[3])
+                .collect();
+            Ok(resized(levels, found, size))
         }
         Mask::Colour(path, colour) => {
-            let image = read_image(path, size, frame)?.into_raw();
+            let found = image_size(path, frame)?;
+            alike(path, size, frame, found)?;
+            let image = read_image(path, found, frame)?.into_raw();
             let same = |pixel: &[u8; 3]| 255 * u8::from(pixel == colour);
-            Ok(image.as_chunks::<3>().0.iter().map(same).collect())
+            let levels = image.as_chunks::<3>().0.iter().map(same).collect();
+            Ok(resized(levels, found, size))
         }
         Mask::Runs(runs) => {
-            let name = Path::new("mask");
-            sized(name, size, frame, [runs.width as u32, runs.height as u32])?;
-            Ok(runs.decode())
+            let found = [runs.width as u32, runs.height as u32];
+            alike(Path::new("mask"), size, frame, found)?;
+            Ok(resized(runs.decode(), found, size))
         }
         Mask::Packed(png) => {
             let image = image::load_from_memory_with_format(png, image::ImageFormat::Png);
             let name = Path::new("mask");
             let image = image.map_err(|error| undecodable(name, frame, error.to_string()))?;
-            sized(name, size, frame, [image.width(), image.height()])?;
-            Ok(image.into_luma8().into_raw())
+            let found = [image.width(), image.height()];
+            alike(name, size, frame, found)?;
+            Ok(resized(image.into_luma8().into_raw(), found, size))
         }
         Mask::Array(path) => {
             let bytes = std::fs::read(path).map_err(ClientError::file("reading", path))?;
@@ -146,9 +179,14 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
                 let message = format!("the shape is {:?}, [height, width] is needed", array.shape);
                 return Err(undecodable(path, frame, message));
             };
-            sized(path, size, frame, [width as u32, height as u32])?;
+            let found = [width as u32, height as u32];
+            alike(path, size, frame, found)?;
             let level = |value: &f64| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
-            Ok(array.values.iter().map(level).collect())
+            Ok(resized(
+                array.values.iter().map(level).collect(),
+                found,
+                size,
+            ))
         }
         #[cfg(feature = "hdf5")]
         Mask::Stack(stack, at) => {
@@ -192,6 +230,41 @@ fn sized(path: &Path, size: [u32; 2], frame: u32, found: [u32; 2]) -> Result<(),
     Err(at_fault("SIZE_MISMATCH", path, frame, message))
 }
 
+/// Largest difference of two shapes that are the same but for rounding, as a share.
+const SAME_SHAPE: f64 = 0.01;
+
+/// Whether masks of `found` (width, height) are of pictures of `size`, but for their resolution.
+pub(crate) fn are_alike(found: [u32; 2], size: [u32; 2]) -> bool {
+    let shape = |[width, height]: [u32; 2]| f64::from(width.max(1)) / f64::from(height.max(1));
+    let ratio = shape(found) / shape(size);
+    (ratio - 1.0).abs() <= SAME_SHAPE && found.iter().all(|side| *side > 0)
+}
+
+/// Checks that a mask has the shape of the capture's images.
+fn alike(path: &Path, size: [u32; 2], frame: u32, found: [u32; 2]) -> Result<(), ClientError> {
+    if are_alike(found, size) {
+        return Ok(());
+    }
+    sized(path, size, frame, found)
+}
+
+/// Levels of `found` (width, height) at the resolution `size`, each of the nearest pixel: masks have sharp edges and labels.
+fn resized(levels: Vec<u8>, found: [u32; 2], size: [u32; 2]) -> Vec<u8> {
+    if found == size {
+        return levels;
+    }
+    let [from_width, from_height] = found.map(|side| side as usize);
+    let [width, height] = size.map(|side| side as usize);
+    let from = |at: usize, of: usize, to: usize| (2 * at + 1) * of / (2 * to);
+    let mut made = Vec::with_capacity(width * height);
+    for y in 0..height {
+        let row = from(y, from_height, height) * from_width;
+        let level = |x: usize| levels.get(row + from(x, from_width, width)).copied();
+        made.extend((0..width).map(|x| level(x).unwrap_or_default()));
+    }
+    made
+}
+
 fn undecodable(path: &Path, frame: u32, message: String) -> ClientError {
     at_fault("UNDECODABLE", path, frame, message)
 }
@@ -202,5 +275,19 @@ fn at_fault(code: &str, path: &Path, frame: u32, message: String) -> ClientError
     ClientError::BadCapture {
         place: folder.display().to_string(),
         violations: vec![violation(code, &file, Some(frame), "", message)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_of_another_resolution_are_made_as_large() {
+        let made = resized(vec![0, 255], [2, 1], [4, 2]);
+        assert_eq!(made, [0, 0, 255, 255, 0, 0, 255, 255]);
+        assert_eq!(resized(made, [4, 2], [2, 1]), [0, 255]);
+        assert!(are_alike([360, 640], [720, 1280]) && are_alike([719, 1279], [720, 1280]));
+        assert!(!are_alike([1280, 720], [720, 1280]) && !are_alike([0, 0], [720, 1280]));
     }
 }

@@ -6,6 +6,7 @@ use crate::error::RequestError;
 use crate::field_faults::{all, both};
 use crate::jobs::{queue, retry, watch, watch_all};
 use crate::store::{JobFilter, Target};
+use crate::tenant::Tenant;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::collections::HashMap;
@@ -58,12 +59,23 @@ pub struct JobApi {
     pub drain: CancellationToken,
 }
 
+impl JobApi {
+    /// Refuses a filter with a model that does not exist: it would match no job, and look like an empty queue.
+    async fn require_model(&self, tenant: &Tenant, filter: &JobFilter) -> Result<(), RequestError> {
+        if let Some(id) = &filter.model_id {
+            self.context.store.model(tenant, id).await?;
+        }
+        Ok(())
+    }
+}
+
 #[tonic::async_trait]
 impl JobService for JobApi {
     async fn create_job(
         &self,
         request: Request<CreateJobRequest>,
     ) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateJob", &request.request_id, &request);
         let spec = request.spec.unwrap_or_default();
@@ -71,16 +83,17 @@ impl JobService for JobApi {
         let (key, new) = both(key, new)?;
         if request.validate_only {
             let priority = request.priority;
-            let job = queue::validate(&self.context, new).await?;
+            let job = queue::validate(&self.context, &tenant, new).await?;
             return Ok(Response::new(Job { priority, ..job }));
         }
-        let job = queue::create(&self.context, new, key).await?;
+        let job = queue::create(&self.context, &tenant, new, key).await?;
         Ok(Response::new(public::job(job)))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        let job = self.context.store.job_history(&id).await;
+        let job = self.context.store.job_history(&tenant, &id).await;
         Ok(Response::new(public::job(job.map_err(RequestError::from)?)))
     }
 
@@ -88,6 +101,7 @@ impl JobService for JobApi {
         &self,
         request: Request<ListJobsRequest>,
     ) -> Result<Response<ListJobsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let rest = ListJobsRequest {
             page_size: 0,
@@ -100,9 +114,14 @@ impl JobService for JobApi {
         let view = JobView::try_from(request.view);
         let view = view.map_err(|error| RequestError::invalid("view", error.to_string()));
         let ((page, states), (filter, view)) = both(of_states, both(filter, view))?;
+        self.require_model(&tenant, &filter).await?;
         let filter = JobFilter { states, ..filter };
         let full = view == JobView::Full;
-        let entries = self.context.store.jobs(page.page(), &filter, full).await;
+        let entries = self
+            .context
+            .store
+            .jobs(&tenant, page.page(), &filter, full)
+            .await;
         let (jobs, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListJobsResponse {
             jobs: jobs.into_iter().map(public::job).collect(),
@@ -114,10 +133,11 @@ impl JobService for JobApi {
         &self,
         request: Request<CancelJobRequest>,
     ) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("CancelJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        let job = queue::cancel(&self.context, &id, key).await?;
+        let job = queue::cancel(&self.context, &tenant, &id, key).await?;
         Ok(Response::new(public::job(job)))
     }
 
@@ -125,11 +145,12 @@ impl JobService for JobApi {
         &self,
         request: Request<PauseJobsRequest>,
     ) -> Result<Response<PauseJobsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let kind = fields::job_kind("kind", request.kind);
         let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
         let (kind, reason) = both(kind, reason)?;
-        let paused = self.context.store.pause_jobs(kind, &reason).await;
+        let paused = self.context.store.pause_jobs(&tenant, kind, &reason).await;
         paused.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), reason, "jobs paused");
         Ok(Response::new(PauseJobsResponse {}))
@@ -139,8 +160,9 @@ impl JobService for JobApi {
         &self,
         request: Request<ResumeJobsRequest>,
     ) -> Result<Response<ResumeJobsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let kind = fields::job_kind("kind", request.get_ref().kind)?;
-        let resumed = self.context.store.resume_jobs(kind).await;
+        let resumed = self.context.store.resume_jobs(&tenant, kind).await;
         resumed.map_err(RequestError::from)?;
         tracing::info!(kind = kind.as_str(), "jobs resumed");
         Ok(Response::new(ResumeJobsResponse {}))
@@ -150,11 +172,12 @@ impl JobService for JobApi {
         &self,
         request: Request<DeleteJobRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Job(&id), &request.etag, key)
+            .delete(&tenant, Target::Job(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
@@ -165,16 +188,23 @@ impl JobService for JobApi {
         &self,
         request: Request<WatchJobRequest>,
     ) -> Result<Response<Self::WatchJobStream>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
         // An unknown job is answered at once, not as the first item of a stream.
         self.context
             .store
-            .job_state(&id)
+            .job_state(&tenant, &id)
             .await
             .map_err(RequestError::from)?;
         let context = Arc::clone(&self.context);
-        let jobs = watch::watch(context, id, request.after_sequence, self.drain.clone());
+        let jobs = watch::watch(
+            context,
+            tenant,
+            id,
+            request.after_sequence,
+            self.drain.clone(),
+        );
         let answers = jobs.map_ok(|job| WatchJobResponse {
             job: Some(public::job(job)),
         });
@@ -187,8 +217,10 @@ impl JobService for JobApi {
         &self,
         request: Request<WatchJobsRequest>,
     ) -> Result<Response<Self::WatchJobsStream>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let filter = filter(&request.kinds, &request.model, &request.owner)?;
+        self.require_model(&tenant, &filter).await?;
         if request.known.len() > LONGEST_PAGE_ENTRIES as usize {
             let message = format!("at most {LONGEST_PAGE_ENTRIES} jobs are allowed");
             return Err(RequestError::invalid("known", message).into());
@@ -199,7 +231,7 @@ impl JobService for JobApi {
             known.insert(job.name, job.sequence);
         }
         let context = Arc::clone(&self.context);
-        let answers = watch_all::watch_all(context, filter, known, self.drain.clone());
+        let answers = watch_all::watch_all(context, tenant, filter, known, self.drain.clone());
         let answers = answers.map_ok(|answer| WatchJobsResponse {
             jobs: answer.jobs.into_iter().map(public::job).collect(),
             ..answer
@@ -211,16 +243,18 @@ impl JobService for JobApi {
         &self,
         request: Request<GetJobMetricsRequest>,
     ) -> Result<Response<JobMetrics>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
-        let metrics = self.context.store.job_metrics(&id).await;
+        let metrics = self.context.store.job_metrics(&tenant, &id).await;
         Ok(Response::new(metrics.map_err(RequestError::from)?))
     }
 
     async fn retry_job(&self, request: Request<RetryJobRequest>) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("RetryJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        let job = retry::retry(&self.context, &id, key).await?;
+        let job = retry::retry(&self.context, &tenant, &id, key).await?;
         Ok(Response::new(public::job(job)))
     }
 }

@@ -6,6 +6,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::both;
 use crate::store::{NewModel, Target};
+use crate::tenant::Tenant;
 use futures::StreamExt;
 use futures::stream::{self, BoxStream};
 use std::sync::Arc;
@@ -45,12 +46,16 @@ pub struct ModelApi {
 impl ModelApi {
     /// All checkpoints of a model, newest first, with the best one marked and why each is kept. They come without
     /// manifests, whose keys contain the tokens of leases.
-    async fn explained(&self, model_id: &str) -> Result<Vec<Checkpoint>, RequestError> {
+    async fn explained(
+        &self,
+        tenant: &Tenant,
+        model_id: &str,
+    ) -> Result<Vec<Checkpoint>, RequestError> {
         let default = self.context.config.storage.retention();
         let mut checkpoints = self
             .context
             .store
-            .kept_checkpoints(model_id, default)
+            .kept_checkpoints(tenant, model_id, default)
             .await?;
         let best = best_first(checkpoints.clone()).into_iter().next();
         for checkpoint in &mut checkpoints {
@@ -67,16 +72,17 @@ impl ModelService for ModelApi {
         &self,
         request: Request<CreateModelRequest>,
     ) -> Result<Response<Model>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateModel", &request.request_id, &request)?;
         let store = &self.context.store;
         // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
-            .answered(key.as_ref())
+            .answered(&tenant, key.as_ref())
             .await
             .map_err(RequestError::from)?
         {
-            let model = store.model(&id).await;
+            let model = store.model(&tenant, &id).await;
             return Ok(Response::new(model.map_err(RequestError::from)?));
         }
         let display_name = fields::display_name(&request.display_name);
@@ -99,7 +105,7 @@ impl ModelService for ModelApi {
             variant: request.variant,
             retention,
         };
-        let model = self.context.store.create_model(new, key).await;
+        let model = self.context.store.create_model(&tenant, new, key).await;
         Ok(Response::new(model.map_err(RequestError::from)?))
     }
 
@@ -107,8 +113,9 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetModelRequest>,
     ) -> Result<Response<Model>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Models, "name", &request.get_ref().name)?;
-        let model = self.context.store.model(&id).await;
+        let model = self.context.store.model(&tenant, &id).await;
         Ok(Response::new(model.map_err(RequestError::from)?))
     }
 
@@ -116,9 +123,10 @@ impl ModelService for ModelApi {
         &self,
         request: Request<ListModelsRequest>,
     ) -> Result<Response<ListModelsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("models", request.page_size, &request.page_token, &())?;
-        let entries = self.context.store.models(page.page()).await;
+        let entries = self.context.store.models(&tenant, page.page()).await;
         let (models, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListModelsResponse {
             models,
@@ -130,6 +138,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<UpdateModelRequest>,
     ) -> Result<Response<Model>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let model = request.model.unwrap_or_default();
         let id = fields::id(Collection::Models, "model.name", &model.name)?;
@@ -140,7 +149,11 @@ impl ModelService for ModelApi {
         }
         let wanted = retention("model.retention", model.retention)?;
         let default = self.context.config.storage.retention();
-        let model = self.context.store.set_retention(&id, wanted, default).await;
+        let model = self
+            .context
+            .store
+            .set_retention(&tenant, &id, wanted, default)
+            .await;
         Ok(Response::new(model.map_err(RequestError::from)?))
     }
 
@@ -148,11 +161,12 @@ impl ModelService for ModelApi {
         &self,
         request: Request<DeleteModelRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteModel", &request.request_id, request)?;
         let id = fields::id(Collection::Models, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Model(&id), &request.etag, key)
+            .delete(&tenant, Target::Model(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
@@ -161,13 +175,14 @@ impl ModelService for ModelApi {
         &self,
         request: Request<DeleteCheckpointRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteCheckpoint", &request.request_id, request)?;
         let (model, step) = names::parse_checkpoint(&request.name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
         let target = Target::Checkpoint { model, step };
         let deleted = (self.context.store)
-            .delete(target, &request.etag, key)
+            .delete(&tenant, target, &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
@@ -176,11 +191,16 @@ impl ModelService for ModelApi {
         &self,
         request: Request<AddIdentityRequest>,
     ) -> Result<Response<IdentitySlot>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
         let key = fields::request_key("AddIdentity", &request.request_id, request)?;
-        let slot = self.context.store.add_identity(&model, &subject, key).await;
+        let slot = self
+            .context
+            .store
+            .add_identity(&tenant, &model, &subject, key)
+            .await;
         Ok(Response::new(slot.map_err(RequestError::from)?))
     }
 
@@ -188,11 +208,15 @@ impl ModelService for ModelApi {
         &self,
         request: Request<RemoveIdentityRequest>,
     ) -> Result<Response<Model>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
         let key = fields::request_key("RemoveIdentity", &request.request_id, request)?;
-        let removed = self.context.store.remove_identity(&model, &subject, key);
+        let removed = self
+            .context
+            .store
+            .remove_identity(&tenant, &model, &subject, key);
         let model = removed.await;
         Ok(Response::new(model.map_err(RequestError::from)?))
     }
@@ -201,6 +225,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<ListCheckpointsRequest>,
     ) -> Result<Response<ListCheckpointsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read(
             "checkpoints",
@@ -209,7 +234,7 @@ impl ModelService for ModelApi {
             &request.model,
         )?;
         let model = fields::id(Collection::Models, "model", &request.model)?;
-        let checkpoints = self.explained(&model).await?;
+        let checkpoints = self.explained(&tenant, &model).await?;
         let (checkpoints, next_page_token) = page.cut(page.of_all(checkpoints));
         Ok(Response::new(ListCheckpointsResponse {
             checkpoints,
@@ -221,10 +246,11 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetCheckpointRequest>,
     ) -> Result<Response<Checkpoint>, Status> {
+        let tenant = Tenant::of(&request)?;
         let name = &request.get_ref().name;
         let (model, _) = names::parse_checkpoint(name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
-        let checkpoints = self.explained(model).await?;
+        let checkpoints = self.explained(&tenant, model).await?;
         let found = checkpoints.into_iter().find(|it| it.name == *name);
         let found = found.ok_or_else(|| RequestError::NotFound { name: name.clone() })?;
         Ok(Response::new(found))
@@ -234,10 +260,15 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetTradeoffRequest>,
     ) -> Result<Response<Tradeoff>, Status> {
+        let tenant = Tenant::of(&request)?;
         let name = &request.get_ref().checkpoint;
         let (model, _) = names::parse_checkpoint(name)
             .map_err(|error| RequestError::invalid("checkpoint", error.to_string()))?;
-        let checkpoints = self.context.store.checkpoints(model, u32::MAX).await;
+        let checkpoints = self
+            .context
+            .store
+            .checkpoints(&tenant, model, u32::MAX)
+            .await;
         let checkpoints = checkpoints.map_err(RequestError::from)?;
         let object = checkpoints
             .into_iter()
@@ -259,16 +290,17 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetRefinedPosesRequest>,
     ) -> Result<Response<Self::GetRefinedPosesStream>, Status> {
+        let tenant = Tenant::of(&request)?;
         let GetRefinedPosesRequest { model, subject } = request.get_ref();
         let id = fields::id(Collection::Models, "model", model)?;
-        let known = self.context.store.model(&id).await;
+        let known = self.context.store.model(&tenant, &id).await;
         let slots = known.map_err(RequestError::from)?.slots;
         let missing = |what: &str| RequestError::NotFound {
             name: format!("{what} of {subject} in {model}"),
         };
         let slot = slots.iter().find(|it| it.subject == *subject);
         let slot = slot.ok_or_else(|| missing("a slot"))?;
-        let all = self.context.store.checkpoints(&id, u32::MAX).await;
+        let all = self.context.store.checkpoints(&tenant, &id, u32::MAX).await;
         let file = files::refined_poses(slot.slot as usize);
         let checkpoints = best_first(all.map_err(RequestError::from)?);
         let found = self.first_whole(checkpoints, &file).await?;

@@ -3,6 +3,7 @@
 use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::tenant::Tenant;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
@@ -32,6 +33,7 @@ impl ObjectService for ObjectApi {
         &self,
         request: Request<ListObjectsRequest>,
     ) -> Result<Response<ListObjectsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let parent = &request.parent;
         let size = match request.page_size {
@@ -39,7 +41,7 @@ impl ObjectService for ObjectApi {
             size => size,
         };
         let page = paging::Request::read("objects", size, &request.page_token, parent)?;
-        let found = self.objects("parent", parent).await?;
+        let found = self.objects(&tenant, "parent", parent).await?;
         let objects = found.into_iter().map(|(file, object)| NamedObject {
             name: names::object(parent, &file),
             file,
@@ -59,6 +61,7 @@ impl ObjectService for ObjectApi {
         &self,
         request: Request<DownloadObjectRequest>,
     ) -> Result<Response<Self::DownloadObjectStream>, Status> {
+        let tenant = Tenant::of(&request)?;
         let DownloadObjectRequest {
             name,
             offset,
@@ -66,7 +69,7 @@ impl ObjectService for ObjectApi {
         } = request.get_ref();
         let (parent, file) = names::parse_object(name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
-        let objects = self.objects("name", parent).await?;
+        let objects = self.objects(&tenant, "name", parent).await?;
         let object = objects.into_iter().find(|(known, _)| known == file);
         let (_, object) = object.ok_or_else(|| RequestError::NotFound {
             name: name.chars().take(200).collect(),
@@ -101,14 +104,20 @@ impl ObjectApi {
     /// The files of `parent`; `field` is the path of its name in the request.
     async fn objects(
         &self,
+        tenant: &Tenant,
         field: &str,
         parent: &str,
     ) -> Result<Vec<(String, ObjectRef)>, RequestError> {
         if let Ok((model, _)) = names::parse_checkpoint(parent) {
-            return self.of_checkpoint(model, parent).await;
+            return self.of_checkpoint(tenant, model, parent).await;
         }
         if let Ok(id) = Collection::Captures.parse(parent) {
-            let files = self.context.store.capture_objects(id).await?.into_iter();
+            let files = self
+                .context
+                .store
+                .capture_objects(tenant, id)
+                .await?
+                .into_iter();
             let files = files.filter_map(|it| Some((it.file, it.object?)));
             return Ok(files.collect());
         }
@@ -117,10 +126,10 @@ impl ObjectApi {
             let message = format!("'{shown}' is neither a job nor a checkpoint nor a capture");
             return Err(RequestError::invalid(field, message));
         };
-        let job = self.context.store.job(&id).await?;
+        let job = self.context.store.job(tenant, &id).await?;
         let commits = matches!(job.kind(), JobKind::Render | JobKind::Export);
         if commits && job.state() != job::State::Succeeded {
-            let committed = self.context.store.outputs(&id).await?.into_iter();
+            let committed = self.context.store.outputs(tenant, &id).await?.into_iter();
             let committed = committed.filter_map(|it| Some((it.file, it.object?)));
             return Ok(committed.collect());
         }
@@ -129,10 +138,15 @@ impl ObjectApi {
 
     async fn of_checkpoint(
         &self,
+        tenant: &Tenant,
         model: &str,
         name: &str,
     ) -> Result<Vec<(String, ObjectRef)>, RequestError> {
-        let checkpoints = self.context.store.checkpoints(model, u32::MAX).await?;
+        let checkpoints = self
+            .context
+            .store
+            .checkpoints(tenant, model, u32::MAX)
+            .await?;
         let checkpoint = checkpoints.into_iter().find(|it| it.name == name);
         let checkpoint = checkpoint.ok_or_else(|| RequestError::NotFound { name: name.into() })?;
         let torn =

@@ -3,6 +3,7 @@
 use super::{fields, public};
 use crate::context::Context;
 use crate::jobs::queue;
+use crate::tenant::Tenant;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::v1::render_service_server::RenderService;
@@ -20,13 +21,14 @@ impl RenderService for RenderApi {
         &self,
         request: Request<CreateRenderRequest>,
     ) -> Result<Response<Job>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateRender", &request.request_id, &request)?;
         let spec = JobSpec {
             kind: request.spec.map(job_spec::Kind::Render),
         };
         let new = fields::new_job(spec, request.priority, &request.owner)?;
-        let job = queue::create(&self.context, new, key).await?;
+        let job = queue::create(&self.context, &tenant, new, key).await?;
         Ok(Response::new(public::job(job)))
     }
 }

@@ -3,6 +3,7 @@
 use super::paging;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::tenant::Tenant;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -28,20 +29,24 @@ pub struct StatusApi {
 impl StatusService for StatusApi {
     async fn get_status(
         &self,
-        _: Request<GetStatusRequest>,
+        request: Request<GetStatusRequest>,
     ) -> Result<Response<ServiceStatus>, Status> {
+        let tenant = Tenant::of(&request)?;
         let context = &self.context;
         let lately = context.roster.lately(context.config.clock.time());
         let ids: Vec<&str> = lately.keys().map(String::as_str).collect();
         let lease_seconds = context.config.lease_seconds;
-        let workers = context.store.active_workers(&ids, lease_seconds).await;
+        let workers = context
+            .store
+            .active_workers(&tenant, &ids, lease_seconds)
+            .await;
         let mut workers = workers.map_err(RequestError::from)?;
         for worker in &mut workers {
             add_request(worker, &lately);
         }
-        let counts = context.store.open_jobs().await;
+        let counts = context.store.open_jobs(&tenant).await;
         let (queued, running) = counts.map_err(RequestError::from)?;
-        let paused = context.store.paused_kinds().await;
+        let paused = context.store.paused_kinds(&tenant).await;
         let disk = context.disk.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -68,12 +73,13 @@ impl StatusService for StatusApi {
         &self,
         request: Request<ListWorkersRequest>,
     ) -> Result<Response<ListWorkersResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("workers", request.page_size, &request.page_token, &())?;
         let context = &self.context;
         let workers = context
             .store
-            .workers(page.page(), context.config.lease_seconds);
+            .workers(&tenant, page.page(), context.config.lease_seconds);
         let mut workers = workers.await.map_err(RequestError::from)?;
         let lately = context.roster.lately(context.config.clock.time());
         for entry in &mut workers {

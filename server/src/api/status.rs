@@ -40,6 +40,7 @@ impl From<RequestError> for Status {
             RequestError::Busy(_) => status(Reason::Busy, text, &[]),
             RequestError::ShuttingDown => status(Reason::ShuttingDown, text, &[]),
             RequestError::Stream(status) => status,
+            error @ RequestError::NoTenant => internal(&error),
             RequestError::Store(error) => store(error),
             RequestError::Objects(error) if error.is_torn() => altered(&error),
             RequestError::Objects(error) if error.is_full() => unavailable(&error),

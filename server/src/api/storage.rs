@@ -20,6 +20,7 @@ impl StorageService for StorageApi {
         &self,
         request: Request<CollectGarbageRequest>,
     ) -> Result<Response<CollectGarbageResponse>, Status> {
+        // For the operator: garbage belongs to no tenant.
         let CollectGarbageRequest { dry_run, now } = *request.get_ref();
         let options = collect::Options { dry_run, now };
         let mut found = collect::collect(&self.context, options).await?;

@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
 use crate::store::{NewSubject, SubjectChange, Target};
+use crate::tenant::Tenant;
 use crate::uploads;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -55,16 +56,17 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<CreateSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
         let store = &self.context.store;
         // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
-            .answered(key.as_ref())
+            .answered(&tenant, key.as_ref())
             .await
             .map_err(RequestError::from)?
         {
-            let subject = store.subject(&id).await;
+            let subject = store.subject(&tenant, &id).await;
             return Ok(Response::new(subject.map_err(RequestError::from)?));
         }
         let note = &request.consent_note;
@@ -75,7 +77,7 @@ impl SubjectService for SubjectApi {
             display_name,
             consent_note: request.consent_note,
         };
-        let subject = store.create_subject(new, key).await;
+        let subject = store.create_subject(&tenant, new, key).await;
         Ok(Response::new(subject.map_err(RequestError::from)?))
     }
 
@@ -83,8 +85,9 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Subjects, "name", &request.get_ref().name)?;
-        let subject = self.context.store.subject(&id).await;
+        let subject = self.context.store.subject(&tenant, &id).await;
         Ok(Response::new(subject.map_err(RequestError::from)?))
     }
 
@@ -92,9 +95,10 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListSubjectsRequest>,
     ) -> Result<Response<ListSubjectsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("subjects", request.page_size, &request.page_token, &())?;
-        let entries = self.context.store.subjects(page.page()).await;
+        let entries = self.context.store.subjects(&tenant, page.page()).await;
         let (subjects, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListSubjectsResponse {
             subjects,
@@ -106,13 +110,16 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<UpdateSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let subject = request.subject.unwrap_or_default();
         let id = fields::id(Collection::Subjects, "subject.name", &subject.name);
         let change = subject_change(&subject, &request.update_mask.unwrap_or_default().paths);
         let (id, change) = both(id, change)?;
         let store = &self.context.store;
-        let changed = store.update_subject(&id, change, &subject.etag).await;
+        let changed = store
+            .update_subject(&tenant, &id, change, &subject.etag)
+            .await;
         Ok(Response::new(changed.map_err(RequestError::from)?))
     }
 
@@ -120,8 +127,9 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetCaptureRequest>,
     ) -> Result<Response<Capture>, Status> {
+        let tenant = Tenant::of(&request)?;
         let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
-        let capture = self.context.store.capture(&id).await;
+        let capture = self.context.store.capture(&tenant, &id).await;
         Ok(Response::new(capture.map_err(RequestError::from)?))
     }
 
@@ -129,6 +137,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListCapturesRequest>,
     ) -> Result<Response<ListCapturesResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let (size, token) = (request.page_size, &request.page_token);
         let page = paging::Request::read("captures", size, token, &request.parent);
@@ -140,9 +149,14 @@ impl SubjectService for SubjectApi {
         let store = &self.context.store;
         if let Some(id) = &subject {
             // A person who does not exist is no empty list.
-            store.subject(id).await.map_err(RequestError::from)?;
+            store
+                .subject(&tenant, id)
+                .await
+                .map_err(RequestError::from)?;
         }
-        let entries = store.captures(page.page(), subject.as_deref()).await;
+        let entries = store
+            .captures(&tenant, page.page(), subject.as_deref())
+            .await;
         let (captures, next_page_token) = page.cut(entries.map_err(RequestError::from)?);
         Ok(Response::new(ListCapturesResponse {
             captures,
@@ -154,10 +168,11 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<IngestCaptureRequest>,
     ) -> Result<Response<Capture>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("IngestCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
-        let capture = uploads::ingest_again(&self.context, &id, key).await?;
+        let capture = uploads::ingest_again(&self.context, &tenant, &id, key).await?;
         Ok(Response::new(capture))
     }
 
@@ -165,11 +180,12 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteSubjectRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteSubject", &request.request_id, request)?;
         let id = fields::id(Collection::Subjects, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Subject(&id), &request.etag, key)
+            .delete(&tenant, Target::Subject(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }
@@ -178,11 +194,12 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteCaptureRequest>,
     ) -> Result<Response<Deleted>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
         let deleted = (self.context.store)
-            .delete(Target::Capture(&id), &request.etag, key)
+            .delete(&tenant, Target::Capture(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
     }

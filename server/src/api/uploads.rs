@@ -2,6 +2,7 @@
 
 use super::fields;
 use crate::context::Context;
+use crate::tenant::Tenant;
 use crate::uploads::{self, describe};
 use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
@@ -24,10 +25,11 @@ impl UploadService for UploadApi {
         &self,
         request: Request<CreateUploadRequest>,
     ) -> Result<Response<Upload>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateUpload", &request.request_id, &request)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
-        let upload = uploads::create(&self.context, subject, request.files, key).await?;
+        let upload = uploads::create(&self.context, &tenant, subject, request.files, key).await?;
         let limits = &self.context.config.upload;
         Ok(Response::new(describe(limits, &upload)))
     }
@@ -36,9 +38,10 @@ impl UploadService for UploadApi {
         &self,
         request: Request<Streaming<WriteUploadRequest>>,
     ) -> Result<Response<WriteUploadResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         // A separate task: when the caller disconnects, this future is dropped, but what has come is
         // committed nevertheless.
-        let receiving = uploads::receive(Arc::clone(&self.context), request.into_inner());
+        let receiving = uploads::receive(Arc::clone(&self.context), tenant, request.into_inner());
         let written = tokio::spawn(receiving).await.map_err(|error| {
             tracing::error!(%error, "a write of an upload ended early");
             Status::internal("the write ended early")
@@ -50,9 +53,10 @@ impl UploadService for UploadApi {
         &self,
         request: Request<GetUploadRequest>,
     ) -> Result<Response<Upload>, Status> {
+        let tenant = Tenant::of(&request)?;
         let GetUploadRequest { name, stop_writer } = request.get_ref();
         let id = fields::id(Collection::Uploads, "name", name)?;
-        let upload = uploads::get(&self.context, &id, *stop_writer).await?;
+        let upload = uploads::get(&self.context, &tenant, &id, *stop_writer).await?;
         let limits = &self.context.config.upload;
         Ok(Response::new(describe(limits, &upload)))
     }
@@ -61,10 +65,11 @@ impl UploadService for UploadApi {
         &self,
         request: Request<FinishUploadRequest>,
     ) -> Result<Response<Capture>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("FinishUpload", &request.request_id, &request)?;
         let id = fields::id(Collection::Uploads, "name", &request.name)?;
-        let capture = uploads::finish(&self.context, &id, key).await?;
+        let capture = uploads::finish(&self.context, &tenant, &id, key).await?;
         Ok(Response::new(capture))
     }
 }

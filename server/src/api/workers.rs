@@ -6,6 +6,7 @@ use crate::error::RequestError;
 use crate::field_faults::both;
 use crate::jobs::{lease, report};
 use crate::store::{Ending, LeaseKey, NewWorker};
+use crate::tenant::Tenant;
 use crate::traffic::Client;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
@@ -62,6 +63,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let in_process = Client::is_in_process(&request);
         let request = request.into_inner();
         let embedded = match request.embedded && !in_process {
@@ -91,7 +93,7 @@ impl WorkerService for WorkerApi {
             version: worker_text::line(request.version),
             order_level: request.order_level,
         };
-        let id = lease::register(&self.context, new).await?;
+        let id = lease::register(&self.context, &tenant, new).await?;
         Ok(Response::new(RegisterWorkerResponse {
             worker: Collection::Workers.name(&id),
             lease_seconds: self.context.config.lease_seconds,
@@ -102,13 +104,21 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<LeaseJobRequest>,
     ) -> Result<Response<LeaseJobResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.get_ref();
         let id = fields::id(Collection::Workers, "worker", &request.worker)?;
         fields::request_id(&request.request_id)?;
         if self.drain.is_cancelled() {
             return Err(RequestError::ShuttingDown.into());
         }
-        let lease = lease::lease(&self.context, &id, &request.request_id, request.help).await?;
+        let lease = lease::lease(
+            &self.context,
+            &tenant,
+            &id,
+            &request.request_id,
+            request.help,
+        )
+        .await?;
         Ok(Response::new(LeaseJobResponse { lease }))
     }
 
@@ -116,10 +126,11 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let progress = request.progress.map(worker_text::progress);
-        let cancel = report::heartbeat(&self.context, &key, progress).await?;
+        let cancel = report::heartbeat(&self.context, &tenant, &key, progress).await?;
         let lease_seconds = self.context.config.lease_seconds;
         Ok(Response::new(HeartbeatResponse {
             cancel,
@@ -131,12 +142,13 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<PublishCheckpointRequest>,
     ) -> Result<Response<PublishCheckpointResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let checkpoint = request.checkpoint;
         let checkpoint =
             checkpoint.ok_or_else(|| RequestError::invalid("checkpoint", "is missing"))?;
-        report::publish(&self.context, &key, checkpoint).await?;
+        report::publish(&self.context, &tenant, &key, checkpoint).await?;
         Ok(Response::new(PublishCheckpointResponse {}))
     }
 
@@ -144,11 +156,12 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<CommitOutputRequest>,
     ) -> Result<Response<CommitOutputResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let file = request.file;
         let file = file.ok_or_else(|| RequestError::invalid("file", "is missing"))?;
-        report::commit_output(&self.context, &key, &file).await?;
+        report::commit_output(&self.context, &tenant, &key, &file).await?;
         Ok(Response::new(CommitOutputResponse {}))
     }
 
@@ -156,10 +169,11 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<TakeRangeRequest>,
     ) -> Result<Response<TakeRangeResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
         let (pictures, drawn) = (request.pictures, request.drawn);
-        let taken = report::take_range(&self.context, &key, pictures, drawn).await?;
+        let taken = report::take_range(&self.context, &tenant, &key, pictures, drawn).await?;
         Ok(Response::new(TakeRangeResponse {
             range: taken.range,
             outputs: taken.outputs,
@@ -172,9 +186,10 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<EndJobRequest>,
     ) -> Result<Response<EndJobResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
         let request = request.into_inner();
         let key = lease_key(request.claim)?;
-        report::end(&self.context, &key, ending(request.outcome)?).await?;
+        report::end(&self.context, &tenant, &key, ending(request.outcome)?).await?;
         Ok(Response::new(EndJobResponse {}))
     }
 }

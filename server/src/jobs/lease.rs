@@ -3,6 +3,7 @@
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker, StoreError};
+use crate::tenant::Tenant;
 use prost::Message;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::names::Collection;
@@ -17,10 +18,14 @@ const MARGIN: usize = 64;
 ///
 /// # Errors
 /// When the store fails.
-pub async fn register(context: &Context, new: NewWorker) -> Result<String, RequestError> {
+pub async fn register(
+    context: &Context,
+    tenant: &Tenant,
+    new: NewWorker,
+) -> Result<String, RequestError> {
     let (name, device) = (new.display_name.clone(), new.device.clone());
     let (version, order_level) = (new.version.clone(), new.order_level);
-    let id = context.store.register_worker(new).await?;
+    let id = context.store.register_worker(tenant, new).await?;
     tracing::info!(
         worker = id,
         name,
@@ -49,6 +54,7 @@ pub async fn register(context: &Context, new: NewWorker) -> Result<String, Reque
 /// When the worker is unknown or the store fails.
 pub async fn lease(
     context: &Context,
+    tenant: &Tenant,
     worker_id: &str,
     request_id: &str,
     help: bool,
@@ -56,7 +62,7 @@ pub async fn lease(
     let lease_seconds = context.config.lease_seconds;
     let outcome = (context
         .store
-        .lease_job(worker_id, request_id, help, lease_seconds))
+        .lease_job(tenant, worker_id, request_id, help, lease_seconds))
     .await?;
     context.roster.asked(worker_id, context.config.clock.time());
     for (job, reason) in &outcome.failed {
@@ -94,7 +100,7 @@ pub async fn lease(
             worker_id: worker_id.to_owned(),
             token,
         };
-        end_unreadable(context, &key, bytes, helps).await?;
+        end_unreadable(context, tenant, &key, bytes, helps).await?;
         return Ok(None);
     }
     tracing::info!(job = name, token, worker = worker_id, helps, "job leased");
@@ -104,6 +110,7 @@ pub async fn lease(
 /// Ends a lease of `bytes` bytes, which is too large for any worker to read.
 async fn end_unreadable(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     bytes: usize,
     helps: bool,
@@ -126,7 +133,7 @@ async fn end_unreadable(
             ..JobError::default()
         }),
     };
-    context.store.end_job(lease, ending).await?;
+    context.store.end_job(tenant, lease, ending).await?;
     let job = Collection::Jobs.name(&lease.job_id);
     context.changes.announce(&job);
     Ok(())

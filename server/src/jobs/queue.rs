@@ -9,6 +9,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::all;
 use crate::store::{JobKind, NewJob, RequestKey};
+use crate::tenant::Tenant;
 use yoto_proto::checks;
 use yoto_proto::v1::{Job, JobSpec, job};
 
@@ -18,16 +19,17 @@ use yoto_proto::v1::{Job, JobSpec, job};
 /// When the spec names a missing resource, or can't be served yet.
 pub async fn create(
     context: &Context,
+    tenant: &Tenant,
     new: NewJob,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
     // Comes before the checks against the catalogue: a repeated request gets its first answer, whatever has changed since.
-    if let Some(id) = context.store.answered(request.as_ref()).await? {
-        return Ok(context.store.job(&id).await?);
+    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
+        return Ok(context.store.job(tenant, &id).await?);
     }
-    check_spec(context, &new.spec).await?;
+    check_spec(context, tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
-    let job = context.store.create_job(new, request).await?;
+    let job = context.store.create_job(tenant, new, request).await?;
     tracing::info!(job = job.name, kind, "job queued");
     Ok(job)
 }
@@ -36,8 +38,12 @@ pub async fn create(
 ///
 /// # Errors
 /// As [`create`].
-pub async fn validate(context: &Context, new: NewJob) -> Result<Job, RequestError> {
-    check_spec(context, &new.spec).await?;
+pub async fn validate(
+    context: &Context,
+    tenant: &Tenant,
+    new: NewJob,
+) -> Result<Job, RequestError> {
+    check_spec(context, tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec).map(JobKind::to_proto);
     Ok(Job {
         state: job::State::Queued.into(),
@@ -72,10 +78,11 @@ fn path(field: &str) -> String {
 /// When the job does not exist.
 pub async fn cancel(
     context: &Context,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
-    let job = context.store.cancel_job(id, request).await?;
+    let job = context.store.cancel_job(tenant, id, request).await?;
     context.changes.announce(&job.name);
     tracing::info!(
         job = job.name,

@@ -6,6 +6,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
 use crate::store::{Ending, LeaseKey, StoreError, TakenRange};
+use crate::tenant::Tenant;
 use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
@@ -17,11 +18,15 @@ use yoto_proto::v1::{Checkpoint, Progress, RenderedFile, job_spec};
 /// When the lease is stale.
 pub async fn heartbeat(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     progress: Option<Progress>,
 ) -> Result<bool, RequestError> {
     let seconds = context.config.lease_seconds;
-    let cancel = context.store.heartbeat(lease, progress, seconds).await?;
+    let cancel = context
+        .store
+        .heartbeat(tenant, lease, progress, seconds)
+        .await?;
     announce(context, lease);
     Ok(cancel)
 }
@@ -32,10 +37,12 @@ pub async fn heartbeat(
 /// When the lease is stale, or the checkpoint is not one of this job and lease.
 pub async fn publish(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     checkpoint: Checkpoint,
 ) -> Result<(), RequestError> {
-    let Some(job_spec::Kind::Train(train)) = context.store.leased_spec(lease).await?.kind else {
+    let Some(job_spec::Kind::Train(train)) = context.store.leased_spec(tenant, lease).await?.kind
+    else {
         return Err(RequestError::invalid(
             "job",
             "only a train job publishes checkpoints",
@@ -53,7 +60,7 @@ pub async fn publish(
         return Err(RequestError::invalid("checkpoint.psnr", "is not finite"));
     }
     let model_id = parse(Collection::Models, "job", &train.model)?;
-    let model = context.store.model(model_id).await?;
+    let model = context.store.model(tenant, model_id).await?;
     let known = |slot: &u32| model.slots.iter().any(|it| it.slot == *slot);
     let slots = &checkpoint.slots;
     if !slots.is_sorted_by(|a, b| a < b) || !slots.iter().all(known) {
@@ -74,7 +81,9 @@ pub async fn publish(
     )
     .await?;
     let default = context.config.storage.retention();
-    let published = context.store.publish_checkpoint(lease, checkpoint, default);
+    let published = context
+        .store
+        .publish_checkpoint(tenant, lease, checkpoint, default);
     published.await?;
     tracing::info!(job = lease.job_id, step, "checkpoint published");
     Ok(())
@@ -86,10 +95,11 @@ pub async fn publish(
 /// When the lease is stale, or the file is not one of this job and lease.
 pub async fn commit_output(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     file: &RenderedFile,
 ) -> Result<(), RequestError> {
-    let kind = context.store.leased_spec(lease).await?.kind;
+    let kind = context.store.leased_spec(tenant, lease).await?.kind;
     let commits = matches!(
         kind,
         Some(job_spec::Kind::Render(_) | job_spec::Kind::Export(_))
@@ -103,7 +113,7 @@ pub async fn commit_output(
     let expected = keys::render(&lease.job_id, lease.token, &file.file);
     let is_expected = |key: &str| key == expected;
     require(context, "file.object", file.object.as_ref(), is_expected).await?;
-    context.store.commit_output(lease, file).await?;
+    context.store.commit_output(tenant, lease, file).await?;
     announce(context, lease);
     Ok(())
 }
@@ -114,11 +124,13 @@ pub async fn commit_output(
 /// When the lease is stale, or not of a render.
 pub async fn take_range(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     pictures: u32,
     drawn: Option<u32>,
 ) -> Result<TakenRange, RequestError> {
-    let Some(job_spec::Kind::Render(_)) = context.store.leased_spec(lease).await?.kind else {
+    let Some(job_spec::Kind::Render(_)) = context.store.leased_spec(tenant, lease).await?.kind
+    else {
         return Err(RequestError::invalid(
             "claim.job",
             "only a render has pictures",
@@ -128,7 +140,10 @@ pub async fn take_range(
         let message = format!("{pictures} is not between 1 and {MAX_PICTURES}");
         return Err(RequestError::invalid("pictures", message));
     }
-    Ok(context.store.take_range(lease, pictures, drawn).await?)
+    Ok(context
+        .store
+        .take_range(tenant, lease, pictures, drawn)
+        .await?)
 }
 
 /// Ends a lease: with the job's result, without one, or for another worker.
@@ -136,16 +151,21 @@ pub async fn take_range(
 /// # Errors
 /// When the lease is stale, the result is not one of this job and lease, or the worker reports a cancel
 /// that was never requested. A repeated call is accepted.
-pub async fn end(context: &Context, lease: &LeaseKey, ending: Ending) -> Result<(), RequestError> {
+pub async fn end(
+    context: &Context,
+    tenant: &Tenant,
+    lease: &LeaseKey,
+    ending: Ending,
+) -> Result<(), RequestError> {
     if let Ending::Succeeded(result) = &ending {
-        match context.store.leased_spec(lease).await {
-            Ok(spec) => check_result(context, lease, &spec, result).await?,
+        match context.store.leased_spec(tenant, lease).await {
+            Ok(spec) => check_result(context, tenant, lease, &spec, result).await?,
             // The store knows whether it is a repeated call.
             Err(StoreError::StaleLease { .. }) => {}
             Err(error) => return Err(error.into()),
         }
     }
-    context.store.end_job(lease, ending.clone()).await?;
+    context.store.end_job(tenant, lease, ending.clone()).await?;
     announce(context, lease);
     let outcome = ending.outcome().as_str_name();
     tracing::info!(

@@ -4,6 +4,7 @@ use super::queue;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{NewJob, RequestKey, StoreError};
+use crate::tenant::Tenant;
 use crate::uploads;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Capture, ErrorReason, Job, JobKind, job};
@@ -15,18 +16,19 @@ use yoto_proto::v1::{Capture, ErrorReason, Job, JobKind, job};
 /// When the job does not exist or is in another state, or its order can't be served any more.
 pub async fn retry(
     context: &Context,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
     // Comes before every check, as in `queue::create`.
-    if let Some(answer) = context.store.answered(request.as_ref()).await? {
-        return match context.store.capture(&answer).await {
-            Ok(capture) => ingest_job(context, &capture).await,
-            Err(StoreError::NotFound { .. }) => Ok(context.store.job(&answer).await?),
+    if let Some(answer) = context.store.answered(tenant, request.as_ref()).await? {
+        return match context.store.capture(tenant, &answer).await {
+            Ok(capture) => ingest_job(context, tenant, &capture).await,
+            Err(StoreError::NotFound { .. }) => Ok(context.store.job(tenant, &answer).await?),
             Err(error) => Err(error.into()),
         };
     }
-    let ended = context.store.job(id).await?;
+    let ended = context.store.job(tenant, id).await?;
     if !ended.state().is_terminal() || ended.state() == job::State::Succeeded {
         let message = format!(
             "{} is {}: only one that FAILED or was CANCELLED is queued again",
@@ -40,8 +42,9 @@ pub async fn retry(
     }
     if ended.kind() == JobKind::Ingest {
         let id = Collection::Captures.parse(&ended.capture);
-        let capture = uploads::ingest_again(context, id.unwrap_or_default(), request).await?;
-        return ingest_job(context, &capture).await;
+        let capture =
+            uploads::ingest_again(context, tenant, id.unwrap_or_default(), request).await?;
+        return ingest_job(context, tenant, &capture).await;
     }
     let new = NewJob {
         priority: NewJob::column(ended.priority()),
@@ -50,11 +53,15 @@ pub async fn retry(
     };
     // It was accepted by an earlier version of the service, perhaps.
     queue::check_order(&new.spec)?;
-    queue::create(context, new, request).await
+    queue::create(context, tenant, new, request).await
 }
 
 /// The newest ingest job of a capture.
-async fn ingest_job(context: &Context, capture: &Capture) -> Result<Job, RequestError> {
+async fn ingest_job(
+    context: &Context,
+    tenant: &Tenant,
+    capture: &Capture,
+) -> Result<Job, RequestError> {
     let id = Collection::Jobs.parse(&capture.ingest_job);
-    Ok(context.store.job(id.unwrap_or_default()).await?)
+    Ok(context.store.job(tenant, id.unwrap_or_default()).await?)
 }

@@ -3,6 +3,7 @@
 use crate::changes::{WatchedState, subscribe};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::tenant::Tenant;
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -11,6 +12,7 @@ use yoto_proto::v1::Job;
 
 struct Watcher {
     context: Arc<Context>,
+    tenant: Tenant,
     id: String,
     /// Last sequence number known to the caller.
     known: u64,
@@ -31,13 +33,15 @@ struct Watcher {
 /// The stream fails when the job does not exist, the store fails, or `stop` is cancelled.
 pub fn watch(
     context: Arc<Context>,
+    tenant: Tenant,
     id: String,
     after_sequence: u64,
     stop: CancellationToken,
 ) -> impl Stream<Item = Result<Job, RequestError>> + Send + 'static {
     let watcher = Watcher {
-        states: subscribe(&context, &id),
+        states: subscribe(&context, &tenant, &id),
         context,
+        tenant,
         id,
         known: after_sequence,
         began: false,
@@ -60,7 +64,7 @@ impl Watcher {
             // Reads the job itself instead of the last state sent to other watchers: the caller may know a
             // newer one.
             self.began = true;
-            let job = self.context.store.job_state(&self.id).await?;
+            let job = self.context.store.job_state(&self.tenant, &self.id).await?;
             let known = self.known == job.sequence;
             self.known = job.sequence;
             if !known {
@@ -78,7 +82,9 @@ impl Watcher {
                     return Ok(Some(Job::clone(&job)));
                 }
                 // Reads again to get the reason, or the state if reading works again.
-                WatchedState::Unreadable => drop(self.context.store.job_state(&self.id).await?),
+                WatchedState::Unreadable => {
+                    drop(self.context.store.job_state(&self.tenant, &self.id).await?)
+                }
                 WatchedState::Job(_) | WatchedState::Nothing => {}
             }
             tokio::select! {

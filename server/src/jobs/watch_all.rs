@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::job_feed::{Change, subscribe};
 use crate::store::{JobFilter, Page, StoreError};
+use crate::tenant::Tenant;
 use futures::{Stream, stream};
 use prost::Message;
 use std::collections::{HashMap, VecDeque};
@@ -21,6 +22,7 @@ const BATCH: usize = 100;
 
 struct Watcher {
     context: Arc<Context>,
+    tenant: Tenant,
     filter: JobFilter,
     /// Sequence numbers that the caller knows, by `jobs/{id}`: of open jobs, and of those that ended in a gap.
     known: HashMap<String, u64>,
@@ -33,19 +35,21 @@ struct Watcher {
     ended: bool,
 }
 
-/// The open jobs of `filter` that are not in `known` with their sequence number, and the jobs of `known` that have ended;
+/// The tenant's open jobs of `filter` that are not in `known` with their sequence number, and the jobs of `known` that have ended;
 /// then each change of a job of `filter`. The states of the filter are not looked at.
 ///
 /// # Errors
 /// The stream fails when the store fails, or `stop` is cancelled.
 pub fn watch_all(
     context: Arc<Context>,
+    tenant: Tenant,
     filter: JobFilter,
     known: HashMap<String, u64>,
     stop: CancellationToken,
 ) -> impl Stream<Item = Result<WatchJobsResponse, RequestError>> + Send + 'static {
     let watcher = Watcher {
         context,
+        tenant,
         filter,
         known,
         changes: None,
@@ -102,7 +106,7 @@ impl Watcher {
             return Err(RequestError::ShuttingDown);
         }
         // Changes after this are in both, and are recognised by their sequence numbers.
-        self.changes = Some(subscribe(&self.context).await?);
+        self.changes = Some(subscribe(&self.context, &self.tenant).await?);
         let mut gone = take(&mut self.known);
         let mut batch = Batch::default();
         for job in self.open().await? {
@@ -114,7 +118,7 @@ impl Watcher {
         }
         for (name, sequence) in gone {
             let id = Collection::Jobs.parse(&name).unwrap_or_default();
-            match self.context.store.job_state(id).await {
+            match self.context.store.job_state(&self.tenant, id).await {
                 Ok(job) if matches(&self.filter, &job) => {
                     self.known.insert(name, job.sequence);
                     if job.sequence != sequence {
@@ -146,7 +150,11 @@ impl Watcher {
         };
         let mut jobs = Vec::new();
         loop {
-            let entries = self.context.store.jobs(page, &filter, false).await?;
+            let entries = self
+                .context
+                .store
+                .jobs(&self.tenant, page, &filter, false)
+                .await?;
             let Some(last) = entries.last() else {
                 return Ok(jobs);
             };

@@ -3,7 +3,7 @@
 //!
 //! | rule | where |
 //! |---|---|
-//! | the order of the queue: priority, then the owner with the fewest running jobs, then age | `store/sqlite/queue.rs`, since only the database can search |
+//! | the order of the queue: priority, then the owner with the fewest running jobs, then age | `store/scripts/queue.rs`, since only the database can search |
 //! | a job that keeps losing workers ends | [`losses`] |
 //! | a job whose resources fail waits longer each time | [`retries`] |
 //! | how a render is divided among workers | [`ranges`] |

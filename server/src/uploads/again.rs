@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::input_file;
 use crate::store::RequestKey;
+use crate::tenant::Tenant;
 use yoto_proto::v1::{Capture, ErrorReason, capture};
 
 /// Queues another ingest job for a capture whose last one failed.
@@ -12,21 +13,22 @@ use yoto_proto::v1::{Capture, ErrorReason, capture};
 /// When the capture is in another state, or its files are gone.
 pub async fn ingest_again(
     context: &Context,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Capture, RequestError> {
-    if let Some(id) = context.store.answered(request.as_ref()).await? {
-        return Ok(context.store.capture(&id).await?);
+    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
+        return Ok(context.store.capture(tenant, &id).await?);
     }
     // Until the job is queued, no row may refer to the files.
     let _no_collection = context.collecting.lock().await;
-    let capture = context.store.capture(id).await?;
+    let capture = context.store.capture(tenant, id).await?;
     // The store refuses the other states.
     if matches!(
         capture.state(),
         capture::State::Uploaded | capture::State::Rejected
     ) {
-        for file in context.store.capture_files(id).await? {
+        for file in context.store.capture_files(tenant, id).await? {
             let object = input_file(id, &file).object.unwrap_or_default();
             match context.objects.require(&object).await {
                 Err(error) if error.is_torn() => {
@@ -40,7 +42,7 @@ pub async fn ingest_again(
             }
         }
     }
-    let capture = context.store.ingest_capture(id, request).await?;
+    let capture = context.store.ingest_capture(tenant, id, request).await?;
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture is read again");
     Ok(capture)

@@ -7,6 +7,7 @@ use crate::error::RequestError;
 use crate::field_faults::all;
 use crate::objects::upload::{input_file, is_sha256};
 use crate::store::{NewUpload, RequestKey, Upload, UploadedFile, new_id};
+use crate::tenant::Tenant;
 use prost::Message;
 use prost_types::Timestamp;
 use yoto_proto::media_plan::CAPTURE_ARCHIVES;
@@ -20,21 +21,22 @@ use yoto_proto::{limits, pose_track};
 /// When the files break a rule, there is no such subject, or the disk is nearly full.
 pub async fn create(
     context: &Context,
+    tenant: &Tenant,
     subject_id: String,
     files: Vec<FileHeader>,
     request: Option<RequestKey>,
 ) -> Result<Upload, RequestError> {
-    if let Some(id) = context.store.answered(request.as_ref()).await? {
-        return Ok(context.store.upload(&id).await?);
+    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
+        return Ok(context.store.upload(tenant, &id).await?);
     }
     let files = check(&context.config.upload, files)?;
     let bytes = files.iter().map(|file| file.bytes).sum();
     context.ensure_room(bytes)?;
     let new = NewUpload { subject_id, files };
     let count = new.files.len();
-    let id = context.store.create_upload(new, request).await?;
+    let id = context.store.create_upload(tenant, new, request).await?;
     tracing::info!(upload = id, files = count, bytes, "upload opened");
-    Ok(context.store.upload(&id).await?)
+    Ok(context.store.upload(tenant, &id).await?)
 }
 
 /// Checks that the files can be a capture together.

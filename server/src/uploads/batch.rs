@@ -6,6 +6,7 @@ use crate::error::RequestError;
 use crate::objects::disk;
 use crate::objects::parts::Piece;
 use crate::store::CommittedPart;
+use crate::tenant::Tenant;
 use bytes::Bytes;
 use std::sync::Arc;
 use tokio::task::JoinHandle;
@@ -51,7 +52,12 @@ impl Batch {
     }
 
     /// Writes all chunks durably, then records them in the catalogue.
-    async fn commit(self, context: &Context, id: &str) -> Result<(), RequestError> {
+    async fn commit(
+        self,
+        context: &Context,
+        tenant: &Tenant,
+        id: &str,
+    ) -> Result<(), RequestError> {
         let (parts, chunks): (Vec<_>, Vec<_>) = self.parts.into_iter().unzip();
         let pieces = parts.iter().zip(chunks).map(|(part, chunks)| Piece {
             key: keys::upload(id, &part.path),
@@ -62,25 +68,27 @@ impl Batch {
         if let Err(ObjectsError::Size { key, found, .. }) = &written
             && let Some(part) = parts.iter().find(|it| keys::upload(id, &it.path) == *key)
         {
-            return Err(lost(context, id, &part.path, *found).await);
+            return Err(lost(context, tenant, id, &part.path, *found).await);
         }
         written?;
-        Ok(context.store.commit_parts(id, &parts).await?)
+        Ok(context.store.commit_parts(tenant, id, &parts).await?)
     }
 }
 
 /// Commits one batch after another, while the next one arrives.
 pub struct Committer {
     context: Arc<Context>,
+    tenant: Tenant,
     id: String,
     running: Option<JoinHandle<Result<(), RequestError>>>,
 }
 
 impl Committer {
     /// For the upload `id`.
-    pub fn new(context: Arc<Context>, id: &str) -> Self {
+    pub fn new(context: Arc<Context>, tenant: Tenant, id: &str) -> Self {
         Self {
             context,
+            tenant,
             id: id.to_owned(),
             running: None,
         }
@@ -93,8 +101,9 @@ impl Committer {
     pub async fn start(&mut self, batch: Batch) -> Result<(), RequestError> {
         self.wait().await?;
         if !batch.is_empty() {
-            let (context, id) = (Arc::clone(&self.context), self.id.clone());
-            let work = async move { batch.commit(&context, &id).await };
+            let (context, tenant) = (Arc::clone(&self.context), self.tenant.clone());
+            let id = self.id.clone();
+            let work = async move { batch.commit(&context, &tenant, &id).await };
             self.running = Some(tokio::spawn(work));
         }
         Ok(())

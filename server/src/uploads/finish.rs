@@ -1,9 +1,10 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
-use super::lost;
+use super::{lock, lost};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, UploadFile};
+use crate::tenant::Tenant;
 use bytes::Bytes;
 use futures::{StreamExt, TryStreamExt, stream};
 use yoto_objects::ObjectsError;
@@ -21,14 +22,15 @@ const HASHED_AT_ONCE: usize = 2;
 /// `files["PATH"]`: the order in which the files were announced is not kept.
 pub async fn finish(
     context: &Context,
+    tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Capture, RequestError> {
-    if let Some(id) = context.store.answered(request.as_ref()).await? {
-        return Ok(context.store.capture(&id).await?);
+    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
+        return Ok(context.store.capture(tenant, &id).await?);
     }
-    let _lock = context.upload_locks.acquire(id).await;
-    let upload = context.store.upload(id).await?;
+    let _lock = lock(context, tenant, id).await?;
+    let upload = context.store.upload(tenant, id).await?;
     if upload.open {
         if let Some(file) = upload.files.iter().find(|file| file.committed < file.bytes) {
             let UploadFile {
@@ -44,33 +46,38 @@ pub async fn finish(
             ));
         }
         stream::iter(upload.files)
-            .map(|file| verify(context, id, file))
+            .map(|file| verify(context, tenant, id, file))
             .buffer_unordered(HASHED_AT_ONCE)
             .try_collect::<()>()
             .await?;
     }
-    let capture = context.store.finish_upload(id, request).await?;
+    let capture = context.store.finish_upload(tenant, id, request).await?;
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture uploaded");
     Ok(capture)
 }
 
 /// Compares a file with its announced checksum. An empty file is created, since no chunk of it arrives.
-async fn verify(context: &Context, id: &str, file: UploadFile) -> Result<(), RequestError> {
+async fn verify(
+    context: &Context,
+    tenant: &Tenant,
+    id: &str,
+    file: UploadFile,
+) -> Result<(), RequestError> {
     let key = keys::upload(id, &file.path);
     if file.bytes == 0 {
         context.objects.put(&key, Bytes::new()).await?;
     }
     let found = match context.disk.sha256(&key, file.bytes).await {
         Err(ObjectsError::Size { found, .. }) => {
-            return Err(lost(context, id, &file.path, found).await);
+            return Err(lost(context, tenant, id, &file.path, found).await);
         }
         hashed => hashed?,
     };
     if found == file.sha256 {
         return Ok(());
     }
-    context.store.restart_file(id, &file.path).await?;
+    context.store.restart_file(tenant, id, &file.path).await?;
     let message = format!(
         "{}: the received bytes have {found}, not {}; the file has to be sent again",
         file.path, file.sha256

@@ -15,24 +15,26 @@ mod write;
 pub use again::ingest_again;
 pub use announce::{create, describe};
 pub use finish::finish;
+use locks::UploadLock;
 pub use locks::UploadLocks;
 pub use write::receive;
 
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::Upload;
+use crate::tenant::Tenant;
 use yoto_proto::v1::ErrorReason;
 
 /// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
 /// the call that found this. Otherwise each later write would fail until the upload expires.
-async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestError {
+async fn lost(context: &Context, tenant: &Tenant, id: &str, path: &str, left: u64) -> RequestError {
     tracing::error!(
         upload = id,
         path,
         left,
         "acknowledged bytes of an upload are lost"
     );
-    if let Err(error) = context.store.restart_file(id, path).await {
+    if let Err(error) = context.store.restart_file(tenant, id, path).await {
         return error.into();
     }
     let message =
@@ -40,12 +42,21 @@ async fn lost(context: &Context, id: &str, path: &str, left: u64) -> RequestErro
     RequestError::precondition(ErrorReason::UploadIncomplete, message)
 }
 
+/// The lock of an upload, after the call that holds it has stopped. Only calls of the upload's tenant stop it.
+///
+/// # Errors
+/// When there is no such upload.
+async fn lock(context: &Context, tenant: &Tenant, id: &str) -> Result<UploadLock, RequestError> {
+    context.store.require_upload(tenant, id).await?;
+    Ok(context.upload_locks.acquire(id).await)
+}
+
 /// The open upload with this id.
 ///
 /// # Errors
 /// When there is none, or it is finished.
-async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
-    let upload = context.store.upload(id).await?;
+async fn open(context: &Context, tenant: &Tenant, id: &str) -> Result<Upload, RequestError> {
+    let upload = context.store.upload(tenant, id).await?;
     if upload.open {
         return Ok(upload);
     }
@@ -60,10 +71,15 @@ async fn open(context: &Context, id: &str) -> Result<Upload, RequestError> {
 ///
 /// # Errors
 /// When there is none.
-pub async fn get(context: &Context, id: &str, stop_writer: bool) -> Result<Upload, RequestError> {
+pub async fn get(
+    context: &Context,
+    tenant: &Tenant,
+    id: &str,
+    stop_writer: bool,
+) -> Result<Upload, RequestError> {
     let _lock = match stop_writer {
-        true => Some(context.upload_locks.acquire(id).await),
+        true => Some(lock(context, tenant, id).await?),
         false => None,
     };
-    Ok(context.store.upload(id).await?)
+    Ok(context.store.upload(tenant, id).await?)
 }

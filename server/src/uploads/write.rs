@@ -2,9 +2,10 @@
 
 use super::batch::{Batch, Committer};
 use super::locks::UploadLock;
-use super::open;
+use super::{lock, open};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::tenant::Tenant;
 use futures::{Stream, StreamExt};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -20,6 +21,7 @@ use yoto_proto::v1::{ErrorReason, WriteUploadRequest, WriteUploadResponse};
 /// upload, or the disk fails.
 pub async fn receive<S>(
     context: Arc<Context>,
+    tenant: Tenant,
     mut chunks: S,
 ) -> Result<WriteUploadResponse, RequestError>
 where
@@ -33,13 +35,13 @@ where
         .parse(&first.upload)
         .map_err(|error| RequestError::invalid("upload", error.to_string()))?
         .to_owned();
-    let lock = context.upload_locks.acquire(&id).await;
-    let upload = open(&context, &id).await?;
+    let lock = lock(&context, &tenant, &id).await?;
+    let upload = open(&context, &tenant, &id).await?;
     let mut writer = Writer {
         name: first.upload.clone(),
         files: HashMap::with_capacity(upload.files.len()),
         batch: Batch::default(),
-        committer: Committer::new(Arc::clone(&context), &id),
+        committer: Committer::new(Arc::clone(&context), tenant, &id),
         part_bytes: context.config.upload.part_bytes,
         bytes: upload.files.iter().map(|file| file.committed).sum(),
     };

@@ -169,7 +169,14 @@ async fn the_best_checkpoint_is_measured_unless_another_is_asked_for() {
     let lease = service.lease(&worker).await.expect("the evaluation waits");
     assert_eq!(steps(lease), [10]);
     let unknown = service.create_job(named(11)).await;
-    assert_invalid(unknown, "spec.evaluate.checkpoint");
+    assert_refused(unknown, Code::NotFound, "NOT_FOUND");
+    let garbled = EvaluateSpec {
+        model: model.name.clone(),
+        checkpoint: "eleven".into(),
+        ..<_>::default()
+    };
+    let garbled = service.create_job(job_spec::Kind::Evaluate(garbled)).await;
+    assert_invalid(garbled, "spec.evaluate.checkpoint");
     let request = ListCheckpointsRequest {
         model: model.name.clone(),
         ..<_>::default()

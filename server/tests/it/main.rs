@@ -21,6 +21,7 @@ mod scenes;
 mod service;
 mod status;
 mod support;
+mod tenants;
 mod tradeoffs;
 mod traffic;
 mod uploads;

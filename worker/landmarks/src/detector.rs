@@ -43,22 +43,37 @@ struct Found {
     circle: [f32; 2],
 }
 
-/// The square around the most certain person of a picture, from the detector's `boxes` `[2254, 12]` and `scores`
+/// The squares around the people of a picture, the most certain first, from the detector's `boxes` `[2254, 12]` and `scores`
 /// `[2254]` for the square `whole`.
-pub(crate) fn person(
+pub(crate) fn people(
     anchors: &[[f32; 2]],
     boxes: &[f32],
     scores: &[f32],
     whole: Region,
-) -> Option<Region> {
+) -> Vec<Region> {
     let boxes = boxes.as_chunks::<NUMBERS>().0.iter();
-    let found: Vec<Found> = anchors
+    let mut found: Vec<Found> = anchors
         .iter()
         .zip(boxes)
         .zip(scores)
         .filter_map(|((anchor, numbers), score)| found(*anchor, numbers, *score))
         .collect();
-    let best = found.iter().max_by(|a, b| a.score.total_cmp(&b.score))?;
+    let mut people = Vec::new();
+    while let Some(best) = found
+        .iter()
+        .max_by(|a, b| a.score.total_cmp(&b.score))
+        .copied()
+    {
+        people.extend(region(&best, &found, whole));
+        found.retain(|other| shared(&best, other) <= SAME);
+        // A box without an area shares nothing with itself.
+        found.retain(|other| other.sides != best.sides);
+    }
+    people
+}
+
+/// The square around the person of the box `best`.
+fn region(best: &Found, found: &[Found], whole: Region) -> Option<Region> {
     let (mut hips, mut circle, mut weight) = ([0.0; 2], [0.0; 2], 0.0);
     for same in found.iter().filter(|other| shared(best, other) > SAME) {
         weight += same.score;
@@ -138,13 +153,23 @@ mod tests {
         let anchors = anchors();
         let whole = Region::whole(448, 448);
         let (boxes, mut scores) = boxes(&[(0, 1.0), (1000, 3.0)]);
-        let region = person(&anchors, &boxes, &scores, whole).expect("a person");
+        let region = people(&anchors, &boxes, &scores, whole)[0];
         let [x, y] = anchors[1000].map(|at| at * 448.0);
         assert!((region.centre[0] - x).abs() < 1e-3 && (region.centre[1] - y).abs() < 1e-3);
         // 20 pixels of 224 are 40 of 448; twice that, with the margin.
         assert!((region.side - 100.0).abs() < 1e-3, "{region:?}");
         scores.fill(-0.1);
-        assert_eq!(person(&anchors, &boxes, &scores, whole), None);
+        assert_eq!(people(&anchors, &boxes, &scores, whole), []);
+    }
+
+    #[test]
+    fn all_people_are_found_once() {
+        let anchors = anchors();
+        let (boxes, scores) = boxes(&[(0, 2.0), (2, 1.5), (1000, 3.0), (1001, 1.0)]);
+        let people = people(&anchors, &boxes, &scores, Region::whole(224, 224));
+        let centres: Vec<[f32; 2]> = people.iter().map(|region| region.centre).collect();
+        assert_eq!(centres.len(), 2, "{centres:?}");
+        assert!((centres[1][0] - 8.0).abs() < 3.0, "{centres:?}");
     }
 
     #[test]
@@ -152,7 +177,7 @@ mod tests {
         let anchors = anchors();
         let (boxes, scores) = boxes(&[(0, 2.0), (2, 2.0), (1000, 1.0)]);
         let whole = Region::whole(224, 224);
-        let region = person(&anchors, &boxes, &scores, whole).expect("a person");
+        let region = people(&anchors, &boxes, &scores, whole)[0];
         assert!((region.centre[0] - 8.0).abs() < 1e-3, "{region:?}");
     }
 }

@@ -89,14 +89,14 @@ impl PoseModel {
         &self.name
     }
 
-    /// The region of a person in the picture.
-    pub(crate) fn find(&mut self, view: View) -> Option<Region> {
+    /// The regions of people in the picture, the most certain first.
+    pub(crate) fn find(&mut self, view: View) -> Vec<Region> {
         let whole = Region::whole(view.width, view.height);
         let input = self.detector.input();
         whole.cut(view, detector::SIDE, [-1.0, 1.0], Beyond::Black, input);
         self.detector.run();
         let [boxes, scores] = self.found.map(|at| self.detector.result(at));
-        detector::person(&self.anchors, boxes, scores, whole)
+        detector::people(&self.anchors, boxes, scores, whole)
     }
 
     /// The landmarks of the person in `region`.

@@ -32,7 +32,7 @@ pub(crate) enum Beyond {
 }
 
 /// Margin around a body that the landmark model expects.
-const MARGIN: f32 = 1.25;
+pub(crate) const MARGIN: f32 = 1.25;
 
 impl Region {
     /// The smallest upright square around a whole picture.

@@ -2,7 +2,7 @@
 //! without it if `YOTO_TEST_POSE_MODEL` is `required`.
 
 use std::path::{Path, PathBuf};
-use yoto_landmarks::{LandmarkError, PoseModel, Seen, Watcher};
+use yoto_landmarks::{LandmarkError, PoseModel, Seen, Sighting, Target, Watcher, people};
 use yoto_media::{Limits, Picture, decode_still};
 
 fn model() -> Option<PoseModel> {
@@ -23,7 +23,7 @@ fn person() -> Picture {
 
 fn look(watcher: &mut Watcher, picture: &Picture) -> Option<Seen> {
     let size = [picture.width, picture.height];
-    watcher.look(&picture.rgb, size).expect("a picture")
+    watcher.look(0, &picture.rgb, size).expect("a picture")
 }
 
 /// BlazePose's points with left and right exchanged.
@@ -104,6 +104,73 @@ fn a_mirrored_picture_has_mirrored_landmarks() {
     assert!(mean.abs() < 4.0, "{mean} pixels of 992 to one side");
 }
 
+/// A picture of 720 x 400 with the person at `left`, in other colours if `is_blue`.
+fn scene(left: usize, is_blue: bool) -> Picture {
+    let person = enlarged(&person(), 3);
+    let mut scene = Picture {
+        width: 720,
+        height: 400,
+        rgb: vec![60; 720 * 400 * 3],
+        alpha: None,
+        lossy: false,
+    };
+    for (y, line) in person.rgb.chunks_exact(3 * person.width).enumerate() {
+        for (x, pixel) in line.as_chunks::<3>().0.iter().enumerate() {
+            let [red, green, blue] = *pixel;
+            let at = ((y + 10) * 720 + left + x) * 3;
+            if pixel.iter().any(|level| *level > 24) {
+                let pixel = if is_blue {
+                    [blue / 2, red, green / 2]
+                } else {
+                    *pixel
+                };
+                scene.rgb[at..at + 3].copy_from_slice(&pixel);
+            }
+        }
+    }
+    scene
+}
+
+#[test]
+fn one_of_two_people_is_followed() {
+    let Some(model) = model() else { return };
+    let mut watcher = Watcher::new(model);
+    // One person goes on, and another stands elsewhere from the fifth picture on.
+    let pictures: Vec<Picture> = (0..10)
+        .map(|at| scene(if at < 5 { 4 * at } else { 345 }, at >= 5))
+        .collect();
+    let look = |watcher: &mut Watcher| -> Vec<Option<Seen>> {
+        let all = pictures.iter().enumerate();
+        let mut look = |(at, it): (usize, &Picture)| watcher.look(at, &it.rgb, [720, 400]);
+        all.map(|it| look(it).expect("a picture")).collect()
+    };
+    let found = look(&mut watcher);
+    let sightings: Vec<Sighting> = found
+        .iter()
+        .enumerate()
+        .filter_map(|(at, seen)| {
+            Some(Sighting {
+                at,
+                figure: seen.as_ref()?.figure?,
+                is_cut: false,
+            })
+        })
+        .collect();
+    assert_eq!(sightings.len(), 10);
+    let everybody = people(&sightings);
+    let numbers: Vec<Vec<usize>> = everybody
+        .iter()
+        .map(|person| person.seen.iter().map(|(at, _)| *at).collect())
+        .collect();
+    assert_eq!(everybody.len(), 2, "{numbers:?}");
+    for (index, numbers) in numbers.iter().enumerate() {
+        watcher.follow(Target::new(&everybody, index, 1));
+        let found = look(&mut watcher);
+        let found: Vec<usize> = (0..10).filter(|at| found[*at].is_some()).collect();
+        assert_eq!(&found, numbers);
+    }
+}
+
 #[test]
 fn an_empty_picture_has_nobody_and_a_person_after_it_is_found() {
     let Some(model) = model() else { return };
@@ -115,7 +182,7 @@ fn an_empty_picture_has_nobody_and_a_person_after_it_is_found() {
     assert!(look(&mut watcher, &empty).is_none());
     assert!(look(&mut watcher, &picture).is_some());
     let error = watcher
-        .look(&picture.rgb, [3, 3])
+        .look(0, &picture.rgb, [3, 3])
         .expect_err("a wrong size");
     assert!(error.to_string().contains("3x3"), "{error}");
 }

@@ -1,6 +1,6 @@
 //! Checks of key points before a fit, so that the code behind them never gets a hostile number.
 
-use crate::fit::{FitOptions, MAX_FRAMES};
+use crate::options::{FitOptions, MAX_FRAMES};
 use crate::{FrameKeyPoints, KeyPoints, PoseError};
 
 /// Least confidence of a point that is used.

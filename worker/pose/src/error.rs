@@ -1,6 +1,6 @@
 //! Errors of a fit.
 
-use crate::fit::MAX_FRAMES;
+use crate::options::MAX_FRAMES;
 
 /// Why key points can't be fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

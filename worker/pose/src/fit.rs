@@ -2,60 +2,17 @@
 
 use crate::check::check;
 use crate::colours;
+use crate::options::FitOptions;
 use crate::parameters::{Shared, Stance};
 use crate::problem::Problem;
+use crate::report::Fitted;
 use crate::solve::{Guess, improve};
-use crate::{KeyPoints, PoseError, initial, report};
-use yoto_proto::pose_track::PoseTrack;
+use crate::{KeyPoints, PoseError, hands, initial, report};
 
-/// Most frames that are fitted together. The equations of one take a fifth of a megabyte.
-pub const MAX_FRAMES: usize = 10_000;
 /// Most steps of the search.
 const STEPS: usize = 60;
 /// Steps that the first guess counts for in the progress.
 const GUESS: usize = 10;
-
-/// Options of a fit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FitOptions {
-    /// Focal length of the camera, pixels. Without it the fit finds one between 0.6 and 3 times the longer
-    /// side of the pictures, with a prior at 1.2 times.
-    pub focal: Option<f64>,
-    /// Height of the person, metres, which one camera can't measure; 1.72 if unknown.
-    pub height: Option<f64>,
-    /// Whether the person stands upright on average. Then gravity is estimated from the poses.
-    pub upright: bool,
-}
-
-impl Default for FitOptions {
-    fn default() -> Self {
-        Self {
-            focal: None,
-            height: None,
-            upright: true,
-        }
-    }
-}
-
-/// A person's poses, and the other results of the fit.
-#[derive(Clone, Debug)]
-pub struct Fitted {
-    /// Poses of the 24 joints of SMPL's tree. The world has its origin in the camera, and y points down
-    /// along gravity; if gravity is not estimated, the world has the camera's axes.
-    pub track: PoseTrack,
-    /// Median distance between detected and fitted key points in the picture, pixels.
-    pub reprojection_px: f64,
-    /// Focal length, pixels.
-    pub focal: f64,
-    /// Downward pitch of the camera, degrees, estimated from the person's uprightness.
-    pub camera_down_degrees: f64,
-    /// Height of the fitted body, metres.
-    pub height: f64,
-    /// Assumptions and findings, for people.
-    pub notes: Vec<String>,
-    /// The note that says why the fit is poor, if it is.
-    pub doubt: Option<String>,
-}
 
 /// Fits a moving body to key points, all frames together.
 ///
@@ -83,6 +40,7 @@ pub fn fit(
         progress(GUESS + step, all);
     });
     let (found, round) = face_the_other_way(points, &mut problem, found);
+    let found = hands::reread(&problem, found, STEPS);
     progress(all, all);
     let mut fitted = report::fitted(points, options, &problem, &found);
     if relabelled > 0 {

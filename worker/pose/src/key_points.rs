@@ -8,8 +8,13 @@ pub enum KeyPointSet {
     /// The 17 key points of COCO: nose, eyes, ears, shoulders, elbows, wrists, hips, knees,
     /// ankles; left before right.
     Coco17,
+    /// COCO's 17, then the first knuckles of the little fingers and of the index fingers, and the second joints of the
+    /// thumbs; left before right.
+    Coco17Hands,
     /// The 25 points of OpenPose's `BODY_25`.
     OpenPose25,
+    /// `BODY_25`, then six points of the hands as in [`Self::Coco17Hands`].
+    OpenPose25Hands,
     /// The 24 joints of SMPL's tree.
     Joints24,
 }
@@ -20,7 +25,9 @@ impl KeyPointSet {
         match self {
             Self::BlazePose33 => 33,
             Self::Coco17 => 17,
+            Self::Coco17Hands => 23,
             Self::OpenPose25 => 25,
+            Self::OpenPose25Hands => 31,
             Self::Joints24 => 24,
         }
     }

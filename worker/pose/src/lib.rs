@@ -4,7 +4,7 @@
 //! every frame of a clip, so that its points project to where a detector saw them.
 //!
 //! ```text
-//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → report
+//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → hands → report
 //! ```
 
 mod banded;
@@ -14,11 +14,13 @@ mod error;
 mod fit;
 mod flips;
 mod forward;
+mod hands;
 mod initial;
 mod joints;
 mod key_points;
 mod markers;
 mod normal;
+mod options;
 mod parameters;
 mod problem;
 mod report;
@@ -30,5 +32,7 @@ mod world;
 
 pub use colours::patches;
 pub use error::PoseError;
-pub use fit::{FitOptions, Fitted, MAX_FRAMES, fit};
+pub use fit::fit;
 pub use key_points::{FrameKeyPoints, KeyPointSet, KeyPoints};
+pub use options::{FitOptions, MAX_FRAMES};
+pub use report::Fitted;

@@ -144,7 +144,10 @@ fn table(set: KeyPointSet) -> Vec<(Kind, i8)> {
             .collect()
     };
     let row = |kinds: &[Kind], side: i8| kinds.iter().map(|&kind| (kind, side)).collect();
+    let hands = || both(&[Pinky, Index, Thumb]);
     match set {
+        KeyPointSet::Coco17Hands => [table(KeyPointSet::Coco17), hands()].concat(),
+        KeyPointSet::OpenPose25Hands => [table(KeyPointSet::OpenPose25), hands()].concat(),
         KeyPointSet::BlazePose33 => [
             vec![(Nose, 0)],
             row(&[EyeInner, Eye, EyeOuter], 1),
@@ -269,7 +272,9 @@ mod tests {
         for set in [
             KeyPointSet::BlazePose33,
             KeyPointSet::Coco17,
+            KeyPointSet::Coco17Hands,
             KeyPointSet::OpenPose25,
+            KeyPointSet::OpenPose25Hands,
             KeyPointSet::Joints24,
         ] {
             let markers = Markers::of(set);

@@ -1,8 +1,8 @@
 //! The observations that a fit explains, in the form for residuals.
 
 use crate::check::{SEEN, extent};
-use crate::fit::FitOptions;
 use crate::markers::Markers;
+use crate::options::FitOptions;
 use crate::{FrameKeyPoints, KeyPoints};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{length, scale, sub};

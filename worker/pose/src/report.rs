@@ -1,8 +1,8 @@
 //! The results of a fit, as a track and as notes for people.
 
 use crate::KeyPoints;
-use crate::fit::{FitOptions, Fitted};
 use crate::forward::Posed;
+use crate::options::FitOptions;
 use crate::parameters::{ROLL, Shared, Stance};
 use crate::problem::{Problem, quantile};
 use crate::residuals::upright;
@@ -17,6 +17,26 @@ use yoto_proto::pose_track::{Frame, NO_DISTORTION, PoseTrack};
 const SURE: f64 = 0.3;
 /// Largest reprojection error without a note, as a share of the body's extent.
 const POOR: f64 = 0.015;
+
+/// A person's poses, and the other results of the fit.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// Poses of the 24 joints of SMPL's tree. The world has its origin in the camera, and y points down
+    /// along gravity; if gravity is not estimated, the world has the camera's axes.
+    pub track: PoseTrack,
+    /// Median distance between detected and fitted key points in the picture, pixels.
+    pub reprojection_px: f64,
+    /// Focal length, pixels.
+    pub focal: f64,
+    /// Downward pitch of the camera, degrees, estimated from the person's uprightness.
+    pub camera_down_degrees: f64,
+    /// Height of the fitted body, metres.
+    pub height: f64,
+    /// Assumptions and findings, for people.
+    pub notes: Vec<String>,
+    /// The note that says why the fit is poor, if it is.
+    pub doubt: Option<String>,
+}
 
 /// The track and results of a solved fit.
 pub(crate) fn fitted(

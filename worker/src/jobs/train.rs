@@ -20,7 +20,8 @@ use yoto_avatar::{
 use yoto_capture::CaptureError;
 use yoto_proto::{
     manifest::files,
-    v1::{Inputs, Progress, TrainResult, TrainSpec},
+    v1::{Progress, TrainResult, TrainSpec},
+    worker::v1::Inputs,
 };
 
 /// Trains until the budget is used up, and publishes the last checkpoint.

@@ -12,7 +12,7 @@ pub use format::Format;
 pub use help::options_by_format;
 
 use crate::source::Source;
-use crate::{Imported, Options, features, tools};
+use crate::{Imported, Options, features, sound, tools};
 use recognise::{Recognised, recognise};
 use std::path::Path;
 use table::{ADAPTERS, Adapter, Read};
@@ -100,9 +100,9 @@ fn checked(dir: &Path, mut imported: Imported, options: &Options) -> Result<Impo
         .notes
         .extend(options.beyond_last(imported.available));
     let violations = imported.track.check();
-    if violations.is_empty() {
-        Ok(imported)
-    } else {
-        Err(Source::new(dir).bad(violations))
+    if !violations.is_empty() {
+        return Err(Source::new(dir).bad(violations));
     }
+    sound::ensure(&mut imported)?;
+    Ok(imported)
 }

@@ -235,6 +235,7 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         flags: &[
             Flag::Masks,
             Flag::Matting,
+            Flag::Person,
             Flag::Focal,
             Flag::Height,
             Flag::Fps,

@@ -31,11 +31,6 @@ pub(super) fn ensure_read(
         others.join(", "),
         if others.len() == 1 { "does" } else { "do" }
     );
-    if (adapter.format, flag) == (Format::Film, Flag::Person) {
-        message += ". In a clip alone the pose model takes the most certain person; to choose among \
-                    several, give a pose tool's files or key points (--poses), or cut the clip so that it \
-                    shows one";
-    }
     if flag == Flag::KeepSkeleton {
         message += match adapter.format {
             Format::Film => ". The pose model finds points, which have no tree of joints to keep",
@@ -77,10 +72,9 @@ mod tests {
                     .contains("is read as zju, which does not read --person: key-points, phalp,"),
             "{text}"
         );
-        assert!(text.contains("easymocap do"), "{text}");
+        assert!(text.contains("easymocap, film do"), "{text}");
         assert!(!text.contains("humannerf"), "{text}");
-        let text = refused(Format::Film, &person).expect_err("no names");
-        assert!(text.contains("give a pose tool's files"), "{text}");
+        assert_eq!(refused(Format::Film, &person), Ok(()));
         assert_eq!(refused(Format::Wham, &person), Ok(()));
         let view = Options {
             camera: Some(1),

@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 
-pub(super) type Colour = Rgb<u8>;
+pub(crate) type Colour = Rgb<u8>;
 
 /// Sets a pixel, if the picture has it.
 pub(super) fn dot(picture: &mut RgbImage, x: i64, y: i64, colour: Colour) {
@@ -34,7 +34,7 @@ pub(super) fn disc(picture: &mut RgbImage, [x, y]: [f64; 2], radius: f64, colour
 
 /// A line `thick` pixels wide. What is outside the picture is cut away first, since a wrong
 /// camera puts ends millions of pixels off.
-pub(super) fn line(
+pub(crate) fn line(
     picture: &mut RgbImage,
     from: [f64; 2],
     to: [f64; 2],

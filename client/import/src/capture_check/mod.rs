@@ -11,6 +11,9 @@ mod tiles;
 
 pub use refined::refined_sheet;
 
+pub(crate) use canvas::line;
+pub(crate) use text::{LETTER, write};
+
 use crate::capture_dir::{CaptureOptions, DecodedCapture};
 use std::collections::HashMap;
 use std::path::Path;

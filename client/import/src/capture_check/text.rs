@@ -5,10 +5,10 @@ use font8x8::{BASIC_FONTS, LATIN_FONTS, UnicodeFonts};
 use image::RgbImage;
 
 /// Pixels of a letter's side at scale 1.
-pub(super) const LETTER: u32 = 8;
+pub(crate) const LETTER: u32 = 8;
 
 /// Writes one line with its top left corner at `x`, `y`; `scale` pixels per dot.
-pub(super) fn write(
+pub(crate) fn write(
     picture: &mut RgbImage,
     x: u32,
     y: u32,

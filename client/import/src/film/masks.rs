@@ -153,6 +153,7 @@ fn overlap(masks: &MasksByFrame, clip: &Clip, watched: &[Watched]) -> Result<f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::film::watch::Scene;
     use image::GrayImage;
     use std::sync::Arc;
     use yoto_pose::FrameKeyPoints;
@@ -182,6 +183,8 @@ mod tests {
             index,
             points: FrameKeyPoints::default(),
             mask: Arc::from(square(4)),
+            figure: None,
+            scene: Scene::default(),
         };
         (clip, (0..4).map(watched).collect())
     }
@@ -251,6 +254,8 @@ mod tests {
             index,
             points: FrameKeyPoints::default(),
             mask: Arc::from(square(4)),
+            figure: None,
+            scene: Scene::default(),
         });
         let taken = made_of_the_person(made(10), path, &clip, watched.collect(), &mut notes);
         let error = taken.err().expect("spots").to_string();

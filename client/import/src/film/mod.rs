@@ -12,6 +12,8 @@
 
 mod hands;
 mod masks;
+mod people;
+mod sheet;
 mod watch;
 
 use crate::clip::{Clip, fault};
@@ -20,7 +22,7 @@ use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
 use yoto_client::ClientError;
-use yoto_landmarks::PoseModel;
+use yoto_landmarks::{PoseModel, Watcher};
 use yoto_pose::{FitOptions, KeyPointSet, KeyPoints, fit};
 use yoto_terminal::progress::{ProgressDisplay, count};
 
@@ -35,13 +37,20 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let wanted = wanted(&clip, options, &mut notes)?;
     let started = Instant::now();
     let name = model.name().to_owned();
-    let watched = watch::watch(model, &clip, &wanted)?;
+    let mut watcher = Watcher::new(model);
+    let followed = people::follow(&mut watcher, &clip, &wanted, options)?;
+    let watched = followed.watched;
+    let absence = match followed.is_one_of_several {
+        true => "the person was not found, or could not be told from others,",
+        false => "nobody was found",
+    };
+    notes.extend(followed.note.clone());
     let seconds = started.elapsed().as_secs_f64() / wanted.len().max(1) as f64;
     notes.push(format!(
         "the person was searched for in {} by {name}, {seconds:.2} s each",
         count(wanted.len(), "frame")
     ));
-    let absent = left_out(&wanted, &watched);
+    let absent = left_out(absence, &wanted, &watched);
     notes.extend(absent.clone());
     if watched.is_empty() {
         let message = format!("nobody was found in {}", count(wanted.len(), "frame"));
@@ -50,7 +59,6 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let (watched, masks) = masks::of(options, &clip, watched, &mut notes)?;
     let fps = options.fps_or(clip.fps, &mut notes);
     let indices: Vec<usize> = watched.iter().map(|it| it.index).collect();
-    let lacks = hands::lacks(watched.iter().map(|it| &it.points));
     let points = KeyPoints {
         set: KeyPointSet::BlazePose33,
         image_size: clip.size,
@@ -68,13 +76,16 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     });
     display.clear();
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
+    let lacks = hands::lacks(&points.frames, &fitted.track);
     let found = Found {
         fit: Some(PoseFit::of(&fitted, wanted.len())),
         doubts: (clip.notes.iter().cloned())
+            .chain(followed.note)
             .chain(absent)
             .chain(fitted.doubt)
             .collect(),
         lacks,
+        people: followed.sheet,
     };
     notes.extend(fitted.notes);
     Ok(Imported {
@@ -115,12 +126,12 @@ fn wanted(
 }
 
 /// A note about frames without a person.
-fn left_out(wanted: &[usize], watched: &[Watched]) -> Option<String> {
+fn left_out(absence: &str, wanted: &[usize], watched: &[Watched]) -> Option<String> {
     let seen = |frame: &usize| watched.binary_search_by_key(frame, |it| it.index).is_ok();
     let absent: Vec<usize> = wanted.iter().copied().filter(|it| !seen(it)).collect();
     let (first, last) = (absent.first()?, absent.last()?);
     Some(format!(
-        "nobody was found in {} from {first} to {last}: left out",
+        "{absence} in {} from {first} to {last}: left out",
         count(absent.len(), "frame")
     ))
 }

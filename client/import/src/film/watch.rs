@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use yoto_client::ClientError;
-use yoto_landmarks::{PoseModel, Seen, Watcher};
+use yoto_landmarks::{Figure, Seen, Watcher};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -23,6 +23,37 @@ pub(super) struct Watched {
     pub points: FrameKeyPoints,
     /// A grey PNG of coverage.
     pub mask: Arc<[u8]>,
+    /// Place, size and colours of the body.
+    pub figure: Option<Figure>,
+    pub scene: Scene,
+}
+
+/// Cells of a picture across and down.
+const CELLS: [usize; 2] = [16, 9];
+
+/// A picture in few numbers, to tell scenes apart: the green channel in the middle of each cell.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Scene(Vec<u8>);
+
+impl Scene {
+    fn of(rgb: &[u8], [width, height]: [usize; 2]) -> Self {
+        let places = (0..CELLS[1]).flat_map(|y| (0..CELLS[0]).map(move |x| [x, y]));
+        let level = |[x, y]: [usize; 2]| {
+            let (column, row) = (
+                (2 * x + 1) * width / (2 * CELLS[0]),
+                (2 * y + 1) * height / (2 * CELLS[1]),
+            );
+            rgb.get((row * width + column) * 3 + 1).copied()
+        };
+        Self(places.filter_map(level).collect())
+    }
+
+    /// Mean difference of levels.
+    pub fn differs(&self, other: &Self) -> f32 {
+        let pairs = self.0.iter().zip(&other.0);
+        let sum: u32 = pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        sum as f32 / self.0.len().max(1) as f32
+    }
 }
 
 /// Most frames that wait between two stages: enough to keep both busy, in little memory.
@@ -41,16 +72,15 @@ enum Sighting {
     Again(usize),
 }
 
-/// Looks for the person in the frames `wanted`.
+/// Looks for the person whom `watcher` follows in the frames `wanted`.
 pub(super) fn watch(
-    model: PoseModel,
+    watcher: &mut Watcher,
     clip: &Clip,
     wanted: &[usize],
 ) -> Result<Vec<Watched>, ClientError> {
-    let mut watcher = Watcher::new(model);
     let size = clip.size.map(|side| side as usize);
-    watch_with(clip, wanted, |rgb| {
-        let seen = watcher.look(rgb, size);
+    watch_with(clip, wanted, |frame, rgb| {
+        let seen = watcher.look(frame, rgb, size);
         seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
     })
 }
@@ -60,7 +90,7 @@ pub(super) fn watch(
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
-    look: impl FnMut(&[u8]) -> Result<Option<Seen>, ClientError>,
+    look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
 ) -> Result<Vec<Watched>, ClientError> {
     let mut display = ProgressDisplay::new("people");
     let (decoded, frames) = sync_channel(AHEAD);
@@ -108,7 +138,7 @@ fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError>
 fn look_at(
     frames: Receiver<Decoded>,
     found: &SyncSender<Sighting>,
-    mut look: impl FnMut(&[u8]) -> Result<Option<Seen>, ClientError>,
+    mut look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
     mut done: impl FnMut(usize),
 ) -> Result<(), ClientError> {
     let mut last: Option<(Arc<Vec<u8>>, bool)> = None;
@@ -118,7 +148,7 @@ fn look_at(
         let passed = if let Some((_, is_found)) = before {
             is_found.then(|| Sighting::Again(frame.index))
         } else {
-            let seen = look(&frame.rgb)?.filter(is_seen);
+            let seen = look(frame.index, &frame.rgb)?.filter(is_seen);
             last = Some((frame.rgb.clone(), seen.is_some()));
             seen.map(|seen| Sighting::New(frame, Box::new(seen)))
         };
@@ -146,6 +176,8 @@ fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, Clien
                     index,
                     points,
                     mask,
+                    figure: seen.figure,
+                    scene: Scene::of(&rgb, size),
                 })
             }
             Sighting::Again(index) => watched.last().map(|last| last.again(index)),
@@ -165,6 +197,8 @@ impl Watched {
                 ..self.points.clone()
             },
             mask: self.mask.clone(),
+            figure: self.figure,
+            scene: self.scene.clone(),
         }
     }
 }
@@ -205,6 +239,7 @@ mod tests {
             space: [[0.1, 0.2, 0.3, 0.9]; 33],
             outline: Outline::nobody([2, 1]),
             score: 1.0,
+            figure: None,
         }
     }
 
@@ -241,7 +276,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(&clip, &wanted, |rgb| {
+        let watched = watch_with(&clip, &wanted, |_, rgb| {
             looked.push(rgb[0]);
             let mut seen = seen(33);
             seen.picture[0][0] = f32::from(rgb[0]);
@@ -277,7 +312,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(&clip, &wanted, |_| {
+        let failed = watch_with(&clip, &wanted, |_, _| {
             looked += 1;
             Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
         });
@@ -286,7 +321,7 @@ mod tests {
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(&clip, &[3, 99], |_| Ok(Some(seen(33))));
+        let absent = watch_with(&clip, &[3, 99], |_, _| Ok(Some(seen(33))));
         let error = absent.err().expect("a fault").to_string();
         assert!(error.contains("a picture was taken away"), "{error}");
     }

@@ -1,8 +1,9 @@
 //! AlphaPose's `alphapose-results.json`: a list of people over all frames, each with `image_id`, flat
-//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets) and, where it follows
-//! people, `idx`.
+//! `keypoints` (x, y and confidence; the first 17 are COCO's in all of its sets, and the full-body ones
+//! have hands) and, where it follows people, `idx`.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use super::hands;
 use crate::source::{Faulty, Part};
 use std::collections::BTreeMap;
 use yoto_client::ClientError;
@@ -35,13 +36,14 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             None => None,
         };
         let points = part.get("keypoints")?;
-        let picture = faulty.keep(flat(&points, KeyPointSet::Coco17.points()))?;
+        let count = (points.unchecked()?.values.len() / 3).max(KeyPointSet::Coco17.points());
+        let picture = faulty.keep(flat(&points, count))?;
         let seen = frames.entry((number, name)).or_default();
         seen.extend(picture.map(|picture| Detection {
             mask: None,
             own: None,
             person,
-            picture,
+            picture: hands::body_and_knuckles(&picture),
             space: Vec::new(),
         }));
     }
@@ -53,6 +55,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let frames = frames.into_iter().map(seen).collect();
     let mut found = Detections::new("AlphaPose", KeyPointSet::Coco17, frames);
     found.first = None;
+    hands::settle(&mut found);
     faulty.finish(&mut found.notes)?;
     Ok(found)
 }

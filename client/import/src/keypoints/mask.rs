@@ -1,16 +1,15 @@
 //! The masks that show the person: those that most of the key points lie in.
 
-use super::detections::{Detection, SURE};
+use super::detections::Detection;
+use super::misfit;
 use crate::clip::{Clip, fault};
-use crate::pictures::{Mask, read_masks};
+use crate::pictures::Mask;
 use crate::proof::Masks;
 use crate::{MattingModel, Options};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use yoto_client::ClientError;
 
-/// Frames that are looked at.
-const FRAMES: usize = 16;
 /// Least share of points inside the masks of the right person.
 const LEAST: f64 = 0.6;
 
@@ -56,21 +55,27 @@ fn of_the_person(
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let mut best: Option<(f64, Masks)> = None;
     for masks in all {
-        let share = share(&masks, clip, seen)?;
+        let share = misfit::share(&masks, clip, seen, 0, |point, _| point)?;
         if best.as_ref().is_none_or(|(most, _)| share > *most) {
             best = Some((share, masks));
         }
     }
-    let Some((share, masks)) = best.filter(|(share, _)| *share >= LEAST) else {
-        let message = "most of the key points lie outside the masks: are these of this clip and \
-                       person?";
+    let (share, masks) = best.ok_or_else(|| fault(given, "MISSING", "there are no masks"))?;
+    if share < LEAST {
+        let mut why = misfit::guess(&masks, clip, seen)?;
+        if why.is_none() {
+            why = misfit::shifted(&masks, clip, seen, LEAST)?;
+        }
+        let why = why.unwrap_or_else(|| "are these of this clip and person?".to_owned());
+        let message = format!("most of the key points lie outside the masks: {why}");
         return Err(fault(given, "OUT_OF_RANGE", message));
-    };
+    }
     notes.push(format!(
         "{}: {:.0} % of the key points lie inside",
         masks.words,
         100.0 * share
     ));
+    notes.extend(misfit::shifted(&masks, clip, seen, share)?);
     let of = |frame: &usize| Some((*frame, masks.of_frame(*frame)?));
     Ok(frames.iter().filter_map(of).collect())
 }
@@ -90,23 +95,4 @@ pub(super) fn own(
     }
     notes.push("the masks are the detector's own (--masks for others)".to_owned());
     Some(masks)
-}
-
-/// The share of sure points that lie inside the masks of some frames.
-fn share(masks: &Masks, clip: &Clip, seen: &[(usize, &Detection)]) -> Result<f64, ClientError> {
-    let (mut inside, mut all) = (0, 0);
-    for (frame, detection) in seen.iter().step_by(seen.len().div_ceil(FRAMES).max(1)) {
-        let Some(mask) = masks.of_frame(*frame) else {
-            continue;
-        };
-        let image = read_masks(&[mask], clip.size, *frame as u32)?;
-        for &[x, y, sure] in &detection.picture {
-            if sure > SURE && x >= 0.0 && y >= 0.0 {
-                let level = image.get_pixel_checked(x as u32, y as u32);
-                all += 1;
-                inside += usize::from(level.is_some_and(|level| level.0[0] >= 128));
-            }
-        }
-    }
-    Ok(f64::from(inside as u32) / f64::from(all.max(1)))
 }

@@ -4,6 +4,7 @@
 //! where people are followed.
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre, whole};
+use super::hands;
 use crate::source::{Faulty, Part};
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -48,6 +49,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let mut found = Detections::new("MMPose", KeyPointSet::Coco17, frames);
     // All frames are in the list, some without people: the first one's number is the first.
     found.first = found.frames.first().map(|seen| seen.number.min(1));
+    hands::settle(&mut found);
     faulty.finish(&mut found.notes)?;
     Ok(found)
 }
@@ -73,15 +75,12 @@ fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
         None => None,
     };
     let point = |([x, y], score): (&[f64; 2], &f64)| from_centre([*x, *y, *score]);
-    let picture = positions
-        .iter()
-        .zip(&sure)
-        .take(KeyPointSet::Coco17.points());
+    let all: Vec<[f64; 3]> = positions.iter().zip(&sure).map(point).collect();
     Ok(Detection {
         mask: None,
         own: None,
         person,
-        picture: picture.map(point).collect(),
+        picture: hands::body_and_knuckles(&all),
         space: Vec::new(),
     })
 }

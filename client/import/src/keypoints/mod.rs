@@ -12,13 +12,16 @@
 
 mod alphapose;
 mod capture;
+mod clip_frames;
 mod detections;
 mod easy_vitpose;
+mod hands;
 mod mask;
 mod mediapipe;
 mod mediapipe_json;
 mod mediapipe_table;
 mod mhr;
+mod misfit;
 mod mmpose;
 mod openpose;
 mod own_skeleton;
@@ -53,6 +56,10 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         return Err(fault(source, "MISSING", message));
     };
     let clip = Clip::open(source, options.ffmpeg.as_deref())?;
-    let detections = recognise::read(at, options.points, clip.size)?;
-    capture::read(&clip, &detections, at, options)
+    let mut detections = recognise::read(at, options.points, clip.size)?;
+    let notes = clip_frames::fit(&mut detections, &clip);
+    let mut imported = capture::read(&clip, &detections, at, options)?;
+    imported.found.doubts.extend(notes.iter().cloned());
+    imported.notes.splice(1..1, notes);
+    Ok(imported)
 }

@@ -1,8 +1,10 @@
 //! OpenPose's `--write_json`: a file per frame, `NAME_000000000012_keypoints.json`, with `people`.
 //! Each has `pose_keypoints_2d`: x, y and confidence of the 25 points of `BODY_25`, zeros where a point
-//! was not seen. People are in no order; `person_id` is -1 unless OpenPose follows them.
+//! was not seen; with `--hand` also `hand_left_keypoints_2d` and `hand_right_keypoints_2d`, of 21 points
+//! each. People are in no order; `person_id` is -1 unless OpenPose follows them.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use super::hands;
 use crate::source::{Faulty, Part, Source};
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -32,6 +34,7 @@ pub(super) fn read(source: &Source) -> Result<Detections, ClientError> {
     }
     let mut found = Detections::new("OpenPose", KeyPointSet::OpenPose25, frames);
     found.first = None;
+    hands::settle(&mut found);
     faulty.finish(&mut found.notes)?;
     Ok(found)
 }
@@ -50,11 +53,21 @@ fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
         Some(id) => id.vector()?.first().copied().filter(|id| *id >= 0.0),
         None => None,
     };
+    let hand = |name: &str| match part.find(name) {
+        Some(hand) if hand.len()? > 0 => flat(&hand, hands::POINTS),
+        _ => Ok(Vec::new()),
+    };
+    let [left, right] = [
+        hand("hand_left_keypoints_2d")?,
+        hand("hand_right_keypoints_2d")?,
+    ];
+    let mut picture = flat(&points, POINTS)?;
+    picture.extend(hands::knuckles(&left, &right));
     Ok(Detection {
         mask: None,
         own: None,
         person: number.map(|number| number.to_string()),
-        picture: flat(&points, POINTS)?,
+        picture,
         space: Vec::new(),
     })
 }

@@ -1,7 +1,8 @@
 //! What the readers of pose tools give: people, frame by frame, in the numbers of the tool.
 
 use super::camera_pose::CameraPose;
-use crate::geometry::{Mat3, Vec3, rodrigues};
+use crate::geometry::{Mat3, Vec3, rodrigues, sub};
+use crate::identities::{Track, joined};
 use crate::track::SmplPose;
 use std::sync::Arc;
 use yoto_formats::rle::RunLengths;
@@ -101,7 +102,48 @@ pub(crate) struct Found {
     pub notes: Vec<String>,
 }
 
+/// Largest motion at once and per frame, metres, and as a share of the distance from the camera, which one camera finds only
+/// roughly.
+const MOTION: [f64; 3] = [0.3, 0.1, 0.1];
+
+impl Track for Person {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn ends(&self) -> Option<[usize; 2]> {
+        Some([self.seen.first()?.number, self.seen.last()?.number])
+    }
+
+    fn distance(&self, next: &Self, gap: usize) -> f64 {
+        let (Some(a), Some(b)) = (self.seen.last(), next.seen.first()) else {
+            return f64::INFINITY;
+        };
+        let [x, y, z] = sub(b.t, a.t);
+        let [at_once, per_frame, of_depth] = MOTION;
+        let allowed = at_once + per_frame * gap as f64;
+        // Depth is coarse: the motion along the view may be larger.
+        (x.hypot(y) / allowed).max(z.abs() / (allowed + of_depth * a.t[2].abs()))
+    }
+
+    fn append(&mut self, next: Self) {
+        self.seen.extend(next.seen);
+    }
+
+    fn frames(&self) -> usize {
+        self.seen.len()
+    }
+}
+
 impl Found {
+    /// The same, with one name for a person whom the tool lost and found again; with notes.
+    pub fn joined(&self, notes: &mut Vec<String>) -> Self {
+        Self {
+            people: joined(self.people.clone(), notes),
+            ..self.clone()
+        }
+    }
+
     pub fn of(people: Vec<Person>) -> Self {
         Self {
             people,

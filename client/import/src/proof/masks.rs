@@ -7,7 +7,7 @@
 use super::found::{Found, Person, PoseEstimate};
 use crate::clip::{Clip, PICTURES, fault, is_video, listed, number_in, unusable};
 use crate::matting::Wanted;
-use crate::pictures::{Mask, MaskKind, read_image};
+use crate::pictures::{Mask, MaskKind, are_alike, image_size, is_cut_out, read_image};
 use crate::{MattingModel, Options};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
@@ -197,9 +197,21 @@ fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ClientError> {
 fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, ClientError> {
     let files = by_frame(files, clip);
     let step = files.len().div_ceil(LOOKED_AT).max(1);
-    let (mut colours, mut is_coverage) = (BTreeSet::new(), false);
+    let (mut colours, mut is_coverage, mut is_alpha) = (BTreeSet::new(), false, false);
+    let (mut resized, mut not_labels) = (String::new(), None);
     for (frame, file) in files.iter().step_by(step) {
-        let image = read_image(file, clip.size, *frame as u32)?;
+        let size = image_size(file, *frame as u32)?;
+        if size != clip.size && are_alike(size, clip.size) {
+            resized = format!(
+                " (of {}x{}, made as large as the clip by the nearest pixel)",
+                size[0], size[1]
+            );
+        }
+        if is_cut_out(file, *frame as u32)? {
+            is_alpha = true;
+            continue;
+        }
+        let image = read_image(file, size, *frame as u32)?;
         let pixels = image.as_raw().as_chunks::<3>().0;
         let is_grey = pixels.iter().all(|[r, g, b]| r == g && g == b);
         let brightest = pixels.iter().flatten().max();
@@ -209,12 +221,16 @@ fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, C
             colours.extend(pixels.iter().filter(|pixel| **pixel != [0; 3]).copied());
         }
         if colours.len() > MOST_LABELS {
-            let message = format!(
-                "over {MOST_LABELS} colours: a mask has one for each person, or levels of grey; is this a picture \
-                 of the clip?"
-            );
-            return Err(fault(file, "INVALID", message));
+            colours.clear();
+            not_labels.get_or_insert(file);
         }
+    }
+    if let Some(file) = not_labels.filter(|_| !is_alpha) {
+        let message = format!(
+            "over {MOST_LABELS} colours: a mask has one for each person, or levels of grey; is this a picture \
+             of the clip?"
+        );
+        return Err(fault(file, "INVALID", message));
     }
     let named = path.file_name().unwrap_or_default().to_string_lossy();
     let masks = |words: String, mask: &dyn Fn(&PathBuf) -> Mask| Masks {
@@ -226,14 +242,21 @@ fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, C
                 .collect(),
         ),
     };
+    if is_alpha {
+        return Ok(vec![masks(
+            format!("the alpha channel of {named}{resized}"),
+            &|file| Mask::Alpha(file.clone()),
+        )]);
+    }
     if is_coverage || colours.is_empty() {
-        return Ok(vec![masks(format!("the masks in {named}"), &|file| {
-            Mask::Image(file.clone(), MaskKind::Coverage)
-        })]);
+        return Ok(vec![masks(
+            format!("the masks in {named}{resized}"),
+            &|file| Mask::Image(file.clone(), MaskKind::Coverage),
+        )]);
     }
     let of = |[r, g, b]: &[u8; 3]| {
         masks(
-            format!("the colour #{r:02x}{g:02x}{b:02x} in {named}"),
+            format!("the colour #{r:02x}{g:02x}{b:02x} in {named}{resized}"),
             &|file| Mask::Colour(file.clone(), [*r, *g, *b]),
         )
     };
@@ -268,12 +291,18 @@ fn by_frame(files: &[PathBuf], clip: &Clip) -> BTreeMap<usize, PathBuf> {
 fn video(path: &Path, clip: &Clip) -> Result<Masks, ClientError> {
     let (mut video, _) = clip.video(path)?;
     let mut masks = BTreeMap::new();
+    let mut resized = String::new();
     for frame in 0..clip.frames {
         let Some(picture) = video.next(false).map_err(|error| unusable(path, error))? else {
             break;
         };
         let size = [picture.width as u32, picture.height as u32];
-        if size != clip.size {
+        if size != clip.size && are_alike(size, clip.size) {
+            resized = format!(
+                " (of {}x{}, made as large as the clip by the nearest pixel)",
+                size[0], size[1]
+            );
+        } else if size != clip.size {
             let message = format!(
                 "{}x{} pixels, the clip has {}x{}",
                 size[0], size[1], clip.size[0], clip.size[1]
@@ -293,7 +322,7 @@ fn video(path: &Path, clip: &Clip) -> Result<Masks, ClientError> {
     }
     let named = path.file_name().unwrap_or_default().to_string_lossy();
     Ok(Masks {
-        words: format!("the masks in {named}"),
+        words: format!("the masks in {named}{resized}"),
         from: From::Frames(masks),
     })
 }

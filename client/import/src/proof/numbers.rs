@@ -1,7 +1,7 @@
 //! Which frame of the clip each of a tool's frames is.
 
 use super::found::{Found, PoseEstimate};
-use crate::clip::{Clip, Counting, fault};
+use crate::clip::{Clip, Counting, beyond, fault, too_far};
 use std::path::Path;
 use yoto_client::ClientError;
 
@@ -68,7 +68,7 @@ impl Numbers {
                     .to_owned(),
             );
         }
-        if last >= clip.frames + SLACK {
+        if last >= too_far(clip.frames) {
             let message = format!(
                 "a pose of frame {last}, but {} has {} frames: is this the clip that the tool saw?",
                 clip.path().display(),
@@ -76,6 +76,9 @@ impl Numbers {
             );
             return Err(fault(at, "SIZE_MISMATCH", message));
         }
+        let poses = seen().filter(|seen| seen.number >= clip.frames);
+        let numbers: std::collections::BTreeSet<usize> = poses.map(|seen| seen.number).collect();
+        notes.extend(beyond("poses", numbers.len(), clip.frames));
         if found.frames.is_some() && count != clip.frames {
             notes.push(format!(
                 "the tool's clip has {count} frames, this one {}: their first frames are taken to be \

@@ -26,6 +26,7 @@ pub(crate) fn capture(
 ) -> Result<Imported, ClientError> {
     let at = options.poses.as_deref().unwrap_or(source);
     let mut notes = vec![summary(tool, found)];
+    let found = &found.joined(&mut notes);
     notes.extend(found.notes.iter().cloned());
     let ffmpeg = options.ffmpeg.as_deref();
     let clip = if options.poses.is_some() {

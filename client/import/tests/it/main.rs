@@ -14,6 +14,7 @@ mod film;
 mod key_points;
 #[cfg(feature = "matting")]
 mod matting;
+mod misfits;
 mod motions;
 mod moving_camera;
 #[cfg(feature = "matting")]

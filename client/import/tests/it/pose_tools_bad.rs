@@ -223,9 +223,16 @@ fn a_person_beside_the_masks_is_not_taken_for_being_seen_longer() {
     let (notes, frames) = taken(json!({"1": seen(0..16, ASIDE), "2": seen(3..11, 0.0)}));
     assert!(notes.contains("person 2 is taken (8 frames)"), "{notes}");
     assert_eq!(frames, (3..11).collect::<Vec<_>>());
-    // One person under two numbers, of which the longer is taken.
-    let (notes, _) = taken(json!({"1": seen(0..4, 0.0), "2": seen(4..16, 0.0)}));
-    assert!(notes.contains("person 2 is taken (12 frames)"), "{notes}");
+    // One person under two numbers, one after the other.
+    let (notes, frames) = taken(json!({"1": seen(0..4, 0.0), "2": seen(6..16, 0.0)}));
+    assert!(
+        notes.contains("person 1 goes on as 2 (3 frames later"),
+        "{notes}"
+    );
+    assert_eq!(frames, (0..4).chain(6..16).collect::<Vec<_>>());
+    // Somebody else appears elsewhere.
+    let (notes, _) = taken(json!({"1": seen(0..4, 2.0), "2": seen(6..16, 0.0)}));
+    assert!(notes.contains("person 2 is taken (10 frames)"), "{notes}");
 }
 
 #[test]

@@ -5,7 +5,8 @@ use crate::checkpoints::best::best_first;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::StoreError;
-use yoto_proto::names::Collection;
+use crate::tenant::Tenant;
+use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::Need;
 use yoto_proto::v1::{Checkpoint, ErrorReason, Model};
 use yoto_proto::worker::v1::SubjectShard;
@@ -22,6 +23,7 @@ pub(super) struct RequiredSlot {
 /// slot in the model. `field` is the path of the specification.
 pub(super) async fn check_needs(
     context: &Context,
+    tenant: &Tenant,
     field: &str,
     model: &Model,
     needs: &[Need<'_>],
@@ -29,9 +31,9 @@ pub(super) async fn check_needs(
     let mut shown = Vec::new();
     for need in needs {
         let field = |name: &str| format!("{field}.{name}");
-        let shard = require_shard(context, &field(&need.field), need.subject).await?;
+        let shard = require_shard(context, tenant, &field(&need.field), need.subject).await?;
         if need.slot {
-            let slot = require_slot(context, model, need.subject).await;
+            let slot = require_slot(context, tenant, model, need.subject).await;
             shown.push(RequiredSlot {
                 slot: slot.map_err(|error| error.of(&need.field))?,
                 field: need.field.clone(),
@@ -67,6 +69,7 @@ pub(super) fn check_known(
 /// The subject's slot in the model. Fails if the subject does not exist or has no slot.
 pub(super) async fn require_slot(
     context: &Context,
+    tenant: &Tenant,
     model: &Model,
     subject: &str,
 ) -> Result<u32, RequestError> {
@@ -74,7 +77,7 @@ pub(super) async fn require_slot(
         return Ok(slot.slot);
     }
     let id = parse(Collection::Subjects, "subject", subject)?;
-    let person = context.store.subject(id).await?.display_name;
+    let person = context.store.subject(tenant, id).await?.display_name;
     let message = format!("{person} is not in {}", model.display_name);
     Err(RequestError::precondition(ErrorReason::NoSlot, message))
 }
@@ -82,18 +85,20 @@ pub(super) async fn require_slot(
 /// The model's checkpoint with the name `wanted`, or its best one if that is empty.
 pub(super) async fn require_checkpoint(
     context: &Context,
+    tenant: &Tenant,
     field: &str,
     model: &Model,
     wanted: &str,
 ) -> Result<Checkpoint, RequestError> {
     let id = parse(Collection::Models, &format!("{field}.model"), &model.name)?;
-    let all = context.store.checkpoints(id, u32::MAX).await?;
+    let all = context.store.checkpoints(tenant, id, u32::MAX).await?;
     if !wanted.is_empty() {
         let found = all.into_iter().find(|it| it.name == wanted);
-        return found.ok_or_else(|| {
-            let shown: String = wanted.chars().take(200).collect();
-            let message = format!("{} has no checkpoint '{shown}'", model.display_name);
-            RequestError::invalid(format!("{field}.checkpoint"), message)
+        return found.ok_or_else(|| match names::parse_checkpoint(wanted) {
+            Ok(_) => RequestError::NotFound {
+                name: wanted.to_owned(),
+            },
+            Err(error) => RequestError::invalid(format!("{field}.checkpoint"), error.to_string()),
         });
     }
     best_first(all).into_iter().next().ok_or_else(|| {
@@ -104,12 +109,13 @@ pub(super) async fn require_checkpoint(
 
 pub(super) async fn model(
     context: &Context,
+    tenant: &Tenant,
     field: &str,
     name: &str,
 ) -> Result<Model, RequestError> {
     Ok(context
         .store
-        .model(parse(Collection::Models, field, name)?)
+        .model(tenant, parse(Collection::Models, field, name)?)
         .await?)
 }
 
@@ -130,14 +136,15 @@ fn check_frame(shard: &SubjectShard, field: &str, wanted: u32) -> Result<(), Req
 /// The shard of the subject. Fails if the subject does not exist or has no shard.
 pub(super) async fn require_shard(
     context: &Context,
+    tenant: &Tenant,
     field: &str,
     name: &str,
 ) -> Result<SubjectShard, RequestError> {
     let id = parse(Collection::Subjects, field, name)?;
-    if let Some(shard) = context.store.shard(id).await? {
+    if let Some(shard) = context.store.shard(tenant, id).await? {
         return Ok(shard);
     }
-    let subject = context.store.subject(id).await?;
+    let subject = context.store.subject(tenant, id).await?;
     let (person, state) = (&subject.display_name, subject.state().as_str_name());
     Err(StoreError::Rule {
         reason: ErrorReason::SubjectNotReady,

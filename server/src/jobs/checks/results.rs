@@ -6,6 +6,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::is_sha256;
 use crate::store::LeaseKey;
+use crate::tenant::Tenant;
 use prost::Message;
 use std::collections::HashSet;
 use yoto_proto::checks::scene::MAX_PICTURES;
@@ -24,6 +25,7 @@ const MAX_TRADEOFF_BYTES: u64 = 1 << 20;
 /// Checks that the result is one of this job and lease.
 pub async fn check_result(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     spec: &JobSpec,
     result: &JobResult,
@@ -35,17 +37,17 @@ pub async fn check_result(
         }
         (Some(job_spec::Kind::Train(spec)), Some(job_result::Kind::Train(result))) => {
             let field = "result.train.checkpoint";
-            check_checkpoint(context, &spec.model, field, &result.checkpoint).await
+            check_checkpoint(context, tenant, &spec.model, field, &result.checkpoint).await
         }
         (Some(job_spec::Kind::Render(spec)), Some(job_result::Kind::Render(result))) => {
-            check_render(context, lease, spec, result).await
+            check_render(context, tenant, lease, spec, result).await
         }
         (Some(job_spec::Kind::Evaluate(spec)), Some(job_result::Kind::Evaluate(result))) => {
-            check_evaluate(context, spec, result).await?;
+            check_evaluate(context, tenant, spec, result).await?;
             check_tradeoff(context, lease, spec, result).await
         }
         (Some(job_spec::Kind::Export(spec)), Some(job_result::Kind::Export(result))) => {
-            check_export(context, lease, spec, result).await
+            check_export(context, tenant, lease, spec, result).await
         }
         _ => Err(RequestError::invalid("result", "is not of the job's kind")),
     }
@@ -108,12 +110,16 @@ async fn check_ingest(
 /// Checks that the result names a checkpoint of the model.
 async fn check_checkpoint(
     context: &Context,
+    tenant: &Tenant,
     model: &str,
     field: &str,
     name: &str,
 ) -> Result<(), RequestError> {
     let model_id = parse(Collection::Models, "job", model)?;
-    let checkpoints = context.store.checkpoints(model_id, u32::MAX).await?;
+    let checkpoints = context
+        .store
+        .checkpoints(tenant, model_id, u32::MAX)
+        .await?;
     if checkpoints.iter().any(|checkpoint| checkpoint.name == name) {
         return Ok(());
     }
@@ -124,11 +130,12 @@ async fn check_checkpoint(
 /// Checks that the figures are finite and cover all requested subjects.
 async fn check_evaluate(
     context: &Context,
+    tenant: &Tenant,
     spec: &EvaluateSpec,
     result: &EvaluateResult,
 ) -> Result<(), RequestError> {
     let field = "result.evaluate.checkpoint";
-    check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
+    check_checkpoint(context, tenant, &spec.model, field, &result.checkpoint).await?;
     let measured = |subject: &String| result.subjects.iter().any(|it| it.subject == *subject);
     if result.subjects.is_empty() || !spec.subjects.iter().all(measured) {
         let message = "lacks figures of a requested subject";
@@ -194,6 +201,7 @@ fn check_scores(field: &str, scores: Option<&Scores>) -> Result<(), RequestError
 
 async fn check_render(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     spec: &RenderSpec,
     result: &RenderResult,
@@ -211,7 +219,7 @@ async fn check_render(
         let message = format!("{count} files: at most {MAX_PICTURES} are allowed");
         return Err(RequestError::invalid("result.render.files", message));
     }
-    let committed = context.store.outputs(&lease.job_id).await?;
+    let committed = context.store.outputs(tenant, &lease.job_id).await?;
     let committed: HashSet<&RenderedFile> = committed.iter().collect();
     for (i, file) in result.files.iter().enumerate() {
         // Files of earlier leases were checked when they were committed.
@@ -246,12 +254,13 @@ fn check_others(spec: &RenderSpec, result: &RenderResult) -> Result<(), RequestE
 /// Checks that the files have the extensions of the form, and that the figures are finite.
 async fn check_export(
     context: &Context,
+    tenant: &Tenant,
     lease: &LeaseKey,
     spec: &ExportSpec,
     result: &ExportResult,
 ) -> Result<(), RequestError> {
     let field = "result.export.checkpoint";
-    check_checkpoint(context, &spec.model, field, &result.checkpoint).await?;
+    check_checkpoint(context, tenant, &spec.model, field, &result.checkpoint).await?;
     let extensions = spec.form().extensions();
     let has = |it: &ExportedFile, extension: &str| {
         it.file.rsplit_once('.').map(|(_, end)| end) == Some(extension)

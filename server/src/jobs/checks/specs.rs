@@ -7,7 +7,7 @@ use super::parse;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::all;
-use crate::store::StoreError;
+use crate::tenant::Tenant;
 use yoto_proto::checks::render::too_many;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
@@ -26,12 +26,16 @@ const MIN_TRAIN_FRAMES: u32 = 2;
 ///
 /// # Errors
 /// When the order names a missing resource, or can't be served yet.
-pub async fn check_spec(context: &Context, spec: &JobSpec) -> Result<(), RequestError> {
+pub async fn check_spec(
+    context: &Context,
+    tenant: &Tenant,
+    spec: &JobSpec,
+) -> Result<(), RequestError> {
     match &spec.kind {
-        Some(job_spec::Kind::Train(train)) => check_train(context, train).await,
-        Some(job_spec::Kind::Render(render)) => check_render(context, render).await,
-        Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, evaluate).await,
-        Some(job_spec::Kind::Export(export)) => check_export(context, export).await,
+        Some(job_spec::Kind::Train(train)) => check_train(context, tenant, train).await,
+        Some(job_spec::Kind::Render(render)) => check_render(context, tenant, render).await,
+        Some(job_spec::Kind::Evaluate(evaluate)) => check_evaluate(context, tenant, evaluate).await,
+        Some(job_spec::Kind::Export(export)) => check_export(context, tenant, export).await,
         Some(job_spec::Kind::Ingest(_)) => {
             let message = "ingest jobs are started by uploading a capture";
             Err(RequestError::invalid("spec.ingest", message))
@@ -40,9 +44,13 @@ pub async fn check_spec(context: &Context, spec: &JobSpec) -> Result<(), Request
     }
 }
 
-async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), RequestError> {
+async fn check_train(
+    context: &Context,
+    tenant: &Tenant,
+    train: &TrainSpec,
+) -> Result<(), RequestError> {
     context.ensure_room(0)?;
-    let model = model(context, "spec.train.model", &train.model).await?;
+    let model = model(context, tenant, "spec.train.model", &train.model).await?;
     let of_tier = checks::train::of_tier(train, &model.tier).into_iter();
     all::<()>(of_tier.map(|fault| {
         let field = format!("spec.train.{}", fault.field);
@@ -57,10 +65,10 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
     }
     let people: Vec<&str> = match &*train.only {
         "" => model.slots.iter().map(|slot| &*slot.subject).collect(),
-        only => vec![check_only(context, &model, only).await?],
+        only => vec![check_only(context, tenant, &model, only).await?],
     };
     for subject in people {
-        let shard = require_shard(context, "spec.train.model", subject).await?;
+        let shard = require_shard(context, tenant, "spec.train.model", subject).await?;
         if shard.frames < MIN_TRAIN_FRAMES {
             let message = format!(
                 "the capture of {} has {} frame: a training sees a person in at least \
@@ -79,12 +87,13 @@ async fn check_train(context: &Context, train: &TrainSpec) -> Result<(), Request
 /// Checks that one person can be trained alone: the shared weights of the model must be trained before.
 async fn check_only<'a>(
     context: &Context,
+    tenant: &Tenant,
     model: &Model,
     only: &'a str,
 ) -> Result<&'a str, RequestError> {
-    require_slot(context, model, only).await?;
+    require_slot(context, tenant, model, only).await?;
     let id = parse(Collection::Models, "spec.train.model", &model.name)?;
-    if context.store.checkpoints(id, 1).await?.is_empty() {
+    if context.store.checkpoints(tenant, id, 1).await?.is_empty() {
         let message = format!(
             "{} is untrained, so no person can be trained in it alone: train it first",
             model.display_name
@@ -97,18 +106,19 @@ async fn check_only<'a>(
     Ok(only)
 }
 
-async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
-    let own = model(context, "spec.render.model", &render.model).await?;
-    let used = check_shown(context, render, &own, "").await?;
-    check_pictures(context, render).await?;
+async fn check_render(
+    context: &Context,
+    tenant: &Tenant,
+    render: &RenderSpec,
+) -> Result<(), RequestError> {
+    let own = model(context, tenant, "spec.render.model", &render.model).await?;
+    let used = check_shown(context, tenant, render, &own, "").await?;
+    check_pictures(context, tenant, render).await?;
     for (field, name) in other_models(render) {
         let path = format!("spec.render.{field}");
         let id = parse(Collection::Models, &path, name)?;
-        let other = context.store.model(id).await.map_err(|error| match error {
-            StoreError::NotFound { .. } => RequestError::invalid(path, error.to_string()),
-            error => error.into(),
-        })?;
-        check_shown(context, render, &other, &field).await?;
+        let other = context.store.model(tenant, id).await?;
+        check_shown(context, tenant, render, &other, &field).await?;
     }
     let measured = render.quality.as_ref().is_some_and(tiers::needs_tradeoff);
     if measured && used.tradeoff.is_none() {
@@ -123,12 +133,16 @@ async fn check_render(context: &Context, render: &RenderSpec) -> Result<(), Requ
 }
 
 /// Checks the number of pictures of a capture's motion, unless the capture has gaps: then only the worker knows it.
-async fn check_pictures(context: &Context, render: &RenderSpec) -> Result<(), RequestError> {
+async fn check_pictures(
+    context: &Context,
+    tenant: &Tenant,
+    render: &RenderSpec,
+) -> Result<(), RequestError> {
     let Some(What::Motion(motion)) = &render.what else {
         return Ok(());
     };
     let field = "spec.render.motion.frame_count";
-    let shard = require_shard(context, "spec.render.motion.driver", &motion.driver).await?;
+    let shard = require_shard(context, tenant, "spec.render.motion.driver", &motion.driver).await?;
     let people = render.between.as_ref().map_or(1, |it| it.shares.len());
     let refusal = motion_pictures(&shard, motion).and_then(|it| too_many(it, people as u64));
     match refusal {
@@ -158,19 +172,20 @@ fn motion_pictures(shard: &SubjectShard, motion: &MotionTransfer) -> Option<u64>
 /// names. Returns the checkpoint to use.
 async fn check_shown(
     context: &Context,
+    tenant: &Tenant,
     render: &RenderSpec,
     model: &Model,
     actor: &str,
 ) -> Result<Checkpoint, RequestError> {
     let needs = needs(render).into_iter();
     let needs: Vec<Need<'_>> = needs.filter(|it| it.model == model.name).collect();
-    let shown = check_needs(context, "spec.render", model, &needs).await?;
+    let shown = check_needs(context, tenant, "spec.render", model, &needs).await?;
     let wanted = if actor.is_empty() {
         &*render.checkpoint
     } else {
         ""
     };
-    let used = require_checkpoint(context, "spec.render", model, wanted).await;
+    let used = require_checkpoint(context, tenant, "spec.render", model, wanted).await;
     let used = used.map_err(|error| error.of(actor))?;
     check_known(&used, model, &shown)?;
     let refusal = (render.quality.as_ref()).and_then(|it| tiers::refusal(it, &model.tier));
@@ -183,11 +198,16 @@ async fn check_shown(
     }
 }
 
-async fn check_export(context: &Context, export: &ExportSpec) -> Result<(), RequestError> {
-    let model = model(context, "spec.export.model", &export.model).await?;
+async fn check_export(
+    context: &Context,
+    tenant: &Tenant,
+    export: &ExportSpec,
+) -> Result<(), RequestError> {
+    let model = model(context, tenant, "spec.export.model", &export.model).await?;
     let needs = exports::needs(export);
-    let shown = check_needs(context, "spec.export", &model, &needs).await?;
-    let used = require_checkpoint(context, "spec.export", &model, &export.checkpoint).await?;
+    let shown = check_needs(context, tenant, "spec.export", &model, &needs).await?;
+    let used =
+        require_checkpoint(context, tenant, "spec.export", &model, &export.checkpoint).await?;
     check_known(&used, &model, &shown)?;
     if export.distillation.is_some() && model.tier == tiers::SPLATS {
         let message = format!(
@@ -199,18 +219,35 @@ async fn check_export(context: &Context, export: &ExportSpec) -> Result<(), Requ
     Ok(())
 }
 
-async fn check_evaluate(context: &Context, evaluate: &EvaluateSpec) -> Result<(), RequestError> {
-    let model = model(context, "spec.evaluate.model", &evaluate.model).await?;
+async fn check_evaluate(
+    context: &Context,
+    tenant: &Tenant,
+    evaluate: &EvaluateSpec,
+) -> Result<(), RequestError> {
+    let model = model(context, tenant, "spec.evaluate.model", &evaluate.model).await?;
     for (i, subject) in evaluate.subjects.iter().enumerate() {
-        require_shard(context, &format!("spec.evaluate.subjects[{i}]"), subject).await?;
-        require_slot(context, &model, subject).await?;
+        require_shard(
+            context,
+            tenant,
+            &format!("spec.evaluate.subjects[{i}]"),
+            subject,
+        )
+        .await?;
+        require_slot(context, tenant, &model, subject).await?;
     }
     for slot in &model.slots {
         if evaluate.subjects.is_empty() {
-            require_shard(context, "spec.evaluate.model", &slot.subject).await?;
+            require_shard(context, tenant, "spec.evaluate.model", &slot.subject).await?;
         }
     }
-    require_checkpoint(context, "spec.evaluate", &model, &evaluate.checkpoint).await?;
+    require_checkpoint(
+        context,
+        tenant,
+        "spec.evaluate",
+        &model,
+        &evaluate.checkpoint,
+    )
+    .await?;
     Ok(())
 }
 

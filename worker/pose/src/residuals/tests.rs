@@ -1,8 +1,8 @@
 //! Derivatives compared with finite differences.
 
 use super::{Columns, frame, smooth};
-use crate::fit::FitOptions;
 use crate::joints::UNKNOWNS;
+use crate::options::FitOptions;
 use crate::parameters::{ATTACHMENTS, Shared, Stance};
 use crate::problem::Problem;
 use crate::rotation::IDENTITY_ROTATION;

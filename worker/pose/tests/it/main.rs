@@ -3,3 +3,4 @@
 mod fit;
 mod flips;
 mod people;
+mod wrists;

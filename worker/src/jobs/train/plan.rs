@@ -10,7 +10,8 @@ use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Validation};
 use yoto_proto::{
     checks::train,
     manifest::Manifest,
-    v1::{IdentitySlot, Inputs, Model, TrainSpec},
+    v1::{IdentitySlot, Model, TrainSpec},
+    worker::v1::Inputs,
 };
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture

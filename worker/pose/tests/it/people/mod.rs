@@ -80,6 +80,16 @@ fn names(set: KeyPointSet) -> Vec<(&'static str, i32)> {
             both(&["hip", "knee", "ankle", "heel", "foot_index"]),
         ]
         .concat(),
+        KeyPointSet::Coco17Hands => [
+            names(KeyPointSet::Coco17),
+            both(&["pinky", "index", "thumb"]),
+        ]
+        .concat(),
+        KeyPointSet::OpenPose25Hands => [
+            names(KeyPointSet::OpenPose25),
+            both(&["pinky", "index", "thumb"]),
+        ]
+        .concat(),
         KeyPointSet::Coco17 => [
             side(&["nose"], 0),
             both(&[

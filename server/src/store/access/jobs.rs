@@ -1,0 +1,127 @@
+//! Jobs for their owners, and answers to repeated requests.
+
+use crate::store::scripts::{jobs, metrics, outputs, pauses, requests, versions};
+use crate::store::{
+    Entry, JobFilter, JobKind, JobVersions, NewJob, Page, RequestKey, Store, StoreError,
+};
+use crate::tenant::Tenant;
+use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
+
+impl Store {
+    /// The stored answer to `request`, in most cases an id.
+    pub async fn answered(
+        &self,
+        tenant: &Tenant,
+        request: Option<&RequestKey>,
+    ) -> Result<Option<String>, StoreError> {
+        requests::answered(&mut self.db.read().await?, tenant, request).await
+    }
+
+    /// Queues a job, or repeats the earlier answer to `request`.
+    pub async fn create_job(
+        &self,
+        tenant: &Tenant,
+        new: NewJob,
+        request: Option<RequestKey>,
+    ) -> Result<Job, StoreError> {
+        let mut tx = self.db.write().await?;
+        let job = jobs::create(&mut tx, tenant, new, request).await?;
+        tx.commit().await?;
+        Ok(job)
+    }
+
+    /// A job by id.
+    pub async fn job(&self, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+        jobs::get(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// A job by id, without its order, which may be long and never changes.
+    pub async fn job_state(&self, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+        jobs::without_order(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// A job by id, with its attempts.
+    pub async fn job_history(&self, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+        jobs::with_attempts(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// Jobs that match the filter, newest first; with their orders if `full`.
+    pub async fn jobs(
+        &self,
+        tenant: &Tenant,
+        page: Page,
+        filter: &JobFilter,
+        full: bool,
+    ) -> Result<Vec<Entry<Job>>, StoreError> {
+        jobs::list(&mut self.db.read().await?, tenant, page, filter, full).await
+    }
+
+    /// The figures of a job over its steps.
+    pub async fn job_metrics(&self, tenant: &Tenant, id: &str) -> Result<JobMetrics, StoreError> {
+        metrics::of_job(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// The tenant's open jobs, and all of its jobs after the position `after`, with the position of its newest job. Without
+    /// `after`, only the open jobs.
+    pub async fn job_versions(
+        &self,
+        tenant: &Tenant,
+        after: Option<i64>,
+    ) -> Result<JobVersions, StoreError> {
+        versions::list(&mut self.db.read().await?, tenant, after).await
+    }
+
+    /// The files that a render has committed so far.
+    pub async fn outputs(
+        &self,
+        tenant: &Tenant,
+        job_id: &str,
+    ) -> Result<Vec<RenderedFile>, StoreError> {
+        let mut tx = self.db.read().await?;
+        jobs::require(&mut tx, tenant, job_id).await?;
+        outputs::list(&mut tx, job_id).await
+    }
+
+    /// Numbers of QUEUED and RUNNING jobs.
+    pub async fn open_jobs(&self, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
+        jobs::open(&mut self.db.read().await?, tenant).await
+    }
+
+    /// Ends a QUEUED job and marks a RUNNING one for cancellation; an ended job is not changed. A repeated call
+    /// changes nothing.
+    pub async fn cancel_job(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Job, StoreError> {
+        let mut tx = self.db.write().await?;
+        let job = jobs::cancel(&mut tx, tenant, id, request).await?;
+        tx.commit().await?;
+        Ok(job)
+    }
+
+    /// Stops leasing jobs of a kind, for a reason.
+    pub async fn pause_jobs(
+        &self,
+        tenant: &Tenant,
+        kind: JobKind,
+        reason: &str,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.db.write().await?;
+        pauses::pause(&mut tx, tenant, kind, reason).await?;
+        tx.commit().await
+    }
+
+    /// Leases jobs of a kind again.
+    pub async fn resume_jobs(&self, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
+        let mut tx = self.db.write().await?;
+        pauses::resume(&mut tx, tenant, kind).await?;
+        tx.commit().await
+    }
+
+    /// Kinds of jobs that are not leased.
+    pub async fn paused_kinds(&self, tenant: &Tenant) -> Result<Vec<PausedKind>, StoreError> {
+        pauses::list(&mut self.db.read().await?, tenant).await
+    }
+}

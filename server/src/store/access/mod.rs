@@ -1,0 +1,7 @@
+//! The methods of the [`Store`](super::Store), by what they are about.
+
+mod catalogue;
+mod jobs;
+mod upkeep;
+mod uploads;
+mod workers;

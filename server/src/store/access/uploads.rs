@@ -1,0 +1,84 @@
+//! Uploads, and ingest jobs of captures.
+
+use crate::store::scripts::uploads;
+use crate::store::{CommittedPart, NewUpload, RequestKey, Store, StoreError, Upload};
+use crate::tenant::Tenant;
+use yoto_proto::v1::Capture;
+
+impl Store {
+    /// Opens an upload: a capture in state UPLOADING, with its files. Returns its id, or that of the
+    /// upload that `request` opened before.
+    pub async fn create_upload(
+        &self,
+        tenant: &Tenant,
+        new: NewUpload,
+        request: Option<RequestKey>,
+    ) -> Result<String, StoreError> {
+        let mut tx = self.db.write().await?;
+        let id = uploads::create(&mut tx, tenant, new, request).await?;
+        tx.commit().await?;
+        Ok(id)
+    }
+
+    /// Checks that the tenant has the upload, finished or not, without reading its files.
+    pub async fn require_upload(&self, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+        uploads::require(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// An upload by id, finished or not.
+    pub async fn upload(&self, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
+        let mut tx = self.db.snapshot().await?;
+        uploads::get(&mut tx, tenant, id).await
+    }
+
+    /// Records parts of an open upload that are on disk: all of them, or none.
+    pub async fn commit_parts(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        parts: &[CommittedPart],
+    ) -> Result<(), StoreError> {
+        let mut tx = self.db.write().await?;
+        uploads::commit(&mut tx, tenant, id, parts).await?;
+        tx.commit().await
+    }
+
+    /// Forgets the bytes of a file of an open upload.
+    pub async fn restart_file(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        path: &str,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.db.write().await?;
+        uploads::restart(&mut tx, tenant, id, path).await?;
+        tx.commit().await
+    }
+
+    /// Ends a complete upload: the capture is INGESTING and its ingest job QUEUED, or neither. One that
+    /// has ended is not changed.
+    pub async fn finish_upload(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError> {
+        let mut tx = self.db.write().await?;
+        let capture = uploads::finish(&mut tx, tenant, id, request).await?;
+        tx.commit().await?;
+        Ok(capture)
+    }
+
+    /// Queues another ingest job of a capture that is UPLOADED or REJECTED.
+    pub async fn ingest_capture(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        request: Option<RequestKey>,
+    ) -> Result<Capture, StoreError> {
+        let mut tx = self.db.write().await?;
+        let capture = uploads::ingest_again(&mut tx, tenant, id, request).await?;
+        tx.commit().await?;
+        Ok(capture)
+    }
+}

@@ -1,0 +1,173 @@
+//! Workers, their leases, and their reports.
+
+use crate::checkpoints::retention::Retention;
+use crate::store::scripts::leases::{self, Turn};
+use crate::store::scripts::{outcome, outputs, queue, ranges, workers};
+use crate::store::{
+    Ending, Entry, LeaseKey, LeaseOutcome, NewWorker, Page, Store, StoreError, TakenRange,
+};
+use crate::tenant::Tenant;
+use yoto_proto::v1::{Checkpoint, JobSpec, Progress, RenderedFile, WorkerStatus};
+
+impl Store {
+    /// Adds a worker. Returns its id.
+    pub async fn register_worker(
+        &self,
+        tenant: &Tenant,
+        new: NewWorker,
+    ) -> Result<String, StoreError> {
+        let mut tx = self.db.write().await?;
+        let id = workers::register(&mut tx, tenant, new).await?;
+        tx.commit().await?;
+        Ok(id)
+    }
+
+    /// The workers with `ids`, and those with a RUNNING job. The time of their last report is `lease_seconds`
+    /// before the deadline of the lease.
+    pub async fn active_workers(
+        &self,
+        tenant: &Tenant,
+        ids: &[&str],
+        lease_seconds: f64,
+    ) -> Result<Vec<WorkerStatus>, StoreError> {
+        workers::active(&mut self.db.read().await?, tenant, ids, lease_seconds).await
+    }
+
+    /// All workers, newest first.
+    pub async fn workers(
+        &self,
+        tenant: &Tenant,
+        page: Page,
+        lease_seconds: f64,
+    ) -> Result<Vec<Entry<WorkerStatus>>, StoreError> {
+        workers::list(&mut self.db.read().await?, tenant, page, lease_seconds).await
+    }
+
+    /// Leases the first queued job that the worker may run, with its inputs, or, if `help` is set, a part of a
+    /// running render. A repeated `request_id` gets the same lease again while it lasts.
+    pub async fn lease_job(
+        &self,
+        tenant: &Tenant,
+        worker_id: &str,
+        request_id: &str,
+        help: bool,
+        lease_seconds: f64,
+    ) -> Result<LeaseOutcome, StoreError> {
+        let mut reader = self.db.read().await?;
+        workers::require(&mut reader, tenant, worker_id).await?;
+        let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
+            || queue::any(&mut reader, worker_id).await?
+            || help
+                && queue::to_help(&mut reader, worker_id, None)
+                    .await?
+                    .is_some();
+        if !work {
+            return Ok(LeaseOutcome::default());
+        }
+        drop(reader);
+        let ask = leases::Ask {
+            tenant,
+            worker_id,
+            request_id,
+            help,
+            lease_seconds,
+        };
+        let mut outcome = LeaseOutcome::default();
+        // One transaction for each job that is tried, so that each locks one job.
+        loop {
+            let mut tx = self.db.write().await?;
+            let turn = leases::lease(&mut tx, &ask).await?;
+            tx.commit().await?;
+            match turn {
+                Turn::Leased(leased) => outcome.leased = Some(*leased),
+                Turn::Failed(job, reason) => {
+                    outcome.failed.push((job, reason));
+                    continue;
+                }
+                Turn::Taken => continue,
+                Turn::Nothing => {}
+            }
+            return Ok(outcome);
+        }
+    }
+
+    /// The order of a leased job.
+    pub async fn leased_spec(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+    ) -> Result<JobSpec, StoreError> {
+        let mut tx = self.db.read().await?;
+        leases::require(&mut tx, tenant, lease).await?;
+        leases::spec(&mut tx, lease).await
+    }
+
+    /// Extends a lease and records progress. Returns whether the job is to be cancelled.
+    pub async fn heartbeat(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        progress: Option<Progress>,
+        lease_seconds: f64,
+    ) -> Result<bool, StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
+        let cancel = leases::heartbeat(&mut tx, lease, progress, lease_seconds).await?;
+        tx.commit().await?;
+        Ok(cancel)
+    }
+
+    /// Puts a checkpoint of the leased train job's model into the catalogue, and removes those that the
+    /// model no longer keeps. A repeated call changes nothing, even after the checkpoint was removed.
+    pub async fn publish_checkpoint(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        checkpoint: Checkpoint,
+        default: Retention,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
+        leases::publish(&mut tx, lease, checkpoint, default).await?;
+        tx.commit().await
+    }
+
+    /// Commits a file of the leased render or export, which replaces an earlier one of the same name.
+    pub async fn commit_output(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        file: &RenderedFile,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
+        outputs::commit(&mut tx, lease, file).await?;
+        tx.commit().await
+    }
+
+    /// Assigns the next range of a render with `pictures` pictures to the lease, and marks the range that
+    /// begins at `drawn` as drawn. A repeated call returns the same range.
+    pub async fn take_range(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        pictures: u32,
+        drawn: Option<u32>,
+    ) -> Result<TakenRange, StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
+        let (range, finished) = ranges::take(&mut tx, lease, pictures, drawn).await?;
+        tx.commit().await?;
+        ranges::taken(&mut self.db.read().await?, &lease.job_id, range, finished).await
+    }
+
+    /// Ends a lease, and the job with it unless the lease is a helper's. In the same transaction, the capture
+    /// of an ingest job becomes READY, or REJECTED if its files are at fault, or else UPLOADED, and a measured
+    /// trade-off is stored with its checkpoint. A repeated call changes nothing.
+    pub async fn end_job(
+        &self,
+        tenant: &Tenant,
+        lease: &LeaseKey,
+        ending: Ending,
+    ) -> Result<(), StoreError> {
+        let mut tx = self.write_under(tenant, lease).await?;
+        outcome::end(&mut tx, tenant, lease, ending).await?;
+        tx.commit().await
+    }
+}

@@ -1,0 +1,75 @@
+//! The order of locks: a transaction takes them in the order of [`Lock`], and several of a kind by id. Two transactions that
+//! keep to it never wait for each other.
+
+/// What a transaction locks before it decides about it. A script that reads, decides and then writes takes the lock first:
+/// otherwise the decision may be wrong by the time of the write.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Lock<'a> {
+    /// A job, with its attempts, outputs, ranges and pins.
+    Job(&'a str),
+    /// A model, with its slots, checkpoints and the pins on them.
+    Model(&'a str),
+    /// A person, with the list of their captures.
+    Subject(&'a str),
+    /// A capture, with its files.
+    Capture(&'a str),
+}
+
+/// The locks of a transaction. In builds with assertions, a wrong order is a panic, so that the tests find it even on a
+/// database where nothing waits.
+#[derive(Debug, Default)]
+pub struct Locks {
+    #[cfg(debug_assertions)]
+    held: std::collections::BTreeSet<(u8, String)>,
+}
+
+impl Locks {
+    /// Records `lock`.
+    #[cfg(debug_assertions)]
+    pub fn take(&mut self, lock: Lock<'_>) {
+        let (kind, id) = match lock {
+            Lock::Job(id) => (0, id),
+            Lock::Model(id) => (1, id),
+            Lock::Subject(id) => (2, id),
+            Lock::Capture(id) => (3, id),
+        };
+        let lock = (kind, id.to_owned());
+        let later = self.held.last().filter(|last| **last > lock);
+        assert!(
+            later.is_none() || self.held.contains(&lock),
+            "{lock:?} is locked after {later:?}"
+        );
+        self.held.insert(lock);
+    }
+
+    /// Records nothing.
+    #[cfg(not(debug_assertions))]
+    pub fn take(&mut self, _: Lock<'_>) {}
+}
+
+#[cfg(all(test, debug_assertions))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lock_may_be_taken_twice_and_in_order() {
+        let mut locks = Locks::default();
+        for lock in [
+            Lock::Job("z"),
+            Lock::Model("a"),
+            Lock::Model("b"),
+            Lock::Capture("a"),
+            Lock::Model("a"),
+        ] {
+            locks.take(lock);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "is locked after")]
+    fn a_wrong_order_is_found() {
+        let mut locks = Locks::default();
+        locks.take(Lock::Model("b"));
+        locks.take(Lock::Model("a"));
+    }
+}

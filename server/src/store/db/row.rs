@@ -1,0 +1,148 @@
+//! Rows, and the conversion between their columns and messages.
+
+use crate::store::StoreError;
+use prost::Message;
+use prost_types::Timestamp;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Decode, Row as _, Sqlite, Type};
+use yoto_proto::v1::ObjectRef;
+
+/// A row of any database.
+#[derive(Debug)]
+pub enum Row {
+    /// A row of SQLite.
+    Sqlite(SqliteRow),
+}
+
+fn corrupt(what: &'static str, detail: impl ToString) -> StoreError {
+    StoreError::Corrupt {
+        what,
+        detail: detail.to_string(),
+    }
+}
+
+/// The enum value called `name`.
+pub fn state<S>(
+    column: &'static str,
+    name: &str,
+    parse: fn(&str) -> Option<S>,
+) -> Result<S, StoreError> {
+    parse(name).ok_or_else(|| corrupt(column, name))
+}
+
+/// `value` as the database's signed integer.
+pub fn integer(field: &'static str, value: u64) -> Result<i64, StoreError> {
+    i64::try_from(value).map_err(|_| StoreError::TooLarge { field, value })
+}
+
+impl Row {
+    fn get<'r, T>(&'r self, column: &'static str) -> Result<T, StoreError>
+    where
+        T: Decode<'r, Sqlite> + Type<Sqlite>,
+    {
+        match self {
+            Self::Sqlite(row) => row.try_get(column).map_err(|error| corrupt(column, error)),
+        }
+    }
+
+    /// A text column.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn text(&self, column: &'static str) -> Result<String, StoreError> {
+        self.get(column)
+    }
+
+    /// A text column that may be NULL.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StoreError> {
+        self.get(column)
+    }
+
+    /// An integer column that holds an unsigned number.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn number<N: TryFrom<i64>>(&self, column: &'static str) -> Result<N, StoreError> {
+        let value: i64 = self.get(column)?;
+        N::try_from(value).map_err(|_| corrupt(column, value))
+    }
+
+    /// An integer column that may be NULL.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn maybe_number<N: TryFrom<i64>>(
+        &self,
+        column: &'static str,
+    ) -> Result<Option<N>, StoreError> {
+        let value: Option<i64> = self.get(column)?;
+        value
+            .map(|value| N::try_from(value).map_err(|_| corrupt(column, value)))
+            .transpose()
+    }
+
+    /// A number that may be NULL.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn real(&self, column: &'static str) -> Result<Option<f64>, StoreError> {
+        self.get(column)
+    }
+
+    /// A 0/1 column.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn flag(&self, column: &'static str) -> Result<bool, StoreError> {
+        Ok(self.number::<i64>(column)? != 0)
+    }
+
+    /// A time column, seconds since 1970.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn time(&self, column: &'static str) -> Result<Option<Timestamp>, StoreError> {
+        Ok(self.real(column)?.map(|seconds| Timestamp {
+            seconds: seconds.floor() as i64,
+            // Below 1e9 for every fraction, so the cast is exact enough and in range.
+            nanos: ((seconds - seconds.floor()) * 1e9) as i32,
+        }))
+    }
+
+    /// An encoded message that may be NULL.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn message<M: Message + Default>(
+        &self,
+        column: &'static str,
+    ) -> Result<Option<M>, StoreError> {
+        let bytes: Option<Vec<u8>> = self.get(column)?;
+        bytes
+            .map(|bytes| M::decode(bytes.as_slice()).map_err(|error| corrupt(column, error)))
+            .transpose()
+    }
+
+    /// The three columns of an object reference.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn object(
+        &self,
+        key: &'static str,
+        bytes: &'static str,
+        sha256: &'static str,
+    ) -> Result<Option<ObjectRef>, StoreError> {
+        let Some(key) = self.maybe_text(key)? else {
+            return Ok(None);
+        };
+        Ok(Some(ObjectRef {
+            key,
+            bytes: self.number(bytes)?,
+            sha256: self.text(sha256)?,
+        }))
+    }
+}

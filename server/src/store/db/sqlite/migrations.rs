@@ -1,0 +1,67 @@
+//! The schema, brought up to date step by step.
+
+use sqlx::SqlSafeStr;
+use sqlx::migrate::{Migration, MigrationType, Migrator};
+
+/// The schema, step by step.
+pub fn migrations() -> Migrator {
+    let init = include_str!("../../../../../migrations/sqlite/0001_init.sql").into_sql_str();
+    let evaluate =
+        include_str!("../../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
+    let tradeoffs =
+        include_str!("../../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
+    let retries = include_str!("../../../../../migrations/sqlite/0004_retries.sql").into_sql_str();
+    let slots =
+        include_str!("../../../../../migrations/sqlite/0005_trained_slots.sql").into_sql_str();
+    let frames =
+        include_str!("../../../../../migrations/sqlite/0006_frame_numbers.sql").into_sql_str();
+    let shards =
+        include_str!("../../../../../migrations/sqlite/0007_checkpoint_shards.sql").into_sql_str();
+    let storage = include_str!("../../../../../migrations/sqlite/0008_storage.sql").into_sql_str();
+    let jobs = include_str!("../../../../../migrations/sqlite/0009_jobs.sql").into_sql_str();
+    let uploads = include_str!("../../../../../migrations/sqlite/0010_uploads.sql").into_sql_str();
+    let ranges =
+        include_str!("../../../../../migrations/sqlite/0011_render_ranges.sql").into_sql_str();
+    let models =
+        include_str!("../../../../../migrations/sqlite/0012_scene_models.sql").into_sql_str();
+    let exports =
+        include_str!("../../../../../migrations/sqlite/0013_export_jobs.sql").into_sql_str();
+    let clock =
+        include_str!("../../../../../migrations/sqlite/0014_clock_steps.sql").into_sql_str();
+    let tenants = include_str!("../../../../../migrations/sqlite/0015_tenants.sql").into_sql_str();
+    let stamps = include_str!("../../../../../migrations/sqlite/0016_stamps.sql").into_sql_str();
+    let metrics =
+        include_str!("../../../../../migrations/sqlite/0017_job_metrics.sql").into_sql_str();
+    let levels =
+        include_str!("../../../../../migrations/sqlite/0018_order_levels.sql").into_sql_str();
+    let files =
+        include_str!("../../../../../migrations/sqlite/0019_capture_objects.sql").into_sql_str();
+    let turns =
+        include_str!("../../../../../migrations/sqlite/0021_turns_of_tenants.sql").into_sql_str();
+    let step = |version, name: &'static str, sql, own_transaction| {
+        let kind = MigrationType::Simple;
+        Migration::new(version, name.into(), kind, sql, own_transaction)
+    };
+    Migrator::with_migrations(vec![
+        step(1, "init", init, false),
+        step(2, "evaluate jobs", evaluate, true),
+        step(3, "tradeoffs", tradeoffs, false),
+        step(4, "retries", retries, false),
+        step(5, "trained slots", slots, false),
+        step(6, "frame numbers", frames, false),
+        step(7, "checkpoint shards", shards, false),
+        step(8, "storage", storage, false),
+        step(9, "jobs", jobs, false),
+        step(10, "uploads", uploads, true),
+        step(11, "render ranges", ranges, false),
+        step(12, "scene models", models, false),
+        step(13, "export jobs", exports, true),
+        step(14, "clock steps", clock, false),
+        step(15, "tenants", tenants, false),
+        step(16, "stamps", stamps, false),
+        step(17, "job metrics", metrics, false),
+        step(18, "order levels", levels, false),
+        step(19, "capture objects", files, false),
+        step(21, "turns of tenants", turns, false),
+    ])
+}

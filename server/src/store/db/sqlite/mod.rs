@@ -1,0 +1,134 @@
+//! SQLite: one process, one file, durable at every commit.
+//!
+//! All writes go through one connection and start with `BEGIN IMMEDIATE`, so a write never fails because of an earlier read;
+//! readers have their own connections and never wait.
+
+mod connections;
+mod failures;
+mod migrations;
+#[cfg(test)]
+mod upgrade_tests;
+
+use super::Statement;
+use super::statement::Value;
+use crate::store::StoreError;
+use failures::During;
+use sqlx::pool::PoolConnection;
+use sqlx::query::Query;
+use sqlx::sqlite::{SqliteArguments, SqliteConnection, SqliteRow};
+use sqlx::{AssertSqlSafe, SqlSafeStr, SqlitePool, Transaction};
+use std::borrow::Cow;
+use std::path::Path;
+
+/// An open file.
+#[derive(Debug)]
+pub struct Sqlite {
+    writer: SqlitePool,
+    readers: SqlitePool,
+}
+
+/// A connection, with or without a transaction.
+#[derive(Debug)]
+pub enum Connection {
+    /// Each statement is for itself.
+    Single(PoolConnection<sqlx::Sqlite>),
+    /// A transaction, which is rolled back unless it is committed.
+    Transaction(Transaction<'static, sqlx::Sqlite>),
+}
+
+impl Sqlite {
+    /// Opens the file, creating it and bringing its schema up to date.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        let writer = connections::writer(path).await?;
+        migrations::migrations()
+            .run(&writer)
+            .await
+            .map_err(sqlx::Error::from)
+            .during("bringing the database's schema up to date")?;
+        let readers = connections::readers(path).await?;
+        Ok(Self { writer, readers })
+    }
+
+    pub async fn read(&self) -> Result<Connection, StoreError> {
+        let connection = self.readers.acquire().await;
+        let connection = connection.during("waiting for a database connection")?;
+        Ok(Connection::Single(connection))
+    }
+
+    pub async fn snapshot(&self) -> Result<Connection, StoreError> {
+        let tx = self.readers.begin().await;
+        Ok(Connection::Transaction(tx.during("starting to read")?))
+    }
+
+    pub async fn write(&self) -> Result<Connection, StoreError> {
+        let tx = self.writer.begin_with("BEGIN IMMEDIATE").await;
+        let tx = tx.during("starting a transaction")?;
+        Ok(Connection::Transaction(tx))
+    }
+
+    pub async fn close(&self) {
+        self.readers.close().await;
+        self.writer.close().await;
+    }
+}
+
+impl Connection {
+    fn get(&mut self) -> &mut SqliteConnection {
+        match self {
+            Self::Single(it) => it,
+            Self::Transaction(it) => it,
+        }
+    }
+
+    pub async fn row(
+        &mut self,
+        statement: Statement,
+        action: &'static str,
+    ) -> Result<Option<SqliteRow>, StoreError> {
+        let query = query(statement);
+        query.fetch_optional(self.get()).await.during(action)
+    }
+
+    pub async fn rows(
+        &mut self,
+        statement: Statement,
+        action: &'static str,
+    ) -> Result<Vec<SqliteRow>, StoreError> {
+        query(statement).fetch_all(self.get()).await.during(action)
+    }
+
+    pub async fn execute(
+        &mut self,
+        statement: Statement,
+        action: &'static str,
+    ) -> Result<u64, StoreError> {
+        let done = query(statement).execute(self.get()).await;
+        Ok(done.during(action)?.rows_affected())
+    }
+
+    /// Commits a transaction. A connection without one has nothing to commit.
+    pub async fn commit(self) -> Result<(), StoreError> {
+        match self {
+            Self::Single(_) => Ok(()),
+            Self::Transaction(tx) => tx.commit().await.during("committing a transaction"),
+        }
+    }
+}
+
+fn query(statement: Statement) -> Query<'static, sqlx::Sqlite, SqliteArguments> {
+    let text = match statement.text {
+        Cow::Borrowed(text) => text.into_sql_str(),
+        // Composed of texts of this program and of numbers of parameters.
+        Cow::Owned(text) => AssertSqlSafe(text).into_sql_str(),
+    };
+    let query = sqlx::query(text);
+    statement
+        .values
+        .into_iter()
+        .fold(query, |query, value| match value {
+            Value::Text(it) => query.bind(it),
+            Value::Integer(it) => query.bind(it),
+            Value::Real(it) => query.bind(it),
+            Value::Blob(it) => query.bind(it),
+        })
+}

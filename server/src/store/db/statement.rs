@@ -1,0 +1,102 @@
+//! A statement with its values.
+//!
+//! The text is one that all databases read: parameters are `$1`, `$2`, …, flags are the integers 0 and 1, and a row is
+//! replaced by `ON CONFLICT`.
+
+use std::borrow::Cow;
+
+/// A value of a parameter. Its type is known even if it is NULL.
+#[derive(Debug, Clone)]
+pub enum Value {
+    /// A text.
+    Text(Option<String>),
+    /// An integer, or a flag as 0 or 1.
+    Integer(Option<i64>),
+    /// A number.
+    Real(Option<f64>),
+    /// An encoded message.
+    Blob(Option<Vec<u8>>),
+}
+
+macro_rules! values {
+    ($($variant:ident: $($from:ty),+;)+) => {
+        $($(
+            impl From<$from> for Value {
+                fn from(value: $from) -> Self {
+                    Self::$variant(Some(value.into()))
+                }
+            }
+            impl From<Option<$from>> for Value {
+                fn from(value: Option<$from>) -> Self {
+                    Self::$variant(value.map(Into::into))
+                }
+            }
+        )+)+
+    };
+}
+values! {
+    Text: &str, String, &String;
+    Integer: i64, u32, u8, bool;
+    Real: f64;
+    Blob: Vec<u8>;
+}
+
+/// A statement, and the values of its parameters in their order.
+#[derive(Debug)]
+pub struct Statement {
+    pub(super) text: Cow<'static, str>,
+    pub(super) values: Vec<Value>,
+}
+
+/// A statement whose values are still to be bound.
+pub fn sql(text: impl Into<Cow<'static, str>>) -> Statement {
+    Statement {
+        text: text.into(),
+        values: Vec::new(),
+    }
+}
+
+impl Statement {
+    /// Binds the next parameter.
+    pub fn bind(mut self, value: impl Into<Value>) -> Self {
+        self.values.push(value.into());
+        self
+    }
+
+    /// Appends to the text.
+    pub fn push(&mut self, text: &str) {
+        self.text.to_mut().push_str(text);
+    }
+
+    /// Appends a parameter with its value.
+    pub fn push_bind(&mut self, value: impl Into<Value>) {
+        self.values.push(value.into());
+        let number = self.values.len();
+        self.push(&format!("${number}"));
+    }
+
+    /// Appends parameters with their values, separated by commas.
+    pub fn push_all<V: Into<Value>>(&mut self, values: impl IntoIterator<Item = V>) {
+        for (i, value) in values.into_iter().enumerate() {
+            if i > 0 {
+                self.push(", ");
+            }
+            self.push_bind(value);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn appended_parameters_are_numbered_on() {
+        let mut statement = sql("SELECT $1 WHERE a IN (").bind("x");
+        statement.push_all(["y", "z"]);
+        statement.push(") LIMIT ");
+        statement.push_bind(5_u32);
+        assert_eq!(statement.text, "SELECT $1 WHERE a IN ($2, $3) LIMIT $4");
+        assert!(matches!(statement.values[3], Value::Integer(Some(5))));
+    }
+}

@@ -1,0 +1,161 @@
+//! A transaction of any database.
+
+use super::locks::{Lock, Locks};
+use super::sqlite::Connection;
+use super::{Row, Statement, sql};
+use crate::faults::{self, Moment};
+use crate::store::StoreError;
+
+/// A transaction: the only way of the store's scripts to the database.
+#[derive(Debug)]
+pub struct Tx {
+    driver: Driver,
+    now: f64,
+    locks: Locks,
+}
+
+#[derive(Debug)]
+enum Driver {
+    Sqlite(Connection),
+}
+
+impl Tx {
+    pub(super) fn begin(connection: Connection, now: f64) -> Self {
+        Self {
+            driver: Driver::Sqlite(connection),
+            now,
+            locks: Locks::default(),
+        }
+    }
+
+    /// The time of this transaction, seconds since 1970: read once, by the store's clock. A script that needs a time takes
+    /// this one.
+    pub fn now(&self) -> f64 {
+        self.now
+    }
+
+    /// Waits until no other transaction holds `lock`, and holds it until this one ends. Locks are taken in the order of
+    /// [`Lock`]. SQLite has one writer, which holds all of them, so only the order is checked there.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn lock(&mut self, lock: Lock<'_>) -> Result<(), StoreError> {
+        self.locks.take(lock);
+        match &mut self.driver {
+            // BEGIN IMMEDIATE has locked the whole file.
+            Driver::Sqlite(_) => Ok(()),
+        }
+    }
+
+    /// The row that `choice` selects, locked, or the next one in its order if another transaction has locked that.
+    /// The caller changes the row under the same condition.
+    ///
+    /// # Errors
+    /// When the statement fails.
+    pub async fn claim(
+        &mut self,
+        choice: Statement,
+        action: &'static str,
+    ) -> Result<Option<Row>, StoreError> {
+        match &mut self.driver {
+            // No other transaction writes at the same time.
+            Driver::Sqlite(_) => choice.row(self, action).await,
+        }
+    }
+
+    /// Tables and columns of the schema whose names end in `end`.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn columns_named(&mut self, end: &str) -> Result<Vec<(String, String)>, StoreError> {
+        let statement = match &self.driver {
+            Driver::Sqlite(_) => sql("SELECT t.name AS table_name, c.name AS column_name
+                 FROM sqlite_schema t JOIN pragma_table_info(t.name) c
+                 WHERE t.type = 'table' AND substr(c.name, -length($1)) = $1"),
+        };
+        let rows = statement.bind(end).rows(self, "reading the schema").await?;
+        rows.iter()
+            .map(|row| Ok((row.text("table_name")?, row.text("column_name")?)))
+            .collect()
+    }
+
+    /// Makes the changes of a transaction that writes durable.
+    ///
+    /// # Errors
+    /// When the database fails. It is unknown then whether they are.
+    pub async fn commit(self) -> Result<(), StoreError> {
+        faults::reached(Moment::BeforeCommit);
+        match self.driver {
+            Driver::Sqlite(connection) => connection.commit().await?,
+        }
+        faults::reached(Moment::AfterCommit);
+        Ok(())
+    }
+
+    async fn fetch(
+        &mut self,
+        statement: Statement,
+        action: &'static str,
+    ) -> Result<Option<Row>, StoreError> {
+        match &mut self.driver {
+            Driver::Sqlite(it) => Ok(it.row(statement, action).await?.map(Row::Sqlite)),
+        }
+    }
+
+    async fn fetch_all(
+        &mut self,
+        statement: Statement,
+        action: &'static str,
+    ) -> Result<Vec<Row>, StoreError> {
+        match &mut self.driver {
+            Driver::Sqlite(it) => {
+                let rows = it.rows(statement, action).await?.into_iter();
+                Ok(rows.map(Row::Sqlite).collect())
+            }
+        }
+    }
+
+    async fn run(&mut self, statement: Statement, action: &'static str) -> Result<u64, StoreError> {
+        match &mut self.driver {
+            Driver::Sqlite(it) => it.execute(statement, action).await,
+        }
+    }
+}
+
+impl Statement {
+    /// The first row, if there is one.
+    ///
+    /// # Errors
+    /// When the statement fails during `action`.
+    pub async fn row(self, tx: &mut Tx, action: &'static str) -> Result<Option<Row>, StoreError> {
+        tx.fetch(self, action).await
+    }
+
+    /// The row of a statement that always has one.
+    ///
+    /// # Errors
+    /// When the statement fails during `action`, or has none.
+    pub async fn one(self, tx: &mut Tx, action: &'static str) -> Result<Row, StoreError> {
+        let row = tx.fetch(self, action).await?;
+        row.ok_or(StoreError::Corrupt {
+            what: action,
+            detail: "a row is missing".to_owned(),
+        })
+    }
+
+    /// All rows.
+    ///
+    /// # Errors
+    /// When the statement fails during `action`.
+    pub async fn rows(self, tx: &mut Tx, action: &'static str) -> Result<Vec<Row>, StoreError> {
+        tx.fetch_all(self, action).await
+    }
+
+    /// Runs the statement. Returns the number of changed rows.
+    ///
+    /// # Errors
+    /// When the statement fails during `action`.
+    pub async fn execute(self, tx: &mut Tx, action: &'static str) -> Result<u64, StoreError> {
+        tx.run(self, action).await
+    }
+}

@@ -1,0 +1,34 @@
+//! The transactions of the store, one file per noun: each function runs statements on a [`Tx`](super::db::Tx), which its
+//! caller begins and commits. They are written once, for all databases.
+//!
+//! Functions for users take the tenant first, after the transaction. Those that have only ids run after one that has found
+//! that the tenant has the resource.
+
+pub mod attempts;
+pub mod capture_objects;
+pub mod captures;
+pub mod checkpoints;
+pub mod deletion;
+pub mod garbage;
+#[cfg(test)]
+mod guard_tests;
+pub mod helpers;
+pub mod inputs;
+pub mod jobs;
+pub mod leases;
+pub mod metrics;
+pub mod models;
+pub mod outcome;
+pub mod outputs;
+pub mod pauses;
+pub mod pins;
+pub mod queue;
+pub mod ranges;
+pub mod reaping;
+pub mod requests;
+pub mod steps;
+pub mod subjects;
+pub mod ticks;
+pub mod uploads;
+pub mod versions;
+pub mod workers;

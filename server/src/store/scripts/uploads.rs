@@ -1,0 +1,286 @@
+//! Uploads: captures that are still arriving. Each file has a number of committed bytes.
+
+use super::steps::age;
+use super::{captures, garbage, jobs, requests};
+use crate::store::db::{Lock, Tx, integer, sql};
+use crate::store::{
+    CommittedPart, NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id,
+};
+use crate::tenant::Tenant;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Capture, ErrorReason, IngestSpec, JobSpec, job_spec};
+
+/// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
+const ROWS_PER_STATEMENT: usize = 4000;
+/// The call that opens an upload, under which its request id is stored.
+pub const CREATE: &str = "CreateUpload";
+
+fn not_found(id: &str) -> StoreError {
+    StoreError::NotFound {
+        name: Collection::Uploads.name(id),
+    }
+}
+
+/// Opens an upload, or returns the one that `request` opened before. Returns its id.
+pub async fn create(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    new: NewUpload,
+    request: Option<RequestKey>,
+) -> Result<String, StoreError> {
+    if let Some(id) = requests::begin(tx, tenant, request.as_ref()).await? {
+        return Ok(id);
+    }
+    tx.lock(Lock::Subject(&new.subject_id)).await?;
+    let id = new_id();
+    let done = sql("INSERT INTO captures (id, subject, create_time, idle_since)
+             SELECT $1, id, $3, $3 FROM subjects WHERE id = $2 AND tenant = $4")
+    .bind(&id)
+    .bind(&new.subject_id)
+    .bind(tx.now())
+    .bind(tenant.id())
+    .execute(tx, "opening an upload")
+    .await?;
+    if done == 0 {
+        return Err(StoreError::NotFound {
+            name: Collection::Subjects.name(&new.subject_id),
+        });
+    }
+    for chunk in new.files.chunks(ROWS_PER_STATEMENT) {
+        let mut rows = sql("INSERT INTO capture_files (capture, path, bytes, sha256) VALUES ");
+        for (number, file) in chunk.iter().enumerate() {
+            rows.push(if number == 0 { "(" } else { ", (" });
+            rows.push_bind(&id);
+            rows.push(", ");
+            rows.push_bind(&file.path);
+            rows.push(", ");
+            rows.push_bind(integer("files.bytes", file.bytes)?);
+            rows.push(", ");
+            rows.push_bind(&file.sha256);
+            rows.push(")");
+        }
+        rows.execute(tx, "recording a capture's files").await?;
+    }
+    requests::remember(tx, tenant, request.as_ref(), &id).await?;
+    Ok(id)
+}
+
+/// Checks that the tenant has the upload, finished or not.
+pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+    let row = sql(
+        "SELECT EXISTS (SELECT 1 FROM captures c JOIN subjects s ON s.id = c.subject
+             WHERE c.id = $1 AND s.tenant = $2) AS found",
+    )
+    .bind(id)
+    .bind(tenant.id())
+    .one(tx, "looking for an upload")
+    .await?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(not_found(id)),
+    }
+}
+
+/// An upload by id, finished or not.
+pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
+    let row = sql(
+        "SELECT c.subject, c.state, c.idle_since FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.id = $1 AND s.tenant = $2")
+        .bind(id)
+        .bind(tenant.id())
+        .row(tx, "reading an upload").await?
+        .ok_or_else(|| not_found(id))?;
+    let files = sql(
+        "SELECT path, bytes, sha256, committed FROM capture_files WHERE capture = $1 ORDER BY path",
+    )
+    .bind(id)
+    .rows(tx, "listing an upload's files")
+    .await?;
+    let files = files.iter().map(|row| {
+        Ok(UploadFile {
+            path: row.text("path")?,
+            bytes: row.number("bytes")?,
+            sha256: row.text("sha256")?,
+            committed: row.number("committed")?,
+        })
+    });
+    Ok(Upload {
+        id: id.to_owned(),
+        subject_id: row.text("subject")?,
+        open: row.text("state")? == "UPLOADING",
+        write_time: row.real("idle_since")?.unwrap_or_default(),
+        files: files.collect::<Result<_, StoreError>>()?,
+    })
+}
+
+/// Records what is on disk. Each part begins where the committed bytes of its file end.
+pub async fn commit(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    parts: &[CommittedPart],
+) -> Result<(), StoreError> {
+    tx.lock(Lock::Capture(id)).await?;
+    let done = sql(
+        "UPDATE captures SET idle_since = $2 WHERE id = $1 AND state = 'UPLOADING'
+             AND subject IN (SELECT id FROM subjects WHERE tenant = $3)",
+    )
+    .bind(id)
+    .bind(tx.now())
+    .bind(tenant.id())
+    .execute(tx, "noting the write of an upload")
+    .await?;
+    if done == 0 {
+        return Err(not_found(id));
+    }
+    for part in parts {
+        let done = sql("UPDATE capture_files SET committed = $4
+             WHERE capture = $1 AND path = $2 AND committed = $3 AND $4 <= bytes")
+        .bind(id)
+        .bind(&part.path)
+        .bind(integer("offset", part.from)?)
+        .bind(integer("offset", part.to)?)
+        .execute(tx, "committing a part of an upload")
+        .await?;
+        if done == 0 {
+            return Err(StoreError::Rule {
+                reason: ErrorReason::UploadOffset,
+                message: format!(
+                    "{}: bytes {} to {} do not follow what was committed",
+                    part.path, part.from, part.to
+                ),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Forgets the bytes of a file whose checksum differs from the announced one.
+pub async fn restart(tx: &mut Tx, tenant: &Tenant, id: &str, path: &str) -> Result<(), StoreError> {
+    tx.lock(Lock::Capture(id)).await?;
+    sql("UPDATE capture_files SET committed = 0 WHERE capture = $1 AND path = $2
+             AND capture IN (SELECT c.id FROM captures c JOIN subjects s ON s.id = c.subject WHERE s.tenant = $3)")
+        .bind(id)
+        .bind(path)
+        .bind(tenant.id())
+        .execute(tx, "starting a file of an upload anew").await?;
+    Ok(())
+}
+
+/// Ends an upload and queues its ingest job. One that has ended already is not changed.
+pub async fn finish(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    request: Option<RequestKey>,
+) -> Result<Capture, StoreError> {
+    if requests::begin(tx, tenant, request.as_ref())
+        .await?
+        .is_some()
+    {
+        return captures::get(tx, tenant, id).await;
+    }
+    tx.lock(Lock::Capture(id)).await?;
+    let done = sql(
+        "UPDATE captures SET state = 'INGESTING' WHERE id = $1 AND state = 'UPLOADING'
+             AND subject IN (SELECT id FROM subjects WHERE tenant = $2)
+             AND NOT EXISTS (SELECT 1 FROM capture_files f WHERE f.capture = $1 AND f.committed < f.bytes)",
+    )
+    .bind(id)
+    .bind(tenant.id())
+    .execute(tx, "ending an upload").await?;
+    if done > 0 {
+        ingest(tx, tenant, id).await?;
+    } else if get(tx, tenant, id).await?.open {
+        return Err(StoreError::Rule {
+            reason: ErrorReason::UploadIncomplete,
+            message: format!("{} is not complete", Collection::Uploads.name(id)),
+        });
+    }
+    requests::remember(tx, tenant, request.as_ref(), id).await?;
+    captures::get(tx, tenant, id).await
+}
+
+/// Queues an ingest job of the capture.
+async fn ingest(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+    let ingest = IngestSpec {
+        capture: Collection::Captures.name(id),
+    };
+    let spec = JobSpec {
+        kind: Some(job_spec::Kind::Ingest(ingest)),
+    };
+    jobs::insert(tx, tenant, NewJob::normal(spec))
+        .await
+        .map(drop)
+}
+
+/// Queues another ingest job for a capture whose last one made no shard.
+pub async fn ingest_again(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    request: Option<RequestKey>,
+) -> Result<Capture, StoreError> {
+    if requests::begin(tx, tenant, request.as_ref())
+        .await?
+        .is_some()
+    {
+        return captures::get(tx, tenant, id).await;
+    }
+    tx.lock(Lock::Capture(id)).await?;
+    let before = captures::get(tx, tenant, id).await?;
+    let done = sql(
+        "UPDATE captures SET state = 'INGESTING' WHERE id = $1 AND state IN ('UPLOADED', 'REJECTED')",
+    )
+    .bind(id)
+    .execute(tx, "starting an ingest anew").await?;
+    if done == 0 {
+        return Err(StoreError::Rule {
+            reason: ErrorReason::NotRepeatable,
+            message: format!(
+                "{} is {}: only one that is UPLOADED or REJECTED is read again",
+                before.name,
+                before.state().as_str_name()
+            ),
+        });
+    }
+    sql("DELETE FROM capture_violations WHERE capture = $1")
+        .bind(id)
+        .execute(tx, "forgetting a capture's violations")
+        .await?;
+    ingest(tx, tenant, id).await?;
+    requests::remember(tx, tenant, request.as_ref(), id).await?;
+    captures::get(tx, tenant, id).await
+}
+
+/// Ends the uploads without a write for `idle` seconds. Returns their ids.
+pub async fn expire(tx: &mut Tx, idle: f64, at: f64) -> Result<Vec<String>, StoreError> {
+    let rows = sql(concat!(
+        "DELETE FROM captures WHERE state = 'UPLOADING' AND ",
+        age!("idle_since"),
+        " >= $2 RETURNING id"
+    ))
+    .bind(at)
+    .bind(idle)
+    .rows(tx, "ending idle uploads")
+    .await?;
+    let mut ended = Vec::with_capacity(rows.len());
+    for row in &rows {
+        let id = row.text("id")?;
+        forget(tx, &id).await?;
+        ended.push(id);
+    }
+    Ok(ended)
+}
+
+/// Notes the files of a removed upload as garbage, and frees its request id, so that the same files can be
+/// uploaded again.
+pub async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+    garbage::deleted(tx, &format!("uploads/{id}")).await?;
+    sql("DELETE FROM request_ids WHERE method = $1 AND answer = $2")
+        .bind(CREATE)
+        .bind(id)
+        .execute(tx, "freeing a request id")
+        .await?;
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! Workers and the kinds of jobs that they run.
+
+use super::steps::age;
+use crate::store::db::{Row, Tx, sql};
+use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
+use crate::tenant::Tenant;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{WorkerDevice, WorkerStatus};
+
+/// Adds a worker.
+pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<String, StoreError> {
+    let id = new_id();
+    // No device has more memory than fits into the column.
+    let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
+    sql("INSERT INTO workers
+             (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant,
+              version, order_level)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)")
+    .bind(&id)
+    .bind(&new.display_name)
+    .bind(&new.device.backend)
+    .bind(&new.device.adapter)
+    .bind(new.device.gpu)
+    .bind(memory)
+    .bind(new.embedded)
+    .bind(tx.now())
+    .bind(tenant.id())
+    .bind(&new.version)
+    .bind(new.order_level)
+    .execute(tx, "registering a worker")
+    .await?;
+    for kind in new.kinds {
+        sql("INSERT INTO worker_kinds (worker, kind) VALUES ($1, $2)
+             ON CONFLICT (worker, kind) DO NOTHING")
+        .bind(&id)
+        .bind(kind.as_str())
+        .execute(tx, "recording what a worker runs")
+        .await?;
+    }
+    Ok(id)
+}
+
+/// Checks that the tenant has the worker.
+pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+    let row = sql("SELECT EXISTS (SELECT 1 FROM workers WHERE id = $1 AND tenant = $2) AS found")
+        .bind(id)
+        .bind(tenant.id())
+        .one(tx, "looking for a worker")
+        .await?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(StoreError::NotFound {
+            name: Collection::Workers.name(id),
+        }),
+    }
+}
+
+/// Selects workers with the job that each runs or helps with, and when it last reported on it: `$1` seconds
+/// before its lease ends.
+macro_rules! select_workers {
+    ($rest:literal) => {
+        concat!(
+            "SELECT w.*, l.job, l.lease_deadline - $1 AS reported,
+                 (SELECT string_agg(kind, ' ' ORDER BY kind) FROM worker_kinds
+                  WHERE worker = w.id) AS kinds
+             FROM workers w LEFT JOIN leases l ON l.worker = w.id ",
+            $rest
+        )
+    };
+}
+
+/// The workers with `ids`, and those with a job, by their names: two lanes of one process register
+/// in either order.
+pub async fn active(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    ids: &[&str],
+    lease_seconds: f64,
+) -> Result<Vec<WorkerStatus>, StoreError> {
+    let mut query = sql(select_workers!(
+        "WHERE w.tenant = $2 AND (l.job IS NOT NULL"
+    ))
+    .bind(lease_seconds)
+    .bind(tenant.id());
+    if !ids.is_empty() {
+        query.push(" OR w.id IN (");
+        query.push_all(ids.iter().copied());
+        query.push(")");
+    }
+    query.push(") ORDER BY w.display_name, w.ord");
+    let rows = query.rows(tx, "listing active workers").await?;
+    rows.iter().map(read).collect()
+}
+
+/// All registered workers, newest first.
+pub async fn list(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    page: Page,
+    lease_seconds: f64,
+) -> Result<Vec<Entry<WorkerStatus>>, StoreError> {
+    let rows = sql(select_workers!(
+        "WHERE w.tenant = $4 AND w.ord < $2 ORDER BY w.ord DESC LIMIT $3"
+    ))
+    .bind(lease_seconds)
+    .bind(page.after.unwrap_or(i64::MAX))
+    .bind(page.limit)
+    .bind(tenant.id())
+    .rows(tx, "listing workers")
+    .await?;
+    rows.iter()
+        .map(|row| {
+            Ok(Entry {
+                position: row.number("ord")?,
+                item: read(row)?,
+            })
+        })
+        .collect()
+}
+
+/// Forgets workers that registered more than `keep` seconds ago and that neither a job nor its history names.
+pub async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
+    let done = sql(concat!(
+        "DELETE FROM workers WHERE ",
+        age!("create_time"),
+        " > $2
+             AND NOT EXISTS (SELECT 1 FROM jobs j WHERE j.worker = workers.id)
+             AND NOT EXISTS (SELECT 1 FROM job_attempts a WHERE a.worker = workers.id)"
+    ))
+    .bind(at)
+    .bind(keep)
+    .execute(tx, "forgetting old workers")
+    .await?;
+    Ok(done)
+}
+
+fn read(row: &Row) -> Result<WorkerStatus, StoreError> {
+    let kinds = row.maybe_text("kinds")?.unwrap_or_default();
+    let kinds = kinds.split(' ').filter(|kind| !kind.is_empty());
+    let kinds = kinds.map(|kind| Ok(JobKind::of_column(kind)?.to_proto() as i32));
+    let job = row.maybe_text("job")?;
+    Ok(WorkerStatus {
+        name: Collection::Workers.name(&row.text("id")?),
+        display_name: row.text("display_name")?,
+        device: Some(WorkerDevice {
+            backend: row.text("backend")?,
+            adapter: row.text("adapter")?,
+            gpu: row.flag("gpu")?,
+            memory_bytes: row.number("memory_bytes")?,
+        }),
+        kinds: kinds.collect::<Result<_, StoreError>>()?,
+        last_seen: row.time("reported")?,
+        job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
+        version: row.text("version")?,
+        order_level: row.number("order_level")?,
+    })
+}

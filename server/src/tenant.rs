@@ -1,0 +1,113 @@
+//! Tenants: whoever shares a service without seeing each other.
+//!
+//! Every request is made for one tenant, which the listener's [`TenantLayer`] puts into the request's extensions. A
+//! service has the tenant `default` only, until someone adds others: a newcomer never sees it. A name of another tenant's
+//! resource is answered like one that does not exist.
+
+use crate::error::RequestError;
+use std::fmt;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use tonic::Request;
+use tonic::codegen::http;
+use tower::{Layer, Service};
+
+/// The tenant of a service without tenants.
+const DEFAULT: &str = "default";
+
+/// The id of a tenant: every access of a user to the store is limited to it.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Tenant(Arc<str>);
+
+impl Default for Tenant {
+    fn default() -> Self {
+        Self(DEFAULT.into())
+    }
+}
+
+impl fmt::Display for Tenant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Tenant {
+    /// The tenant with this id; `None` unless it is 1 to 64 of `[a-z0-9-]`, as in resource names.
+    pub fn new(id: &str) -> Option<Self> {
+        let valid = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+        ((1..=64).contains(&id.len()) && id.bytes().all(valid)).then(|| Self(id.into()))
+    }
+
+    /// The id.
+    pub fn id(&self) -> &str {
+        &self.0
+    }
+
+    /// The tenant for which a request is made.
+    ///
+    /// # Errors
+    /// When no layer has set it: no request is answered for an unknown tenant.
+    pub(crate) fn of<T>(request: &Request<T>) -> Result<Self, RequestError> {
+        let tenant = request.extensions().get::<Self>().cloned();
+        tenant.ok_or(RequestError::NoTenant)
+    }
+}
+
+/// Makes all requests of a listener for one tenant.
+#[derive(Debug, Clone)]
+pub(crate) struct TenantLayer(pub Tenant);
+
+impl<S> Layer<S> for TenantLayer {
+    type Service = OfTenant<S>;
+
+    fn layer(&self, inner: S) -> OfTenant<S> {
+        OfTenant {
+            inner,
+            tenant: self.0.clone(),
+        }
+    }
+}
+
+/// Services that answer one tenant.
+#[derive(Debug, Clone)]
+pub(crate) struct OfTenant<S> {
+    inner: S,
+    tenant: Tenant,
+}
+
+impl<S, B> Service<http::Request<B>> for OfTenant<S>
+where
+    S: Service<http::Request<B>>,
+{
+    type Response = S::Response;
+    type Error = S::Error;
+    type Future = S::Future;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, mut request: http::Request<B>) -> S::Future {
+        request.extensions_mut().insert(self.tenant.clone());
+        self.inner.call(request)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_without_a_tenant_is_not_answered() {
+        let request = Request::new(());
+        assert!(matches!(Tenant::of(&request), Err(RequestError::NoTenant)));
+    }
+
+    #[test]
+    fn an_id_has_the_alphabet_of_names() {
+        assert_eq!(Tenant::new("default"), Some(Tenant::default()));
+        for bad in ["", "A", "a/b", "a b", &"a".repeat(65)] {
+            assert_eq!(Tenant::new(bad), None, "{bad}");
+        }
+    }
+}

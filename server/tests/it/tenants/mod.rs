@@ -1,0 +1,228 @@
+//! Tenants: nobody sees, uses or changes what is another's, and nobody learns that it exists.
+//!
+//! The contract's descriptors are walked, so that a new call is covered without being named here.
+
+mod calls;
+mod requests;
+
+use crate::support::{Service, chunks as chunks_of, file};
+use calls::{Answer, call};
+use prost_reflect::{DynamicMessage, FieldDescriptor, MethodDescriptor};
+use requests::{Content, is_report, leaves, methods, unknown, with};
+use std::collections::BTreeSet;
+use std::mem;
+use tonic::Code;
+use tonic::transport::Channel;
+use yoto_proto::names;
+use yoto_proto::v1::upload_service_client::UploadServiceClient;
+use yoto_proto::v1::{
+    CreateSubjectRequest, FinishUploadRequest, GetUploadRequest, JobKind, ListSubjectsRequest,
+    PauseJobsRequest,
+};
+use yoto_server::{Tenant, in_memory};
+
+/// Connects as another tenant.
+fn connect(service: &Service, tenant: &str) -> Channel {
+    let (connector, incoming) = in_memory();
+    let tenant = Tenant::new(tenant).expect("an id");
+    let serving = service
+        .coordinator
+        .serve_tenant(tenant, incoming, std::future::pending());
+    tokio::spawn(serving);
+    connector.channel()
+}
+
+/// One of everything, made by the current tenant of `service`.
+async fn content(service: &Service) -> Content {
+    let trained = service.trained().await;
+    let files = [file("poses.json", b"{}")];
+    let upload = service.open_upload(&trained.subject.name, &files).await;
+    Content {
+        capture: trained.subject.captures[0].clone(),
+        subject: trained.subject.name,
+        upload: upload.expect("is opened").name,
+        object: names::object(&trained.checkpoint.name, "weights.safetensors"),
+        model: trained.model.name,
+        checkpoint: trained.checkpoint.name,
+        job: trained.training.job.expect("has a job").name,
+        worker: trained.worker,
+    }
+}
+
+/// A service with one of everything of each of two tenants: the default one's, and that of the tenant on whose channel
+/// `service` is left.
+async fn two_tenants() -> (Service, Content, Content) {
+    let mut service = Service::start().await;
+    let theirs = content(&service).await;
+    service.channel = connect(&service, "other");
+    let own = content(&service).await;
+    (service, theirs, own)
+}
+
+/// The answer to a call in which the field at the end of `path` is `name`.
+async fn ask(
+    service: &Service,
+    method: &MethodDescriptor,
+    path: &[FieldDescriptor],
+    own: &Content,
+    name: &str,
+) -> Answer {
+    let request = with(&method.input(), path, own, name);
+    call(service.channel.clone(), method, &request).await
+}
+
+#[tokio::test]
+async fn a_name_of_another_tenant_is_answered_like_one_that_does_not_exist() {
+    let (service, theirs, own) = two_tenants().await;
+    let (mut asked, mut faults) = (0, Vec::new());
+    for method in methods() {
+        for path in leaves(&method.input()) {
+            let fields: Vec<&str> = path.iter().map(|it| it.name()).collect();
+            let shown = format!("{} {}", method.full_name(), fields.join("."));
+            let mut seen = Vec::new();
+            for name in theirs.names() {
+                let missing = unknown(name);
+                let answer = ask(&service, &method, &path, &own, name).await;
+                let expected = ask(&service, &method, &path, &own, &missing).await;
+                if answer.without(name) != expected.without(&missing) {
+                    faults.push(format!("{shown} tells whether {name} exists: {answer:?}"));
+                }
+                if answer.code == Code::Ok && !is_report(&path) {
+                    faults.push(format!("{shown} takes {name}"));
+                }
+                seen.push(answer);
+                asked += 1;
+            }
+            let mut missing = seen.iter().filter(|it| it.code == Code::NotFound);
+            let names = |it: &Answer| {
+                theirs
+                    .names()
+                    .any(|name| it.message.contains(requests::id(name)))
+            };
+            let named = missing.any(names);
+            if !named && !is_report(&path) {
+                let answers: BTreeSet<&str> = seen.iter().map(|it| &*it.message).collect();
+                faults.push(format!(
+                    "{shown} is not looked up: give `requests` what such a request needs beside it, or \
+                     list the field as one that holds no name: {answers:?}"
+                ));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    assert!(asked > 200, "only {asked} calls");
+}
+
+#[tokio::test]
+async fn no_answer_holds_an_id_of_another_tenant() {
+    let (service, theirs, own) = two_tenants().await;
+    let mut listed = 0;
+    for method in methods() {
+        let request = DynamicMessage::new(method.input());
+        let answer = call(service.channel.clone(), &method, &request).await;
+        for name in theirs.names() {
+            let id = requests::id(name);
+            assert!(!answer.holds(id), "{} shows {name}", method.full_name());
+        }
+        let has = |name: &str| answer.holds(requests::id(name));
+        listed += usize::from(own.names().any(has));
+    }
+    assert!(listed >= 4, "people, models, jobs and workers: {listed}");
+}
+
+#[tokio::test]
+async fn request_ids_and_pauses_are_a_tenants_own() {
+    let mut service = Service::start().await;
+    let create = |display_name: &str| CreateSubjectRequest {
+        display_name: display_name.into(),
+        request_id: "same".into(),
+        ..CreateSubjectRequest::default()
+    };
+    let first = service.subjects().create_subject(create("Ada")).await;
+    let first = first.expect("creates").into_inner();
+    let other = connect(&service, "other");
+    let default = mem::replace(&mut service.channel, other);
+    let second = service.subjects().create_subject(create("Bob")).await;
+    let second = second.expect("is no repetition").into_inner();
+    assert_ne!(first.name, second.name);
+    let listed = service
+        .subjects()
+        .list_subjects(ListSubjectsRequest::default())
+        .await;
+    let listed = listed.expect("lists").into_inner().subjects;
+    assert_eq!(listed, [second]);
+
+    let pause = PauseJobsRequest {
+        kind: JobKind::Ingest.into(),
+        reason: "theirs".into(),
+    };
+    service.jobs().pause_jobs(pause).await.expect("pauses");
+    service.channel = default;
+    service.upload_good(&first.name).await;
+    let worker = service.worker(&["ingest"]).await;
+    assert!(service.lease(&worker).await.is_some(), "is not paused");
+}
+
+#[tokio::test]
+async fn nobody_stops_the_writer_of_anothers_upload() {
+    let service = Service::start().await;
+    let ada = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}"), file("a", b"0123456789")];
+    let upload = service.open_upload(&ada.name, &files).await;
+    let upload = upload.expect("is opened").name;
+    let (sender, receiver) = tokio::sync::mpsc::channel(1);
+    let chunks = tokio_stream::wrappers::ReceiverStream::new(receiver);
+    let mut uploads = service.uploads();
+    let writing = tokio::spawn(async move { uploads.write_upload(chunks).await });
+    let mut messages = chunks_of(&upload, &files).into_iter();
+    let first = messages.next().expect("a chunk");
+    sender.send(first).await.expect("is received");
+
+    let mut other = UploadServiceClient::new(connect(&service, "other"));
+    let stop = GetUploadRequest {
+        name: upload.clone(),
+        stop_writer: true,
+    };
+    let stopped = other.get_upload(stop).await.expect_err("is another's");
+    assert_eq!(stopped.code(), Code::NotFound);
+    let finish = FinishUploadRequest {
+        name: upload.clone(),
+        request_id: String::new(),
+    };
+    let finished = other.finish_upload(finish).await;
+    assert_eq!(finished.expect_err("is another's").code(), Code::NotFound);
+    let mut theirs = chunks_of(&upload, &files);
+    theirs.truncate(1);
+    let written = other.write_upload(futures::stream::iter(theirs)).await;
+    assert_eq!(written.expect_err("is another's").code(), Code::NotFound);
+
+    for message in messages {
+        sender.send(message).await.expect("is received");
+    }
+    drop(sender);
+    let written = writing.await.expect("no panic").expect("goes on");
+    assert_eq!(written.into_inner().committed_bytes, 12);
+}
+
+#[tokio::test]
+async fn a_worker_runs_the_jobs_of_its_tenant() {
+    let mut service = Service::start().await;
+    let ada = service.subject("Ada").await;
+    service.upload_good(&ada.name).await;
+    let own = service.worker(&["ingest"]).await;
+    let other = connect(&service, "other");
+    let default = mem::replace(&mut service.channel, other);
+    let theirs = service.worker(&["ingest"]).await;
+    assert!(service.lease(&theirs).await.is_none());
+    service.channel = default;
+    let lease = service.lease(&own).await.expect("the ingest job waits");
+    let claim = crate::support::claim(&lease);
+    // The token alone is not enough.
+    service.channel = connect(&service, "other");
+    let beat = yoto_proto::worker::v1::HeartbeatRequest {
+        claim: Some(claim),
+        progress: None,
+    };
+    let refused = service.workers().heartbeat(beat).await;
+    assert_eq!(refused.expect_err("is another's").code(), Code::NotFound);
+}
