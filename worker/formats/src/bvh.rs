@@ -326,12 +326,15 @@ impl<'a> Reader<'a> {
         if numbers.len() != count * width {
             // Only where each frame begins a line are these surely the frames.
             let begins = |at: usize| lines.binary_search_by_key(&at, |(_, start)| *start).is_ok();
-            if let Some(at) = (0..numbers.len()).step_by(width).find(|at| !begins(*at)) {
-                let line = lines.iter().rev().find(|(_, start)| *start < at);
-                self.line = line.map_or(self.line, |(line, _)| *line);
+            if !(0..numbers.len()).step_by(width).all(begins) {
+                let ends = lines.iter().skip(1).map(|(_, start)| *start);
+                let mut lengths = lines.iter().zip(ends.chain([numbers.len()]));
+                let odd = lengths.find(|((_, start), end)| end - start != width);
+                let (line, start) = odd.map_or((self.line, 0), |(line, _)| *line);
+                self.line = line;
                 return Err(self.fault(format!(
                     "frame {} does not end with this line: {width} channels have {width} numbers per frame",
-                    at / width - 1
+                    start / width
                 )));
             }
         }
