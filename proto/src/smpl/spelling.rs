@@ -108,7 +108,11 @@ fn shared_prefix(names: &[String]) -> String {
             }
             let sharing = names
                 .iter()
-                .filter(|other| other.starts_with(prefix))
+                .filter(|other| {
+                    // A number alone is no name.
+                    let rest = other.strip_prefix(prefix);
+                    rest.is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_alphabetic()))
+                })
                 .count();
             if prefix.len() > longest.len() && sharing as f64 >= SHARED * names.len() as f64 {
                 longest = prefix;

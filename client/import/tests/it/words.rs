@@ -115,10 +115,10 @@ fn a_file_beside_the_given_one_is_not_blamed() {
         !text.contains("other.npz") && !text.contains("number of a frame"),
         "{text}"
     );
-    // All frames of a person in one file, as the script's files frame by frame.
+    // The frames of a person in one file, as the script's files frame by frame, less those whose first person is another.
     let mut coords = Vec::new();
     let (mut shifts, mut frames) = (Vec::new(), Vec::new());
-    for frame in 0..16 {
+    for frame in (0..16).filter(|frame| ![3, 5, 7, 9, 11].contains(frame)) {
         let path = files(&format!("sam_3d_body/frame_{frame:04}_subj00.npz"));
         let bytes = std::fs::read(&path).expect("a file");
         let value = yoto_formats::npz::read(&bytes, 1 << 24).expect("an npz");
@@ -136,13 +136,13 @@ fn a_file_beside_the_given_one_is_not_blamed() {
     npz::write(
         &given,
         &[
-            ("frame_idx", &[16], &frames),
-            ("pred_joint_coords", &[16, 127, 3], &coords),
-            ("pred_cam_t", &[16, 3], &shifts),
+            ("frame_idx", &[11], &frames),
+            ("pred_joint_coords", &[11, 127, 3], &coords),
+            ("pred_cam_t", &[11, 3], &shifts),
         ],
     );
     let found = crate::key_points::import(&crate::key_points::options(given));
-    assert_eq!(found.track.frames.len(), 16, "{:?}", found.notes);
+    assert_eq!(found.track.frames.len(), 11, "{:?}", found.notes);
     let off = crate::key_points::off(&found, 0);
     assert!(off < 3.0, "{off} px; {:?}", found.notes);
 }
