@@ -51,12 +51,18 @@ pub fn code(reason: ErrorReason) -> Code {
     }
 }
 
+/// The reason that the service gave, as it is spelled; `None` for a status of the transport.
+pub fn spelled(status: &Status) -> Option<String> {
+    let details = status.get_error_details();
+    let info = details.error_info().filter(|it| it.domain == DOMAIN)?;
+    Some(info.reason.clone())
+}
+
 /// The reason that the service gave; `None` for a status of the transport. A reason of a later version is
 /// [`ErrorReason::Unspecified`].
 pub fn of(status: &Status) -> Option<ErrorReason> {
-    let details = status.get_error_details();
-    let info = details.error_info().filter(|it| it.domain == DOMAIN)?;
-    Some(ErrorReason::from_str_name(&info.reason).unwrap_or_default())
+    let reason = spelled(status)?;
+    Some(ErrorReason::from_str_name(&reason).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -72,6 +78,9 @@ mod tests {
         };
         assert_eq!(told("CONFLICT", DOMAIN), Some(ErrorReason::Conflict));
         assert_eq!(told("OF_TOMORROW", DOMAIN), Some(ErrorReason::Unspecified));
+        let details = ErrorDetails::with_error_info("OF_TOMORROW", DOMAIN, []);
+        let later = Status::with_error_details(Code::Aborted, "", details);
+        assert_eq!(spelled(&later).as_deref(), Some("OF_TOMORROW"));
         assert_eq!(told("CONFLICT", "a.proxy"), None);
         assert_eq!(of(&Status::unavailable("no route")), None);
     }

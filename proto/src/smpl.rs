@@ -4,6 +4,7 @@
 mod spelling;
 mod unify;
 
+pub use spelling::Spelled;
 pub use unify::unify;
 
 /// The 24 joints in the published order, each with its parent.

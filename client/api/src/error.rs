@@ -9,6 +9,7 @@ use thiserror::Error;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
 use yoto_proto::pose_track::describe;
+use yoto_proto::reasons;
 use yoto_proto::text::{LINE_CHARACTERS, one_line};
 use yoto_proto::v1::{Job, Violation, job};
 
@@ -104,9 +105,10 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.doing, shown(self.status.message()))?;
         let details = self.status.get_error_details();
-        match details.error_info() {
-            Some(info) if !info.reason.is_empty() => write!(f, " [{}]", shown(&info.reason))?,
-            _ => write!(f, " [{:?}]", self.status.code())?,
+        let reason = reasons::spelled(&self.status);
+        match &reason {
+            Some(reason) => write!(f, " [{}]", shown(reason))?,
+            None => write!(f, " [{:?}]", self.status.code())?,
         }
         for violation in details
             .bad_request()
@@ -119,8 +121,8 @@ impl fmt::Display for Refusal {
                 write!(f, "\n  {}", shown(&line))?;
             }
         }
-        // An answer with an ErrorInfo comes from the service itself.
-        if self.status.code() == Code::Unavailable && details.error_info().is_none() {
+        // An answer with a reason comes from the service itself.
+        if self.status.code() == Code::Unavailable && reason.is_none() {
             write!(f, "\n  is the service still running?")?;
         }
         Ok(())
@@ -177,8 +179,7 @@ mod tests {
 
     #[test]
     fn a_refusal_names_reason_and_fields() {
-        let mut details =
-            ErrorDetails::with_error_info("BAD_SPEC", "yoto", std::collections::HashMap::new());
+        let mut details = ErrorDetails::with_error_info("BAD_SPEC", reasons::DOMAIN, []);
         details.set_bad_request(vec![FieldViolation::new(
             "spec.train.seconds",
             "-1 is below 0",

@@ -5,7 +5,7 @@ use crate::args::frame_range::FrameRange;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{FfmpegArg, Format, Options, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, PointSet, TrackForm, to_folder};
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
 #[derive(Debug, Args)]
@@ -42,6 +42,9 @@ pub(crate) struct ImportOptions {
     /// that the masks show, or who is seen most often].
     #[arg(long, value_name = "ID")]
     person: Option<String>,
+    /// The set of key points, if the file doesn't tell.
+    #[arg(long, value_name = "SET")]
+    points: Option<PointSet>,
     /// Focal length of the clip's camera, pixels [default: found, or the pose tool's].
     #[arg(long, value_name = "PX", value_parser = focal)]
     focal: Option<f64>,
@@ -109,6 +112,7 @@ impl ImportOptions {
             || self.poses.is_some()
             || self.fps.is_some()
             || self.person.is_some()
+            || self.points.is_some()
             || self.focal.is_some()
             || self.height.is_some()
             || self.keep_skeleton
@@ -141,6 +145,7 @@ impl ImportOptions {
             masks: masks.map(Path::to_owned),
             matting: self.matting.model(),
             person: self.person.clone(),
+            points: self.points,
             focal: self.focal,
             height: self.height,
             keep_skeleton: self.keep_skeleton,

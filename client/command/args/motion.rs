@@ -2,7 +2,8 @@
 
 use clap::Args;
 use std::path::{Path, PathBuf};
-use yoto_import::motion::{Motion, MotionOptions, Up, read};
+use yoto_import::motion::{Motion, MotionOptions, Up};
+use yoto_import::read_motion;
 
 /// Options for reading a motion file.
 #[derive(Debug, Args)]
@@ -13,9 +14,8 @@ pub(crate) struct MotionArgs {
     /// Your copy of SMPL's body model (.npz or .pkl), for the legs' length in .npz motions.
     #[arg(long, value_name = "FILE", env = "YOTO_SMPL")]
     smpl: Option<PathBuf>,
-    /// Up axis of a motion file [default: z for AMASS's files; y for others, or z for a BVH file
-    /// whose spine is upright only then].
-    #[arg(long, value_name = "AXIS")]
+    /// Up axis of a motion file, such as z or -y [default: the one along which the person is upright in the motion].
+    #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
     /// Move the joints that have the names of a BVH file's own, in place of SMPL's: for people whose captures
     /// keep that skeleton.
@@ -59,7 +59,7 @@ impl MotionArgs {
             up: self.up,
             keep_skeleton: self.keep_skeleton,
         };
-        let motion = read(file, &options)?;
+        let motion = read_motion(file, &options)?;
         for note in &motion.notes {
             tell!("note: {note}");
         }

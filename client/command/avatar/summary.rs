@@ -86,6 +86,7 @@ mod tests {
                     effect: "it will be rough".into(),
                     instead: "hands open".into(),
                 }],
+                people: None,
             },
             available: 50,
             frames: (0..24).collect(),

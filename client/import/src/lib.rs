@@ -14,7 +14,7 @@
 //! datasets  tools  keypoints  film                readers (files → pose track + pictures)
 //! proof                                           what a tool's numbers mean, by masks
 //! matting  motion                                 masks by a network; BVH and SMPL's parameters
-//! clip  pictures  source  track  tree  geometry   videos and pictures, plain data, skeletons
+//! what  clip  pictures  source  track  tree  geometry   videos and pictures, plain data, skeletons
 //! ```
 
 mod adapters;
@@ -35,6 +35,7 @@ mod keypoints;
 mod matting;
 mod matting_model;
 pub mod motion;
+mod motion_file;
 mod options;
 mod pictures;
 mod proof;
@@ -45,6 +46,7 @@ mod to_folder;
 mod tools;
 mod track;
 mod tree;
+mod what;
 mod write;
 
 pub use adapters::{Format, options_by_format, read};
@@ -52,7 +54,9 @@ pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use ffmpeg_arg::FfmpegArg;
 pub use imported::{Found, Imported, PoseFit};
+pub use keypoints::PointSet;
 pub use matting_model::{Levels, MattingModel};
+pub use motion_file::read_motion;
 pub use options::Options;
 pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
 #[cfg(feature = "hdf5")]

@@ -1,6 +1,7 @@
 //! Inputs that an importer can't find in the files, and which frames are taken.
 
 use crate::MattingModel;
+use crate::PointSet;
 use crate::source::Source;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -31,6 +32,8 @@ pub struct Options {
     pub matting: Option<MattingModel>,
     /// The person to take, by the name or number that the files give.
     pub person: Option<String>,
+    /// The set of key points, if the files don't tell.
+    pub points: Option<PointSet>,
     /// Focal length of the clip's camera, pixels.
     pub focal: Option<f64>,
     /// The person's height, metres.

@@ -2,7 +2,7 @@
 //! ways can be trained together.
 
 use super::JOINTS;
-use super::spelling::may_be;
+use super::spelling::Spelled;
 use crate::pose_track::{PoseTrack, Skeleton};
 
 /// Renames and reorders the joints of a track with SMPL's joint tree, in its skeleton and poses, to the names
@@ -16,7 +16,8 @@ pub fn unify(track: &mut PoseTrack) -> Option<String> {
         return None;
     }
     let mut indices = [0; JOINTS.len()];
-    if !matched(skeleton, 0, 0, &mut indices) {
+    let names = Spelled::all(&skeleton.names);
+    if !matched(skeleton, &names, 0, 0, &mut indices) {
         return None;
     }
     let reordered = indices
@@ -70,22 +71,21 @@ fn is_canonical(skeleton: &Skeleton) -> bool {
     })
 }
 
-/// Whether the skeleton's joint `index` and all joints below it may be SMPL's `joint` and all joints below that.
+/// With the joints' `names`, whether the skeleton's joint `index` and all joints below it may be SMPL's `joint` and all joints below that.
 /// Writes the skeleton's index of each SMPL joint to `indices`.
 fn matched(
     skeleton: &Skeleton,
+    names: &[Spelled],
     index: usize,
     joint: usize,
     indices: &mut [usize; JOINTS.len()],
 ) -> bool {
-    let (Some(name), Some((own, _)), Some(to)) = (
-        skeleton.names.get(index),
-        JOINTS.get(joint),
-        indices.get_mut(joint),
-    ) else {
+    let (Some(name), Some((own, _)), Some(to)) =
+        (names.get(index), JOINTS.get(joint), indices.get_mut(joint))
+    else {
         return false;
     };
-    if !may_be(name, own) {
+    if !name.may_be(own) {
         return false;
     }
     *to = index;
@@ -104,7 +104,7 @@ fn matched(
         && below.into_iter().all(|joint| {
             let fits = found
                 .iter()
-                .position(|&it| matched(skeleton, it, joint, indices));
+                .position(|&it| matched(skeleton, names, it, joint, indices));
             fits.map(|at| found.swap_remove(at)).is_some()
         })
 }

@@ -152,7 +152,7 @@ impl ModelService for ModelApi {
         let model = self
             .context
             .store
-            .set_retention(&tenant, &id, wanted, default)
+            .set_retention(&tenant, &id, wanted, default, &model.etag)
             .await;
         Ok(Response::new(model.map_err(RequestError::from)?))
     }

@@ -86,17 +86,17 @@ async fn a_long_training_keeps_a_bounded_number_of_points() {
     let service = Service::start().await;
     let lease = training(&service).await;
     let name = crate::support::job_name(&lease);
-    for step in 1..=1500 {
+    for step in 1..=1100 {
         // More measurements than there is room for.
-        let psnr = (step % 2 == 0).then(|| 20.0 + step as f64 / 1e3);
+        let psnr = Some(20.0 + step as f64 / 1e3);
         report(&service, &lease, at(step, psnr)).await;
     }
     let seen = points(&service, &name).await;
     assert!((512..=1025).contains(&seen.len()), "{}", seen.len());
-    assert_eq!((seen[0].step, seen[seen.len() - 1].step), (1, 1500));
+    assert_eq!((seen[0].step, seen[seen.len() - 1].step), (1, 1100));
     let longest = seen.windows(2).map(|it| it[1].step - it[0].step).max();
-    assert!(longest <= Some(4), "{longest:?}");
-    assert!(seen.iter().filter(|it| it.psnr.is_some()).count() > 200);
+    assert_eq!(longest, Some(2));
+    assert!(seen.iter().all(|it| it.psnr.is_some()));
     let error = crate::support::job_error("DIVERGED", "");
     let ended = service.end(
         &lease,

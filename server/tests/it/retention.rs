@@ -1,7 +1,8 @@
 //! Checkpoints that models keep, and why.
 
 use crate::support;
-use crate::support::{Service, assert_invalid};
+use crate::support::{Service, assert_invalid, assert_refused};
+use tonic::Code;
 use yoto_proto::v1::{CreateModelRequest, Model, Retention, UpdateModelRequest};
 use yoto_proto::worker::v1::Lease;
 
@@ -102,6 +103,15 @@ async fn a_model_may_keep_more_or_fewer() {
     assert_eq!(changed.into_inner().retention, expected);
     assert_eq!(steps(&service, &model).await, [6, 5, 1], "at once");
     assert_invalid(change(Some(0), None).await, "model.retention.newest");
+    // As it was before the training.
+    let request = UpdateModelRequest {
+        model: Some(model.clone()),
+        update_mask: Some(prost_types::FieldMask {
+            paths: vec!["retention".into()],
+        }),
+    };
+    let stale = service.models().update_model(request).await;
+    assert_refused(stale, Code::Aborted, "ETAG_MISMATCH");
     let request = UpdateModelRequest {
         model: Some(model.clone()),
         update_mask: None,

@@ -3,7 +3,7 @@
 use crate::clip::Clip;
 use yoto_capture::ViewError;
 use yoto_capture::camera::Camera;
-use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, retarget, timing, transfer};
+use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, timing, transfer};
 use yoto_proto::frame_steps::chosen_below;
 use yoto_proto::pose_track::{self, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
@@ -222,8 +222,8 @@ impl Source {
     /// If there is no such frame, or the skeletons are too different.
     pub fn pose(&self, number: u32, target: &Skeleton) -> Result<Pose, SourceError> {
         let at = self.find(number)?;
-        let posed = retarget(&self.driver(target)?, target, &self.poses[at]);
-        posed.map_err(|source| self.at_fault(at, source))
+        // On the floor that the whole motion treads on.
+        Ok(self.poses(target)?.swap_remove(at))
     }
 
     /// The up axis of the motion's world.

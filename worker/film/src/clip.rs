@@ -1,8 +1,8 @@
 //! An imported motion on the body of the subject.
 //!
-//! The motion has neither the capture's world nor its camera: it is moved so that its first frame
-//! has the subject's position and facing in a frame of their own capture, upright, and it is rendered
-//! from that frame's camera.
+//! The motion has neither the capture's world nor its camera: it is moved so that its first frame has the
+//! subject's place and facing in a frame of their own capture, upright, that both tread on one floor, and it is
+//! rendered from that frame's camera.
 
 use crate::error::PlanError;
 use crate::follow::followed;
@@ -37,7 +37,7 @@ pub(crate) fn shots(
     let Some(first) = poses.first() else {
         return Err(PlanError::invalid("clip.poses", "the list is empty"));
     };
-    let to_capture = ToCapture::new(first, &pose(frame)?, camera.world_up());
+    let to_capture = ToCapture::new(&poses, first, &pose(frame)?, body, camera.world_up());
     let start = to_capture.pose(first);
     let shots = poses.iter().map(|pose| {
         let pose = to_capture.pose(pose);
@@ -96,8 +96,9 @@ struct ToCapture {
 }
 
 impl ToCapture {
-    /// Takes `first`, a pose of a clip, to the position and facing of `captured`, a pose in a world with `up` up.
-    fn new(first: &Pose, captured: &Pose, up: Vec3) -> Self {
+    /// Takes `first`, one of the `poses` of a clip, to the place and facing of `captured`, a pose in a world with `up`
+    /// up, so that `body` treads on the same floor in both.
+    fn new(poses: &[Pose], first: &Pose, captured: &Pose, body: &Skeleton, up: Vec3) -> Self {
         let upright = upright(up);
         let faces = |pose: &Pose, before: Vec3| {
             let root = pose.rotations_f64().first().copied().unwrap_or_default();
@@ -114,11 +115,16 @@ impl ToCapture {
             let angle = dot(cross(here, wanted), up).atan2(dot(here, wanted));
             compose_axis_angle(scale(up, angle), upright)
         };
-        Self {
+        let mut found = Self {
             rotation,
             from: first.translation.map(f64::from),
             to: captured.translation.map(f64::from),
-        }
+        };
+        // Who begins to crouch, sit or jump does not stand on the floor with their root at its height in the capture.
+        let moved: Vec<Pose> = poses.iter().map(|pose| found.pose(pose)).collect();
+        let rise = body.floor(std::slice::from_ref(captured), up) - body.floor(&moved, up);
+        found.to = add(found.to, scale(up, rise));
+        found
     }
 
     /// `pose` of the clip in the capture's world.
@@ -209,12 +215,32 @@ mod tests {
             rotations: vec![[std::f32::consts::PI, 0.0, 0.0]],
             translation: [0.0, -1.0, 3.0],
         };
-        let to_capture = ToCapture::new(&standing, &there, [0.0, -1.0, 0.0]);
+        let alone = std::slice::from_ref(&standing);
+        let to_capture = ToCapture::new(alone, &standing, &there, &body(), [0.0, -1.0, 0.0]);
         let put = to_capture.pose(&standing);
         assert_eq!(put.translation, there.translation);
         let facing = rigid(rodrigues(put.rotations[0].map(f64::from)), [0.0; 3]);
         assert!(length(sub(apply(&facing, UP), [0.0, -1.0, 0.0])) < 1e-6);
         assert!(length(sub(apply(&facing, FORWARD), [0.0, 0.0, -1.0])) < 1e-6);
+    }
+
+    #[test]
+    fn a_motion_that_begins_in_a_crouch_stands_up_on_the_capture_s_floor() {
+        let mut rising = clip(&[]);
+        // The root is 0.4 m lower in the first frame, and leans so that the tip, the foot here, stays on the floor.
+        rising.poses[0].translation[1] -= 0.4;
+        rising.poses[0].rotations[..3].copy_from_slice(&[std::f32::consts::FRAC_PI_3, 0.0, 0.0]);
+        let track = track();
+        let views = shots(&rising, &track, &body(), 30.0).expect("views");
+        let tip = |pose: &Pose| body().posed_joints(pose)[1][1];
+        let floor = tip(&pose(&track.frames[0]).expect("a pose"));
+        for view in &views {
+            assert!(
+                (tip(&view.pose) - floor).abs() < 1e-5,
+                "{}",
+                tip(&view.pose)
+            );
+        }
     }
 
     #[test]

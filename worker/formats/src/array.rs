@@ -33,6 +33,17 @@ impl Array {
         }
     }
 
+    /// The part at `at` on the first axis; `None` beyond it, and of a single number.
+    pub fn row(&self, at: usize) -> Option<Self> {
+        let (rows, shape) = self.shape.split_first()?;
+        let size = shape.iter().product();
+        let values = self.values.get(at.checked_mul(size)?..)?.get(..size)?;
+        (at < *rows).then(|| Self {
+            shape: shape.to_vec(),
+            values: values.to_vec(),
+        })
+    }
+
     /// A matrix of `R` rows and `C` columns.
     pub fn matrix<const R: usize, const C: usize>(&self) -> Option<[[f64; C]; R]> {
         self.rows::<C>()?.try_into().ok()
@@ -102,5 +113,9 @@ mod tests {
         assert_eq!(array.fixed::<2>(), None);
         assert_eq!(array.matrix::<1, 3>(), Some([[1.0, 2.0, 3.0]]));
         assert_eq!(array.matrix::<3, 1>(), None);
+        let row = array.row(0).expect("a row");
+        assert_eq!((row.shape, row.values), (vec![3], vec![1.0, 2.0, 3.0]));
+        assert_eq!(array.row(1), None);
+        assert_eq!(Array::default().row(0), None);
     }
 }

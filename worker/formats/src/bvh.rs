@@ -1,8 +1,9 @@
 //! BVH: a skeleton as offsets and channels, and a motion as a table of channel values.
 //!
 //! The format has no standard except its examples. This reader accepts the common subset of writers: one `ROOT`,
-//! `JOINT`s and `End Site`s in braces, `OFFSET` and `CHANNELS`, then `MOTION` with `Frames:`, `Frame Time:` and one
-//! line per frame. Angles are degrees. Rotations are applied in the order of the channels, with the first channel
+//! `JOINT`s and `End Site`s in braces, `OFFSET` and `CHANNELS`, then `MOTION` with `Frames:`, `Frame Time:` and the
+//! frames, each of which begins a line. All frames that are there are read, however many the header counts, and a last
+//! one that is cut off is left out, with a note. Angles are degrees. Rotations are applied in the order of the channels, with the first channel
 //! outermost. Lengths are in the unit of the writer: centimetres, inches or another.
 
 use thiserror::Error;
@@ -53,8 +54,11 @@ pub struct Bvh {
     pub joints: Vec<Joint>,
     /// Seconds per frame.
     pub frame_time: f64,
-    /// One row per frame: the values of every joint's channels, in order. Angles in radians.
+    /// One row per frame: the values of every joint's channels, in order. Angles in radians. Some writers have numbers
+    /// that are not finite.
     pub frames: Vec<Vec<f64>>,
+    /// What is not as the header says.
+    pub notes: Vec<String>,
 }
 
 /// The skeleton and the motion in `text`.
@@ -62,15 +66,17 @@ pub struct Bvh {
 /// # Errors
 /// If a line does not follow the format, or has an invalid number; the error names the first such line.
 pub fn read(text: &str) -> Result<Bvh, BvhError> {
-    let mut reader = Reader::new(text);
+    // Some editors begin a file with a byte-order mark.
+    let mut reader = Reader::new(text.trim_start_matches('\u{feff}'));
     reader.word("HIERARCHY")?;
     let joints = reader.hierarchy()?;
     reader.word("MOTION")?;
-    let (frame_time, frames) = reader.motion(&joints)?;
+    let (frame_time, frames, notes) = reader.motion(&joints)?;
     Ok(Bvh {
         joints,
         frame_time,
         frames,
+        notes,
     })
 }
 
@@ -245,7 +251,7 @@ impl<'a> Reader<'a> {
         Ok(channels)
     }
 
-    fn motion(&mut self, joints: &[Joint]) -> Result<(f64, Vec<Vec<f64>>), BvhError> {
+    fn motion(&mut self, joints: &[Joint]) -> Result<Motion, BvhError> {
         self.word("Frames:")?;
         let channels: Vec<Channel> = joints
             .iter()
@@ -261,24 +267,92 @@ impl<'a> Reader<'a> {
         if !(1e-5..=100.0).contains(&time) {
             return Err(self.fault(format!("Frame Time: {time} seconds per frame")));
         }
-        let mut frames = Vec::new();
-        for frame in 0..count {
-            let mut row = Vec::with_capacity(channels.len());
-            for channel in &channels {
-                let value = self.number(&format!("frame {frame}"))?;
-                row.push(match channel {
-                    Channel::Position(_) => value,
-                    Channel::Rotation(_) => value.to_radians(),
-                });
-            }
-            frames.push(row);
+        let table = self.table(&channels, count)?;
+        let value = |(channel, value): (&Channel, &f64)| match channel {
+            Channel::Position(_) => *value,
+            Channel::Rotation(_) => value.to_radians(),
+        };
+        let rows = table.numbers.chunks_exact(channels.len());
+        let frames: Vec<Vec<f64>> = rows
+            .map(|row| channels.iter().zip(row).map(value).collect())
+            .collect();
+        let mut notes = Vec::new();
+        if table.is_cut {
+            notes.push(format!(
+                "the file ends within frame {}, which is left out",
+                frames.len()
+            ));
         }
-        if let Some(&(line, _)) = self.words.peek() {
-            self.line = line;
-            return Err(self.fault(format!("more numbers than {count} frames take")));
+        if frames.len() != count {
+            notes.push(format!(
+                "the header counts {count} frames, the file has {}, which are read",
+                frames.len()
+            ));
         }
-        Ok((time, frames))
+        if frames.is_empty() {
+            return Err(self.fault(format!("the file ends instead of frame {}", frames.len())));
+        }
+        Ok((time, frames, notes))
     }
+
+    /// The numbers of all frames of `channels`. The header counts `count` frames.
+    fn table(&mut self, channels: &[Channel], count: usize) -> Result<Table, BvhError> {
+        let width = channels.len();
+        let mut numbers: Vec<f64> = Vec::new();
+        // Where each line begins.
+        let mut lines: Vec<(usize, usize)> = Vec::new();
+        while let Some((line, word)) = self.words.next() {
+            self.line = line;
+            let Ok(number) = word.parse::<f64>() else {
+                // The last word may be cut off.
+                if self.words.peek().is_none() && word == "-" {
+                    break;
+                }
+                let word: String = word.chars().take(40).collect();
+                return Err(self.fault(format!(
+                    "frame {}: '{word}' is not a number",
+                    numbers.len() / width
+                )));
+            };
+            if numbers.len() >= MAX_NUMBERS {
+                return Err(self.fault(format!("more than {MAX_NUMBERS} numbers")));
+            }
+            if lines.last().is_none_or(|(last, _)| *last != line) {
+                lines.push((line, numbers.len()));
+            }
+            numbers.push(number);
+        }
+        let whole = numbers.len() - numbers.len() % width;
+        if numbers.len() != count * width {
+            // Only where each frame begins a line are these surely the frames.
+            let begins = |at: usize| lines.binary_search_by_key(&at, |(_, start)| *start).is_ok();
+            if !(0..numbers.len()).step_by(width).all(begins) {
+                let ends = lines.iter().skip(1).map(|(_, start)| *start);
+                let mut lengths = lines.iter().zip(ends.chain([numbers.len()]));
+                let odd = lengths.find(|((_, start), end)| end - start != width);
+                let (line, start) = odd.map_or((self.line, 0), |(line, _)| *line);
+                self.line = line;
+                return Err(self.fault(format!(
+                    "frame {} does not end with this line: {width} channels have {width} numbers per frame",
+                    start / width
+                )));
+            }
+        }
+        let is_cut = whole < numbers.len();
+        numbers.truncate(whole);
+        Ok(Table { numbers, is_cut })
+    }
+}
+
+/// Seconds per frame, frames, and notes.
+type Motion = (f64, Vec<Vec<f64>>, Vec<String>);
+
+/// The numbers of a motion.
+struct Table {
+    /// Of whole frames.
+    numbers: Vec<f64>,
+    /// Whether the file has a part of one more frame.
+    is_cut: bool,
 }
 
 fn joint(name: String, parent: Option<usize>) -> Joint {
@@ -292,86 +366,4 @@ fn joint(name: String, parent: Option<usize>) -> Joint {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const FILE: &str = "HIERARCHY
-ROOT Hips
-{
-  OFFSET 0 90 0
-  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
-  JOINT Left Leg
-  {
-    OFFSET 9 -5 0
-    CHANNELS 3 Zrotation Xrotation Yrotation
-    End Site
-    {
-      OFFSET 0 -40 0
-    }
-  }
-}
-MOTION
-Frames: 2
-Frame Time: 0.008333
-1 2 3 90 0 0 0 180 0
-1 2 4 0 0 0 0 0 45
-";
-
-    #[test]
-    fn a_file_is_read_whole() {
-        let bvh = read(FILE).expect("reads");
-        assert_eq!(bvh.joints.len(), 2);
-        let leg = &bvh.joints[1];
-        assert_eq!((leg.name.as_str(), leg.parent), ("Left Leg", Some(0)));
-        assert_eq!(
-            (leg.offset, leg.end),
-            ([9.0, -5.0, 0.0], Some([0.0, -40.0, 0.0]))
-        );
-        assert_eq!(leg.channels[1], Channel::Rotation(0));
-        assert_eq!(bvh.frames.len(), 2);
-        assert_eq!(bvh.frames[0][2], 3.0);
-        assert!((bvh.frames[0][3] - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
-        assert!((bvh.frame_time - 0.008_333).abs() < 1e-12);
-    }
-
-    #[test]
-    fn each_fault_has_its_line() {
-        let cases = [
-            (
-                "CHANNELS 3 Z",
-                "CHANNELS 3 W",
-                "line 9: 'wrotation' is not a channel",
-            ),
-            ("ROOT Hips", "ROOT", "line 3: a joint without a name"),
-            (
-                "Frames: 2",
-                "Frames: 3",
-                "line 20: the file ends instead of frame 2",
-            ),
-            ("Frames: 2", "Frames: 1", "line 20: more numbers"),
-            ("Frames: 2", "Frames: 1e30", "line 17: Frames:"),
-            (
-                "1 2 3 90",
-                "1 2 nan 90",
-                "line 19: frame 0: 'nan' is not a number",
-            ),
-            ("0.008333", "0", "line 18: Frame Time"),
-            ("HIERARCHY", "", "line 2: 'ROOT' instead of HIERARCHY"),
-            (
-                "JOINT Left Leg",
-                "JOINT Left Leg { JOINT",
-                "line 7: a joint without",
-            ),
-        ];
-        for (from, to, expected) in cases {
-            let error = read(&FILE.replacen(from, to, 1)).expect_err(expected);
-            assert!(
-                error.to_string().starts_with(expected),
-                "{expected}: {error}"
-            );
-        }
-        for end in 0..FILE.len() - 3 {
-            assert!(read(&FILE[..end]).is_err(), "{end}");
-        }
-    }
-}
+mod tests;

@@ -11,6 +11,7 @@ pub(super) enum Flag {
     Masks,
     Matting,
     Person,
+    Points,
     Focal,
     Height,
     KeepSkeleton,
@@ -21,7 +22,7 @@ pub(super) enum Flag {
 type Row = (Flag, &'static str, fn(&Options) -> bool);
 
 /// All of them, in the order in which help lists them.
-pub(super) const FLAGS: [Row; 10] = [
+pub(super) const FLAGS: [Row; 11] = [
     (Flag::View, "--view", |it| it.camera.is_some()),
     (Flag::RestJoints, "--rest-joints", |it| {
         it.rest_joints.is_some()
@@ -30,6 +31,7 @@ pub(super) const FLAGS: [Row; 10] = [
     (Flag::Masks, "--masks", |it| it.masks.is_some()),
     (Flag::Matting, "--matting-model", |it| it.matting.is_some()),
     (Flag::Person, "--person", |it| it.person.is_some()),
+    (Flag::Points, "--points", |it| it.points.is_some()),
     (Flag::Focal, "--focal", |it| it.focal.is_some()),
     (Flag::Height, "--height", |it| it.height.is_some()),
     (Flag::KeepSkeleton, "--keep-skeleton", |it| it.keep_skeleton),

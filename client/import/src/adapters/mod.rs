@@ -19,13 +19,39 @@ use table::{ADAPTERS, Adapter, Read};
 use tools::Tool;
 use unread::ensure_read;
 use yoto_client::ClientError;
+use yoto_proto::pose_track::describe;
+use yoto_proto::v1::Violation;
 
 /// Reads the capture in `dir`, without decoding its pictures.
 ///
 /// # Errors
-/// [`ClientError::BadCapture`] with file, frame and field; [`ClientError::File`] when the file
-/// system fails.
+/// [`ClientError::BadCapture`] with file, frame and field, or [`ClientError::Name`] with these where `dir` is no
+/// capture's folder; [`ClientError::File`] when the file system fails.
 pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+    read_any(format, dir, options).map_err(|error| by_path(error, dir))
+}
+
+/// `error`, which names the file's own path where it is about a file that is not of the capture in `dir`.
+fn by_path(error: ClientError, dir: &Path) -> ClientError {
+    let is_captures = |place: &str| dir.is_dir() && place == dir.display().to_string();
+    match error {
+        ClientError::BadCapture { place, violations } if !is_captures(&place) => {
+            let describe = |violation: &Violation| {
+                let path = Path::new(&place).join(&violation.file);
+                let file = path.display().to_string();
+                describe(&Violation {
+                    file: file.trim_end_matches('/').to_owned(),
+                    ..violation.clone()
+                })
+            };
+            let lines: Vec<String> = violations.iter().map(describe).collect();
+            ClientError::Name(lines.join("\n"))
+        }
+        error => error,
+    }
+}
+
+fn read_any(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
     features::ensure_built(options)?;
     if let Some(adapter) = table::of(format) {
         return read_as(adapter, dir, options);

@@ -78,10 +78,10 @@ fn unknown(dir: &Path) -> ClientError {
     let tools = tools::ALL.map(|tool| tool.documented.tool);
     let message = format!(
         "of no format that is known; looked for a video or pictures, {}, and, with --poses, the files of {}, \
-         BVH, or {}",
+         BVH, or key points of {}",
         captures.join(", "),
         tools.join(", "),
-        keypoints::FILES
+        keypoints::DETECTORS
     );
     ClientError::BadCapture {
         place: dir.display().to_string(),

@@ -137,6 +137,7 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
             Flag::Masks,
             Flag::Matting,
             Flag::Person,
+            Flag::Points,
             Flag::Focal,
             Flag::Height,
             Flag::KeepSkeleton,

@@ -11,7 +11,7 @@
 use crate::geometry::Vec3;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Source};
+use crate::source::{Data, Faulty, Source, is_number};
 use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
 use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
@@ -56,12 +56,24 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let mut notes = Vec::new();
     let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(smpl_skeleton(rest_joints), size, fps);
-    let mut pictures = Vec::new();
+    let (mut pictures, mut faulty) = (Vec::new(), Faulty::default());
     for (order, &position) in wanted.iter().enumerate() {
         let at = if of_wanted { order } else { position };
         let (Some(image), Some(mask)) = (images.get(position), masks.get(position)) else {
             continue;
         };
+        if !poses[at]
+            .iter()
+            .chain(&translations[at])
+            .copied()
+            .all(is_number)
+        {
+            let message = "numbers that are not finite";
+            let fault = source.fault("NOT_FINITE", &file, Some(position as u32), "", message);
+            faulty.keep::<()>(Err(fault))?;
+            continue;
+        }
+        faulty.keep(Ok(()))?;
         let placed = Placed::about_pelvis(poses[at], translations[at], pelvis);
         track
             .frames
@@ -77,6 +89,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
             over_black: false,
         });
     }
+    faulty.finish(&mut notes)?;
     Ok(Imported {
         track,
         pictures: Pictures::Files(pictures),
@@ -113,19 +126,16 @@ fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError>
     }
 }
 
-/// Shape, poses and translations, under any of their names.
+/// Shape, poses and translations, finite or not, under any of their names.
 pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
     let root = data.root();
     let poses: Vec<SmplPose> = match root.find("thetas") {
-        Some(thetas) => thetas.rows()?,
+        Some(thetas) => thetas.unchecked_rows(None)?,
         None => {
-            let orient = root.get("global_orient")?.rows::<3>()?;
-            let body = root.get("body_pose")?;
-            let rows = body.rows::<69>()?;
-            if rows.len() != orient.len() {
-                let message = format!("{} rows, global_orient has {}", rows.len(), orient.len());
-                return Err(body.fault("SIZE_MISMATCH", message));
-            }
+            let orient = root.get("global_orient")?.unchecked_rows::<3>(None)?;
+            let rows = root
+                .get("body_pose")?
+                .unchecked_rows::<69>(Some(orient.len()))?;
             let join = |(orient, body): (Vec3, [f64; 69])| {
                 let mut pose = [0.0; 72];
                 pose[..3].copy_from_slice(&orient);
@@ -136,11 +146,7 @@ pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
         }
     };
     let transl = root.get("transl")?;
-    let translations = transl.rows::<3>()?;
-    if translations.len() != poses.len() {
-        let message = format!("{} rows for {} poses", translations.len(), poses.len());
-        return Err(transl.fault("SIZE_MISMATCH", message));
-    }
+    let translations = transl.unchecked_rows::<3>(Some(poses.len()))?;
     Ok(Poses {
         betas: root.get("betas")?.vector()?,
         poses,

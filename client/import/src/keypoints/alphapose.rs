@@ -4,7 +4,7 @@
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use super::hands;
-use crate::source::Part;
+use crate::source::{Faulty, Part};
 use std::collections::BTreeMap;
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
@@ -18,6 +18,7 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
 /// The people of all frames.
 pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let mut frames: BTreeMap<(usize, String), Vec<Detection>> = BTreeMap::new();
+    let mut faulty = Faulty::default();
     for at in 0..root.len()? {
         let entry = root.at(at)?;
         let image = entry.get("image_id")?;
@@ -35,15 +36,16 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             None => None,
         };
         let points = part.get("keypoints")?;
-        let count = (points.vector()?.len() / 3).max(KeyPointSet::Coco17.points());
-        let detection = Detection {
+        let count = (points.unchecked()?.values.len() / 3).max(KeyPointSet::Coco17.points());
+        let picture = faulty.keep(flat(&points, count))?;
+        let seen = frames.entry((number, name)).or_default();
+        seen.extend(picture.map(|picture| Detection {
             mask: None,
             own: None,
             person,
-            picture: hands::body_and_knuckles(&flat(&points, count)?),
+            picture: hands::body_and_knuckles(&picture),
             space: Vec::new(),
-        };
-        frames.entry((number, name)).or_default().push(detection);
+        }));
     }
     let seen = |((number, image), people): ((usize, String), Vec<Detection>)| FrameDetections {
         number,
@@ -54,5 +56,6 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let mut found = Detections::new("AlphaPose", KeyPointSet::Coco17, frames);
     found.first = None;
     hands::settle(&mut found);
+    faulty.finish(&mut found.notes)?;
     Ok(found)
 }

@@ -1,7 +1,8 @@
 //! A capture of the chosen person: a body fitted to the key points of all frames.
 
 use super::detections::{Detection, Detections};
-use super::{mask, own_skeleton, people};
+use super::people::{self, Person};
+use super::{mask, own_skeleton, timing};
 use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
 use crate::{Found, Imported, Options, PoseFit};
@@ -29,33 +30,42 @@ pub(super) fn read(
         doubts: clip.notes.clone(),
         ..Found::default()
     };
+    notes.extend(found.notes.iter().cloned());
     let earlier = notes.len();
     let person = people::choose(found, options.person.as_deref(), at, &mut notes)?;
     if options.person.is_none() {
         about.doubts.extend(notes.iter().skip(earlier).cloned());
     }
-    let numbers = found.numbers(clip, at)?;
     let wanted = clip.selected(options)?;
-    let mut seen: Vec<(usize, &Detection)> = Vec::new();
-    for &(index, detection) in &person.seen {
-        let frame = numbers.get(index).copied().flatten();
-        if let Some(frame) = frame.filter(|frame| wanted.binary_search(frame).is_ok())
-            && seen.last().is_none_or(|(last, _)| *last < frame)
-        {
-            seen.push((frame, detection));
-        }
-    }
+    let counting = found.counting(clip);
+    let first = counting.map(|counting| counting.first);
+    let numbers = found.numbers(first, clip, at)?;
+    let mut seen = of_clip(&person, &numbers, &wanted);
     if seen.is_empty() {
         let message = "no frame of the clip has key points of the person";
         return Err(fault(at, "EMPTY", message));
     }
-    let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();
-    left_out(&wanted, "key points of the person", is_seen, &mut notes);
+    let other = counting.map(|counting| {
+        let numbers = found.numbers(Some(counting.other()), clip, at);
+        numbers.map(|numbers| of_clip(&person, &numbers, &wanted))
+    });
+    let frames = seen.iter().chain(other.iter().flatten().flatten());
+    let frames = frames.map(|(frame, _)| *frame).collect();
     let masks = match (&options.masks, &options.matting) {
-        (Some(given), _) => Some(mask::find(given, clip, &seen, &mut notes)?),
-        (None, Some(model)) => Some(mask::made(model, clip, &seen, options, &mut notes)?),
+        (Some(given), _) => Some(mask::find(given, clip, &seen, &frames, &mut notes)?),
+        (None, Some(model)) => Some(mask::made(
+            model, clip, &seen, &frames, options, &mut notes,
+        )?),
         (None, None) => mask::own(&seen, &mut notes),
     };
+    if let (Some(counting), Some(other)) = (counting, other) {
+        // Masks of the detector are of its poses, whatever their numbers.
+        let of_frames = options.masks.is_some() || options.matting.is_some();
+        let masks = masks.as_ref().filter(|_| of_frames);
+        seen = timing::decide(counting, found, seen, other, masks, clip, &mut notes)?;
+    }
+    let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();
+    left_out(&wanted, "key points of the person", is_seen, &mut notes);
     let fps = options.fps_or(clip.fps, &mut notes);
     let mut track = match options.keep_skeleton {
         true => own_skeleton::track(found, &seen, clip.size, fps, options, at, &mut notes)?,
@@ -101,6 +111,24 @@ pub(super) fn read(
         notes,
         found: about,
     })
+}
+
+/// The frames of `wanted` in which the person is seen, with the points, of detections with these `numbers` of frames.
+fn of_clip<'a>(
+    person: &Person<'a>,
+    numbers: &[Option<usize>],
+    wanted: &[usize],
+) -> Vec<(usize, &'a Detection)> {
+    let mut seen: Vec<(usize, &Detection)> = Vec::new();
+    for &(index, detection) in &person.seen {
+        let frame = numbers.get(index).copied().flatten();
+        if let Some(frame) = frame.filter(|frame| wanted.binary_search(frame).is_ok())
+            && seen.last().is_none_or(|(last, _)| *last < frame)
+        {
+            seen.push((frame, detection));
+        }
+    }
+    seen
 }
 
 fn key_points(

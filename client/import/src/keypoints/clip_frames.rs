@@ -73,13 +73,15 @@ fn times(frames: &mut [FrameDetections], count: usize) -> Option<String> {
     })
 }
 
-/// Leaves out the few frames beyond the clip's end. One that is its count stays, since it tells that the detector counts from 1.
+/// Leaves out the few frames beyond the clip's end. One that is its count stays unless there is a frame 0, since it tells that the detector
+/// counts from 1.
 fn end(frames: &mut Vec<FrameDetections>, count: usize) -> Option<String> {
     if frames.last()?.number >= too_far(count) {
         return None;
     }
     let all = frames.len();
-    frames.retain(|seen| seen.number <= count);
+    let most = count + usize::from(frames.first()?.number > 0);
+    frames.retain(|seen| seen.number < most);
     beyond("key points", all - frames.len(), count)
 }
 
@@ -204,17 +206,15 @@ mod tests {
 
     #[test]
     fn a_few_beyond_the_end_are_left_out() {
-        let mut all = frames(0..68);
-        let note = end(&mut all, 65);
-        assert_eq!(
-            note.as_deref(),
-            Some("2 frames of key points beyond the clip's 65: left out")
-        );
-        assert_eq!(
-            all.len(),
-            66,
-            "the clip's count tells that numbers begin at 1"
-        );
+        let said = |numbers: std::ops::Range<usize>| {
+            let mut all = frames(numbers);
+            (end(&mut all, 65), all.len())
+        };
+        let note = "3 frames of key points beyond the clip's 65: left out".to_owned();
+        assert_eq!(said(0..68), (Some(note), 65));
+        let note = "1 frame of key points beyond the clip's 65: left out".to_owned();
+        assert_eq!(said(0..66), (Some(note), 65));
+        assert_eq!(said(1..66), (None, 65), "numbers begin at 1");
         let mut other = frames(0..90);
         assert_eq!((end(&mut other, 65), other.len()), (None, 90));
     }

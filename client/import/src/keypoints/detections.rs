@@ -1,8 +1,8 @@
 //! What all readers give: the people of every frame, and where their points are.
 
-use crate::clip::{Clip, fault};
+use crate::clip::{Clip, Counting, fault};
 use crate::geometry::Vec3;
-use crate::source::Part;
+use crate::source::{Part, is_number};
 use crate::tree::{Placed, Tree};
 use std::path::Path;
 use std::sync::Arc;
@@ -15,6 +15,9 @@ pub(super) const SURE: f64 = 0.3;
 /// Frames beyond the clip's last that are left out without a note: decoders disagree about the last
 /// ones.
 const SLACK: usize = 2;
+
+/// Frames that a note names.
+const NAMED: usize = 8;
 
 /// One person in one frame.
 #[derive(Clone, Debug)]
@@ -71,10 +74,14 @@ pub(super) struct Detections {
     pub frames: Vec<FrameDetections>,
     /// Number of the first frame, if the detector always counts from it.
     pub first: Option<usize>,
+    /// Number of the first frame as most files of the detector have it, if they differ.
+    pub usual: usize,
     /// Focal length that the points in space belong to, pixels.
     pub focal: Option<f64>,
     /// The joints of the detector's own skeleton, if it has one.
     pub tree: Option<Tree>,
+    /// What was assumed of the files.
+    pub notes: Vec<String>,
 }
 
 impl Detections {
@@ -86,28 +93,83 @@ impl Detections {
             set,
             frames,
             first: Some(0),
+            usual: 0,
             focal: None,
             tree: None,
+            notes: Vec::new(),
         }
     }
 
-    /// The clip's frame of each frame, by the pictures' names or the numbers; `None` beyond the
-    /// clip.
+    /// Points with numbers that are not finite count as unseen, and depths with such numbers as none, with a note.
+    pub fn sieve(&mut self) {
+        let (mut points, mut depths, mut frames) = (0, 0, Vec::new());
+        for seen in &mut self.frames {
+            let earlier = (points, depths);
+            for person in &mut seen.people {
+                for point in &mut person.picture {
+                    if !point.iter().all(|value| is_number(*value)) {
+                        *point = [0.0; 3];
+                        points += 1;
+                    }
+                }
+                if !person
+                    .space
+                    .as_flattened()
+                    .iter()
+                    .all(|value| is_number(*value))
+                {
+                    person.space.clear();
+                    depths += 1;
+                }
+            }
+            if earlier != (points, depths) {
+                frames.push(seen.number.to_string());
+            }
+        }
+        if !frames.is_empty() {
+            let more = if frames.len() > NAMED { ", …" } else { "" };
+            frames.truncate(NAMED);
+            self.notes.push(format!(
+                "not finite: {points} points, which count as unseen, and the depths of {depths} poses, in frames {}{more}",
+                frames.join(", ")
+            ));
+        }
+    }
+
+    /// How the frames are counted; `None` where the pictures' names say which frames they are.
+    pub fn counting(&self, clip: &Clip) -> Option<Counting> {
+        let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
+        if self.frames.iter().all(|seen| named(seen).is_some()) {
+            return None;
+        }
+        Some(match self.first {
+            Some(first) => Counting {
+                first,
+                is_sure: true,
+            },
+            None => {
+                let numbers = self.frames.iter().map(|seen| seen.number);
+                Counting::of(numbers, clip.frames, self.usual)
+            }
+        })
+    }
+
+    /// The clip's frame of each frame, by the pictures' names or by the numbers, which count from `first`; `None`
+    /// beyond the clip.
     ///
     /// # Errors
     /// When the numbers are another clip's.
-    pub fn numbers(&self, clip: &Clip, at: &Path) -> Result<Vec<Option<usize>>, ClientError> {
-        let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
-        let names: Vec<Option<usize>> = self.frames.iter().map(named).collect();
-        if names.iter().all(Option::is_some) {
-            return Ok(names);
-        }
-        let last = self.frames.last().map_or(0, |seen| seen.number);
-        let counts_from_one = self.frames.first().is_some_and(|seen| seen.number > 0);
-        let first = match self.first {
-            Some(first) => first,
-            None => usize::from(counts_from_one && last == clip.frames),
+    pub fn numbers(
+        &self,
+        first: Option<usize>,
+        clip: &Clip,
+        at: &Path,
+    ) -> Result<Vec<Option<usize>>, ClientError> {
+        let Some(first) = first else {
+            let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
+            return Ok(self.frames.iter().map(named).collect());
         };
+        let last = self.frames.last().map_or(0, |seen| seen.number);
         if last >= clip.frames + first + SLACK {
             let message = format!(
                 "points of frame {last}, but {} has {} frames: is this the clip that {} saw?",
@@ -127,7 +189,11 @@ impl Detections {
 
 /// The first `N` of flat x, y, confidence, of pixels counted from the first pixel's centre.
 pub(super) fn flat(part: &Part<'_>, wanted: usize) -> Result<Vec<[f64; 3]>, ClientError> {
-    let values = part.vector()?;
+    let array = part.unchecked()?;
+    if array.shape.iter().filter(|side| **side != 1).count() > 1 {
+        return Err(part.fault("SIZE_MISMATCH", "rows instead of numbers in a row"));
+    }
+    let values = array.values;
     let (points, rest) = values.as_chunks::<3>();
     if !rest.is_empty() || points.len() < wanted {
         let message = format!(

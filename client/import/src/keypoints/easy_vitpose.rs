@@ -3,57 +3,10 @@
 //! its own 25 with a neck and feet, and COCO-WholeBody.
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre};
-use crate::source::Part;
+use super::point_set::PointSet;
+use crate::source::{Faulty, Part};
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
-
-const COCO: [&str; 17] = [
-    "nose",
-    "left_eye",
-    "right_eye",
-    "left_ear",
-    "right_ear",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_hip",
-    "right_hip",
-    "left_knee",
-    "right_knee",
-    "left_ankle",
-    "right_ankle",
-];
-/// The names of `BODY_25`'s points in its order.
-const BODY_25: [&str; 25] = [
-    "nose",
-    "neck",
-    "right_shoulder",
-    "right_elbow",
-    "right_wrist",
-    "left_shoulder",
-    "left_elbow",
-    "left_wrist",
-    "hip",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "right_eye",
-    "left_eye",
-    "right_ear",
-    "left_ear",
-    "left_big_toe",
-    "left_small_toe",
-    "left_heel",
-    "right_big_toe",
-    "right_small_toe",
-    "right_heel",
-];
 
 /// Whether this is such a dictionary.
 pub(super) fn fits(root: &Part<'_>) -> bool {
@@ -65,14 +18,16 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     let names = root.get("skeleton")?;
     let (set, order) = order(&names)?;
     let keypoints = root.get("keypoints")?;
-    let mut frames = Vec::new();
+    let (mut frames, mut faulty) = (Vec::new(), Faulty::default());
     for number in 0..keypoints.len()? {
         let frame = keypoints
             .at(number)?
             .of_frame(u32::try_from(number).unwrap_or(u32::MAX));
         let mut people = Vec::new();
         for (person, part) in frame.members()? {
-            let rows = part.rows::<3>()?;
+            let Some(rows) = faulty.keep(part.unchecked_rows::<3>(None))? else {
+                continue;
+            };
             let point = |&at: &usize| {
                 rows.get(at)
                     .map(|&[y, x, score]| from_centre([x, y, score]))
@@ -96,7 +51,9 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
             people,
         });
     }
-    Ok(Detections::new("easy_ViTPose", set, frames))
+    let mut found = Detections::new("easy_ViTPose", set, frames);
+    faulty.finish(&mut found.notes)?;
+    Ok(found)
 }
 
 /// The set, and where each of its points is in the file.
@@ -113,13 +70,13 @@ fn order(names: &Part<'_>) -> Result<(KeyPointSet, Vec<usize>), ClientError> {
         let found = indices.iter().find(|(name, _)| name == wanted);
         found.map(|(_, at)| *at)
     };
-    let all = |wanted: &[&str]| wanted.iter().map(find).collect::<Option<Vec<usize>>>();
-    if let Some(order) = all(&BODY_25) {
-        return Ok((KeyPointSet::OpenPose25, order));
-    }
-    let order = all(&COCO).ok_or_else(|| {
+    let all = |set: PointSet| {
+        let order: Option<Vec<usize>> = set.names().iter().map(find).collect();
+        Some((set.fitted().0, order?))
+    };
+    let known = all(PointSet::Body25).or_else(|| all(PointSet::Coco17));
+    known.ok_or_else(|| {
         let message = "these are not a person's points as COCO names them";
         names.fault("MISSING", message)
-    })?;
-    Ok((KeyPointSet::Coco17, order))
+    })
 }

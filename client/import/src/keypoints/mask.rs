@@ -6,15 +6,15 @@ use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
 use crate::proof::Masks;
 use crate::{MattingModel, Options};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use yoto_client::ClientError;
 
 /// Least share of points inside the masks of the right person.
 const LEAST: f64 = 0.6;
 
-/// The mask of each frame in which the person is `seen` (frame of the clip and points), of those in
-/// `given`.
+/// The mask of each of the `frames`, of those in `given` that show the person who is `seen` (frame of the clip and
+/// points).
 ///
 /// # Errors
 /// When the masks can't be read, or the points lie outside.
@@ -22,13 +22,14 @@ pub(super) fn find(
     given: &Path,
     clip: &Clip,
     seen: &[(usize, &Detection)],
+    frames: &BTreeSet<usize>,
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let all = Masks::given(given, clip)?;
-    of_the_person(all, given, clip, seen, notes)
+    of_the_person(all, given, clip, seen, frames, notes)
 }
 
-/// The mask of each frame in which the person is `seen`, made by a matting model.
+/// The mask of each of the `frames`, made by a matting model.
 ///
 /// # Errors
 /// When the model can't be run, or the points lie outside its masks.
@@ -36,12 +37,12 @@ pub(super) fn made(
     model: &MattingModel,
     clip: &Clip,
     seen: &[(usize, &Detection)],
+    frames: &BTreeSet<usize>,
     options: &Options,
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
-    let frames = seen.iter().map(|(frame, _)| *frame).collect();
-    let masks = Masks::made(model, frames, clip, options, notes)?;
-    of_the_person(vec![masks], &model.path, clip, seen, notes)
+    let masks = Masks::made(model, frames.clone(), clip, options, notes)?;
+    of_the_person(vec![masks], &model.path, clip, seen, frames, notes)
 }
 
 fn of_the_person(
@@ -49,6 +50,7 @@ fn of_the_person(
     given: &Path,
     clip: &Clip,
     seen: &[(usize, &Detection)],
+    frames: &BTreeSet<usize>,
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let mut best: Option<(f64, Masks)> = None;
@@ -74,8 +76,8 @@ fn of_the_person(
         100.0 * share
     ));
     notes.extend(misfit::shifted(&masks, clip, seen, share)?);
-    let of = |(frame, _): &(usize, &Detection)| Some((*frame, masks.of_frame(*frame)?));
-    Ok(seen.iter().filter_map(of).collect())
+    let of = |frame: &usize| Some((*frame, masks.of_frame(*frame)?));
+    Ok(frames.iter().filter_map(of).collect())
 }
 
 /// The masks that the detector wrote; `None`, with a note, where it wrote none.

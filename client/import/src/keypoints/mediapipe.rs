@@ -13,6 +13,8 @@ use crate::source::Part;
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
+/// What notes call the detector.
+pub(super) const NAME: &str = "MediaPipe";
 /// Landmarks of a person.
 pub(super) const POINTS: usize = 33;
 /// Shares of a picture stay within this, even of points far outside; pixels don't.
@@ -22,9 +24,13 @@ const MOST_SHARE: f64 = 5.0;
 #[derive(Clone, Debug)]
 pub(super) struct Row {
     pub number: usize,
-    /// Of each person: x, y, visibility, then x, y, z in space if there are any.
-    pub people: Vec<(Vec<[f64; 3]>, Vec<Vec3>)>,
+    /// Whether the file has the number, and not only the order.
+    pub is_numbered: bool,
+    pub people: Vec<Points>,
 }
+
+/// Of a person: x, y, visibility; x, y, z in space if there are any.
+pub(super) type Points = (Vec<[f64; 3]>, Vec<Vec3>);
 
 /// Names of the arrays.
 const PICTURE: [&str; 3] = ["landmarks", "L", "pose_landmarks"];
@@ -57,7 +63,9 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
         }
         None => vec![Vec::new(); picture.len()],
     };
-    let numbers = match root.find("idx") {
+    let numbered = root.find("idx");
+    let is_numbered = numbered.is_some();
+    let numbers = match numbered {
         Some(part) => part.numbers(picture.len())?,
         None => (0..picture.len()).collect(),
     };
@@ -68,6 +76,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
     let rows = numbers.into_iter().zip(picture.into_iter().zip(space));
     let rows = rows.map(|(number, (picture, space))| Row {
         number,
+        is_numbered,
         people: vec![(
             picture
                 .iter()
@@ -76,12 +85,13 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
             space.iter().map(|&[x, y, z, _]| [x, y, z]).collect(),
         )],
     });
-    detections(rows.collect(), given, size).map_err(|message| part.fault("SIZE_MISMATCH", message))
+    let found = detections(rows.collect(), NAME, KeyPointSet::BlazePose33, given, size);
+    found.map_err(|message| part.fault("SIZE_MISMATCH", message))
 }
 
 /// `[F, 33, 4]`; visibility is 1 if the file has none.
 fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
-    let array = part.array()?;
+    let array = part.unchecked()?;
     let (rows, width) = match array.shape[..] {
         [rows, POINTS, width @ (3 | 4)] => (rows, width),
         _ => {
@@ -102,9 +112,11 @@ fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
         .collect())
 }
 
-/// Frames of landmarks, in pixels of a picture of `size`; `given` is the size that the file says.
+/// Frames of the points of `set`, in pixels of a picture of `size`; `given` is the size that the file says.
 pub(super) fn detections(
     rows: Vec<Row>,
+    name: &'static str,
+    set: KeyPointSet,
     given: Option<[f64; 2]>,
     size: [u32; 2],
 ) -> Result<Detections, String> {
@@ -114,7 +126,9 @@ pub(super) fn detections(
             .flat_map(|row| &row.people)
             .flat_map(|(points, _)| points)
     };
-    let are_shares = points().all(|[x, y, _]| x.abs() < MOST_SHARE && y.abs() < MOST_SHARE);
+    let are_shares = points()
+        .filter(|point| point.iter().all(|value| value.is_finite()))
+        .all(|[x, y, _]| x.abs() < MOST_SHARE && y.abs() < MOST_SHARE);
     let by = match given {
         _ if are_shares => size,
         Some(given) => {
@@ -140,22 +154,22 @@ pub(super) fn detections(
             .collect(),
         space,
     };
+    let are_numbered = rows.iter().any(|row| row.is_numbered);
     let frames = rows.into_iter().map(|row| FrameDetections {
         number: row.number,
         image: None,
         people: row.people.into_iter().map(person).collect(),
     });
-    Ok(Detections::new(
-        "MediaPipe",
-        KeyPointSet::BlazePose33,
-        frames.collect(),
-    ))
+    let mut found = Detections::new(name, set, frames.collect());
+    if are_numbered {
+        // Users number frames as they like.
+        (found.first, found.usual) = (None, 1);
+    }
+    Ok(found)
 }
 
-/// The number of a frame under one of the usual names, else its index in the file.
-pub(super) fn number(part: &Part<'_>, at: usize) -> Result<usize, ClientError> {
-    match any(part, &["frame", "frame_id", "frame_index", "index", "idx"]) {
-        Some(number) => whole(&number),
-        None => Ok(at),
-    }
+/// The number of a frame under one of the usual names.
+pub(super) fn number(part: &Part<'_>) -> Result<Option<usize>, ClientError> {
+    let number = any(part, &["frame", "frame_id", "frame_index", "index", "idx"]);
+    number.map(|number| whole(&number)).transpose()
 }

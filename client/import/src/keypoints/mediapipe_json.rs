@@ -3,11 +3,12 @@
 //! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks.
 
 use super::detections::Detections;
-use super::mediapipe::{POINTS, Row, any, detections, number};
+use super::mediapipe::{NAME, POINTS, Points, Row, any, detections, number};
 use crate::geometry::Vec3;
-use crate::source::Part;
+use crate::source::{Faulty, Part};
 use yoto_client::ClientError;
 use yoto_formats::Value;
+use yoto_pose::KeyPointSet;
 
 const PICTURE: [&str; 2] = ["pose_landmarks", "landmarks"];
 const SPACE: [&str; 2] = ["pose_world_landmarks", "world_landmarks"];
@@ -26,40 +27,50 @@ fn list<'a>(root: &Part<'a>) -> Part<'a> {
 /// The frames, of pictures of `size`.
 pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ClientError> {
     let list = list(root);
-    let mut rows = Vec::new();
+    let (mut rows, mut faulty) = (Vec::new(), Faulty::default());
     for at in 0..list.len()? {
         let entry = list.at(at)?;
-        let number = number(&entry, at)?;
+        let numbered = number(&entry)?;
+        let number = numbered.unwrap_or(at);
         let entry = entry.of_frame(u32::try_from(number).unwrap_or(u32::MAX));
-        let picture = people(any(&entry, &PICTURE))?;
-        let space = people(any(&entry, &SPACE))?;
-        if !space.is_empty() && space.len() != picture.len() {
-            let message = format!(
-                "{} people in space, {} in the picture",
-                space.len(),
-                picture.len()
-            );
-            return Err(entry.fault("SIZE_MISMATCH", message));
-        }
-        let flat =
-            |person: &Vec<[f64; 4]>| person.iter().map(|&[x, y, _, sure]| [x, y, sure]).collect();
-        let deep = |person: &Vec<[f64; 4]>| -> Vec<Vec3> {
-            person.iter().map(|&[x, y, z, _]| [x, y, z]).collect()
-        };
-        let deep = |at: usize| space.get(at).map(deep).unwrap_or_default();
-        let people = picture.iter().enumerate();
         rows.push(Row {
             number,
-            people: people
-                .map(|(at, person)| (flat(person), deep(at)))
-                .collect(),
+            is_numbered: numbered.is_some(),
+            people: faulty.keep(of_frame(&entry))?.unwrap_or_default(),
         });
     }
     let given = match root.find("size") {
         Some(part) => Some(part.fixed::<2>()?),
         None => None,
     };
-    detections(rows, given, size).map_err(|message| root.fault("SIZE_MISMATCH", message))
+    let found = detections(rows, NAME, KeyPointSet::BlazePose33, given, size);
+    let mut found = found.map_err(|message| root.fault("SIZE_MISMATCH", message))?;
+    faulty.finish(&mut found.notes)?;
+    Ok(found)
+}
+
+/// The landmarks of the people of a frame, in the picture and in space.
+fn of_frame(entry: &Part<'_>) -> Result<Vec<Points>, ClientError> {
+    let picture = people(any(entry, &PICTURE))?;
+    let space = people(any(entry, &SPACE))?;
+    if !space.is_empty() && space.len() != picture.len() {
+        let message = format!(
+            "{} people in space, {} in the picture",
+            space.len(),
+            picture.len()
+        );
+        return Err(entry.fault("SIZE_MISMATCH", message));
+    }
+    let flat =
+        |person: &Vec<[f64; 4]>| person.iter().map(|&[x, y, _, sure]| [x, y, sure]).collect();
+    let deep = |person: &Vec<[f64; 4]>| -> Vec<Vec3> {
+        person.iter().map(|&[x, y, z, _]| [x, y, z]).collect()
+    };
+    let deep = |at: usize| space.get(at).map(deep).unwrap_or_default();
+    let people = picture.iter().enumerate();
+    Ok(people
+        .map(|(at, person)| (flat(person), deep(at)))
+        .collect())
 }
 
 /// The landmarks of each person: x, y, z, visibility.
@@ -92,13 +103,21 @@ fn person(part: &Part<'_>) -> Result<Vec<[f64; 4]>, ClientError> {
 
 fn landmark(part: &Part<'_>) -> Result<[f64; 4], ClientError> {
     if part.is_list() {
-        return match part.vector()?[..] {
+        return match part.unchecked()?.values[..] {
             [x, y, z] => Ok([x, y, z, 1.0]),
             [x, y, z, sure] => Ok([x, y, z, sure]),
             _ => Err(part.fault("SIZE_MISMATCH", "a landmark has x, y, z and a visibility")),
         };
     }
-    let axis = |name: &str| part.get(name)?.number();
+    // Null where the writer had a number that is not finite.
+    let axis = |name: &str| {
+        let axis = part.get(name)?;
+        if axis.is_nothing() {
+            Ok(f64::NAN)
+        } else {
+            axis.number()
+        }
+    };
     let sure = match part.find("visibility") {
         Some(sure) => sure.number()?,
         None => 1.0,

@@ -3,9 +3,10 @@
 //! could use: z of these is a share of the picture's width.
 
 use super::detections::Detections;
-use super::mediapipe::{POINTS, Row, detections};
-use crate::source::Source;
+use super::mediapipe::{NAME, POINTS, Row, detections};
+use crate::source::{Faulty, Source};
 use yoto_client::ClientError;
+use yoto_pose::KeyPointSet;
 
 /// Whether `file` has as many columns as there are landmarks.
 pub(super) fn fits(source: &Source, file: &str) -> Result<bool, ClientError> {
@@ -23,10 +24,11 @@ pub(super) fn read(source: &Source, file: &str, size: [u32; 2]) -> Result<Detect
     let bytes = source.bytes(file, None)?;
     let text = std::str::from_utf8(&bytes)
         .map_err(|error| source.fault("UNREADABLE", file, None, "", error.to_string()))?;
-    let mut rows = Vec::new();
+    let (mut rows, mut faulty) = (Vec::new(), Faulty::default());
     for (at, line) in text.lines().enumerate() {
         let line = line.trim();
-        let is_head = at == 0 && line.contains(|c: char| c.is_ascii_alphabetic());
+        let is_head =
+            at == 0 && line.contains(|c: char| c.is_ascii_alphabetic() && !"naninfe".contains(c));
         if line.is_empty() || is_head {
             continue;
         }
@@ -38,24 +40,32 @@ pub(super) fn read(source: &Source, file: &str, size: [u32; 2]) -> Result<Detect
                 format!("line {}", at + 1),
                 message,
             )
-        })?;
-        rows.push(row);
+        });
+        rows.extend(faulty.keep(row)?);
     }
-    detections(rows, None, size)
-        .map_err(|message| source.fault("SIZE_MISMATCH", file, None, "", message))
+    let found = detections(rows, NAME, KeyPointSet::BlazePose33, None, size);
+    let mut found =
+        found.map_err(|message| source.fault("SIZE_MISMATCH", file, None, "", message))?;
+    faulty.finish(&mut found.notes)?;
+    Ok(found)
 }
 
 fn row(line: &str) -> Result<Row, String> {
-    let cells = line.split(',').map(|cell| cell.trim().parse::<f64>());
+    // An empty cell is of a landmark that was not seen.
+    let number = |cell: &str| {
+        if cell.is_empty() {
+            Ok(f64::NAN)
+        } else {
+            cell.parse::<f64>()
+        }
+    };
+    let cells = line.split(',').map(|cell| number(cell.trim()));
     let numbers: Result<Vec<f64>, _> = cells.collect();
     let numbers = numbers.map_err(|_| "not all of it are numbers".to_owned())?;
-    if let Some(bad) = numbers.iter().find(|number| !number.is_finite()) {
-        return Err(format!("{bad} is not a finite number"));
-    }
     let Some((&number, values)) = numbers.split_first() else {
         return Err("there is nothing in it".to_owned());
     };
-    if number < 0.0 || number.fract() != 0.0 {
+    if !(number >= 0.0 && number.fract() == 0.0) {
         return Err(format!("{number} is no number of a frame"));
     }
     let width = values.len() / POINTS;
@@ -72,6 +82,7 @@ fn row(line: &str) -> Result<Row, String> {
     };
     Ok(Row {
         number: number as usize,
+        is_numbered: true,
         people: vec![(values.chunks_exact(width).map(point).collect(), Vec::new())],
     })
 }

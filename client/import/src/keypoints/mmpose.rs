@@ -5,7 +5,7 @@
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre, whole};
 use super::hands;
-use crate::source::Part;
+use crate::source::{Faulty, Part};
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
@@ -26,7 +26,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
         Some(list) => list,
         None => root.clone(),
     };
-    let mut frames = Vec::new();
+    let (mut frames, mut faulty) = (Vec::new(), Faulty::default());
     for at in 0..list.len()? {
         let entry = list.at(at)?;
         let number = match entry.find("frame_id") {
@@ -36,25 +36,29 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
         let instances = entry
             .get("instances")?
             .of_frame(u32::try_from(number).unwrap_or(u32::MAX));
-        let each = (0..instances.len()?).map(|at| instance(&instances.at(at)?));
+        let mut people = Vec::new();
+        for at in 0..instances.len()? {
+            people.extend(faulty.keep(instance(&instances.at(at)?))?);
+        }
         frames.push(FrameDetections {
             number,
             image: None,
-            people: each.collect::<Result<_, _>>()?,
+            people,
         });
     }
     let mut found = Detections::new("MMPose", KeyPointSet::Coco17, frames);
     // All frames are in the list, some without people: the first one's number is the first.
     found.first = found.frames.first().map(|seen| seen.number.min(1));
     hands::settle(&mut found);
+    faulty.finish(&mut found.notes)?;
     Ok(found)
 }
 
 fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
     let points = part.get("keypoints")?;
-    let positions = points.rows::<2>()?;
+    let positions = points.unchecked_rows::<2>(None)?;
     let scores = part.get("keypoint_scores")?;
-    let sure = scores.vector()?;
+    let sure = scores.unchecked_rows::<1>(None)?.concat();
     if !COUNTS.contains(&positions.len()) {
         let message = format!(
             "{} points: a set that begins with COCO's 17 is needed",

@@ -2,7 +2,7 @@
 //!
 //! One file per detector reads its files to [`Detections`](detections::Detections): people, frames and
 //! points. The rest is common: which of the people ([`people`]), which frame of the clip
-//! ([`detections`]), which mask ([`mask`]), and the fit of a body to the points of all frames
+//! ([`detections`], [`timing`]), which mask ([`mask`]), and the fit of a body to the points of all frames
 //! ([`capture`], by `yoto-pose`), or the detector's own skeleton ([`own_skeleton`]).
 //!
 //! ```text
@@ -26,9 +26,14 @@ mod mmpose;
 mod openpose;
 mod own_skeleton;
 mod people;
+mod point_set;
+mod point_table;
 mod recognise;
 mod sam_3d_body;
+mod shapes;
+mod timing;
 
+pub use point_set::PointSet;
 pub(crate) use recognise::has_files;
 
 use crate::clip::{Clip, fault};
@@ -37,9 +42,8 @@ use std::path::Path;
 use yoto_client::ClientError;
 
 /// What [`has_files`] looks for, for errors.
-pub(crate) const FILES: &str = "key points of OpenPose (*_keypoints.json), AlphaPose \
-     (alphapose-results.json), MMPose or easy_ViTPose (*.json), MediaPipe (landmarks.npz, .json or \
-     .csv) or SAM 3D Body (*.npz)";
+pub(crate) const DETECTORS: &str = "OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body, or points of 17, \
+     25, 26 or 33 as [frames, points, 2 or 3]";
 
 /// Reads a detector's files in `options.poses`, of the clip `source`, and fits a body to them.
 ///
@@ -52,7 +56,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         return Err(fault(source, "MISSING", message));
     };
     let clip = Clip::open(source, options.ffmpeg.as_deref())?;
-    let mut detections = recognise::read(at, clip.size)?;
+    let mut detections = recognise::read(at, options.points, clip.size)?;
     let notes = clip_frames::fit(&mut detections, &clip);
     let mut imported = capture::read(&clip, &detections, at, options)?;
     imported.found.doubts.extend(notes.iter().cloned());

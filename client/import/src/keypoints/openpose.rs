@@ -5,7 +5,7 @@
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use super::hands;
-use crate::source::{Part, Source};
+use crate::source::{Faulty, Part, Source};
 use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
@@ -16,28 +16,32 @@ const POINTS: usize = 25;
 
 /// The files of the folder.
 pub(super) fn read(source: &Source) -> Result<Detections, ClientError> {
-    let mut frames = Vec::new();
+    let (mut frames, mut faulty) = (Vec::new(), Faulty::default());
     for (order, file) in source.list("", &[ENDING])?.iter().enumerate() {
         let file = file.trim_start_matches('/');
         let number = numbers_in(file).last().copied().unwrap_or(order);
-        let data = source.data(file, u32::try_from(number).ok())?;
-        let people = data.root().get("people")?;
-        let each = (0..people.len()?).map(|at| person(&people.at(at)?));
-        frames.push(FrameDetections {
+        let read = source.data(file, u32::try_from(number).ok());
+        let read = read.and_then(|data| {
+            let people = data.root().get("people")?;
+            let each = (0..people.len()?).map(|at| person(&people.at(at)?));
+            each.collect::<Result<Vec<_>, _>>()
+        });
+        frames.extend(faulty.keep(read)?.map(|people| FrameDetections {
             number,
             image: file.strip_suffix(ENDING).map(|name| format!("{name}.png")),
-            people: each.collect::<Result<_, _>>()?,
-        });
+            people,
+        }));
     }
     let mut found = Detections::new("OpenPose", KeyPointSet::OpenPose25, frames);
     found.first = None;
     hands::settle(&mut found);
+    faulty.finish(&mut found.notes)?;
     Ok(found)
 }
 
 fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
     let points = part.get("pose_keypoints_2d")?;
-    let values = points.vector()?;
+    let values = points.unchecked()?.values;
     if values.len() != 3 * POINTS {
         let message = format!(
             "{} numbers: 75 are needed, three per point of BODY_25 (--model_pose BODY_25)",

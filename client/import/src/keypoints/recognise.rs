@@ -1,16 +1,18 @@
 //! Which detector wrote a file or a folder, by their contents.
 
 use super::detections::Detections;
+use super::point_set::PointSet;
 use super::{
     alphapose, easy_vitpose, mediapipe, mediapipe_json, mediapipe_table, mmpose, openpose,
-    sam_3d_body,
+    point_table, sam_3d_body, shapes,
 };
 use crate::source::{Data, Part, Source};
+use crate::what::unknown;
 use std::path::Path;
 use yoto_client::ClientError;
 
 /// Endings of files that hold a whole clip's key points, the likeliest first.
-const ENDINGS: [&str; 3] = [".json", ".npz", ".csv"];
+const ENDINGS: [&str; 7] = [".json", ".npz", ".csv", ".npy", ".pkl", ".pickle", ".pt"];
 /// Files of a folder that are tried.
 const TRIED: usize = 8;
 
@@ -18,6 +20,10 @@ const TRIED: usize = 8;
 struct DetectorFile<'a> {
     source: &'a Source,
     name: &'a str,
+    /// The name that the user gave, if it was not a folder's.
+    given: Option<&'a str>,
+    /// The set of the points, if the user says.
+    points: Option<PointSet>,
     /// Width and height of the clip, pixels.
     size: [u32; 2],
 }
@@ -45,7 +51,7 @@ impl DetectorFile<'_> {
 }
 
 /// All forms, in the order in which a file is tried.
-static FORMS: [Form; 8] = [
+static FORMS: [Form; 10] = [
     Form {
         fits: Fits::Ending(openpose::ENDING),
         read: |file| openpose::read(file.source),
@@ -76,7 +82,15 @@ static FORMS: [Form; 8] = [
     },
     Form {
         fits: Fits::Contents(sam_3d_body::fits),
-        read: |file| sam_3d_body::read(file.source, file.size),
+        read: |file| sam_3d_body::read(file.source, file.given, file.size),
+    },
+    Form {
+        fits: Fits::Table(point_table::fits),
+        read: |file| point_table::read(file.source, file.name, file.points, file.size),
+    },
+    Form {
+        fits: Fits::Contents(shapes::fits),
+        read: |file| shapes::read(&file.data()?.root(), file.points, file.size),
     },
 ];
 
@@ -84,17 +98,27 @@ static FORMS: [Form; 8] = [
 ///
 /// # Errors
 /// When no detector's files are there; when a file is recognised but wrong.
-pub(super) fn read(path: &Path, size: [u32; 2]) -> Result<Detections, ClientError> {
-    let (source, name) = located(path);
-    let Some((form, name)) = find(&source, &name)? else {
-        let message = format!("no detector's files; looked for {}", super::FILES);
-        return Err(source.fault("UNKNOWN", &name, None, "", message));
+pub(super) fn read(
+    path: &Path,
+    points: Option<PointSet>,
+    size: [u32; 2],
+) -> Result<Detections, ClientError> {
+    let (source, given) = located(path);
+    let Some((form, name)) = find(&source, &given)? else {
+        return Err(unknown(
+            path,
+            &format!("key points of {}", super::DETECTORS),
+        ));
     };
-    (form.read)(&DetectorFile {
+    let mut found = (form.read)(&DetectorFile {
         source: &source,
         name: &name,
+        given: Some(&*given).filter(|given| !given.is_empty()),
+        points,
         size,
-    })
+    })?;
+    found.sieve();
+    Ok(found)
 }
 
 /// Whether the file or folder at `path` holds a detector's files.

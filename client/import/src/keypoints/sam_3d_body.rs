@@ -1,4 +1,4 @@
-//! SAM 3D Body's results, one `.npz` per frame and person: `pred_joint_coords` `[127, 3]`, the joints of
+//! SAM 3D Body's results, one `.npz` per frame and person, or one file of all frames: `pred_joint_coords` `[127, 3]`, the joints of
 //! MHR's skeleton; `pred_cam_t` `[3]`, which is added to them, so that they are in the camera's axes,
 //! metres; `focal_length`, pixels, √(W² + H²) where it is missing; and `mask` `[H, W, 1]`, if the tool was
 //! given masks or made them. A name holds the frame's number, and then the person's index in that frame,
@@ -9,7 +9,7 @@
 use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
 use super::mhr;
 use crate::geometry::{Vec3, add};
-use crate::source::{Part, Source};
+use crate::source::{Faulty, Part, Source};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_client::ClientError;
@@ -50,39 +50,95 @@ const CONFIDENCE: [f64; 2] = [0.35, 0.9];
 /// Nearest a body can be, metres.
 const NEAREST: f64 = 0.1;
 
-/// Whether this is one of its files.
+/// What notes call it.
+const NAME: &str = "SAM 3D Body";
+
+/// Whether this is one of its files, or a list of people as it returns them.
 pub(super) fn fits(root: &Part<'_>) -> bool {
+    let root = root.at(0).unwrap_or_else(|_| root.clone());
     root.find("pred_joint_coords").is_some() && root.find("pred_cam_t").is_some()
 }
 
-/// The files of the folder, of pictures of `size`.
-pub(super) fn read(source: &Source, size: [u32; 2]) -> Result<Detections, ClientError> {
+/// The files of the folder, of pictures of `size`; `given` is the one that the user named, if it is one. Files of other
+/// contents beside these are passed over.
+pub(super) fn read(
+    source: &Source,
+    given: Option<&str>,
+    size: [u32; 2],
+) -> Result<Detections, ClientError> {
     let mut frames: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
-    let mut focals = Vec::new();
-    for file in source.list("", &[".npz"])? {
+    let (mut focals, mut faulty) = (Vec::new(), Faulty::default());
+    let files = match given.filter(|name| !name.to_ascii_lowercase().ends_with(".npz")) {
+        Some(name) => vec![name.to_owned()],
+        None => source.list("", &[".npz"])?,
+    };
+    for file in &files {
         let file = file.trim_start_matches('/');
-        let Some(&number) = numbers_in(file).first() else {
-            let message = "there is no number of a frame in the file's name";
-            return Err(source.fault("BAD_NAME", file, None, "", message));
+        let name = file.to_ascii_lowercase();
+        // The tool's own name has a number.
+        let name = name
+            .replace("sam3d", "")
+            .replace("sam_3d", "")
+            .replace("sam-3d", "");
+        let number = numbers_in(&name).first().copied();
+        let data = match source.data(file, number.and_then(|number| u32::try_from(number).ok())) {
+            Ok(data) => data,
+            Err(fault) if given == Some(file) => return Err(fault),
+            Err(fault) => {
+                faulty.keep::<()>(Err(fault))?;
+                continue;
+            }
         };
-        let data = source.data(file, u32::try_from(number).ok())?;
         let root = data.root();
-        let focal = focal(&root, size)?;
-        focals.push(focal);
-        let person = person(&root, focal, size)?;
-        frames.entry(number).or_default().push(person);
+        if !fits(&root) {
+            continue;
+        }
+        for (of_frame, part) in of_file(&root)? {
+            let Some(number) = of_frame.or(number) else {
+                let message =
+                    "there is no number of a frame in the file's name, nor frame_idx in the file";
+                return Err(source.fault("BAD_NAME", file, None, "", message));
+            };
+            let read =
+                focal(&part, size).and_then(|focal| Ok((focal, person(&part, focal, size)?)));
+            if let Some((focal, person)) = faulty.keep(read)? {
+                focals.push(focal);
+                frames.entry(number).or_default().push(person);
+            }
+        }
     }
     let frames = frames.into_iter().map(|(number, people)| FrameDetections {
         number,
         image: None,
         people,
     });
-    let mut found = Detections::new("SAM 3D Body", KeyPointSet::Joints24, frames.collect());
+    let mut found = Detections::new(NAME, KeyPointSet::Joints24, frames.collect());
     found.first = None;
     found.tree = Some(mhr::tree());
     focals.sort_by(f64::total_cmp);
     found.focal = focals.get(focals.len() / 2).copied();
+    faulty.finish(&mut found.notes)?;
     Ok(found)
+}
+
+/// The people of a file with their frames, if it has these: one person; a list of people; or, as scripts write it, all
+/// frames of one person, with one more axis in each array and `frame_idx`.
+fn of_file<'a>(root: &Part<'a>) -> Result<Vec<(Option<usize>, Part<'a>)>, ClientError> {
+    if root.is_list() {
+        return (0..root.len()?)
+            .map(|at| Ok((None, root.at(at)?)))
+            .collect();
+    }
+    let coords = root.get("pred_joint_coords")?.unchecked()?;
+    let [rows, _, 3] = coords.shape[..] else {
+        return Ok(vec![(None, root.clone())]);
+    };
+    let numbers = match root.find("frame_idx") {
+        Some(part) => part.numbers(rows)?,
+        None => (0..rows).collect(),
+    };
+    let row = |(at, number): (usize, usize)| (Some(number), root.clone().row(at));
+    Ok(numbers.into_iter().enumerate().map(row).collect())
 }
 
 fn focal(root: &Part<'_>, [width, height]: [u32; 2]) -> Result<f64, ClientError> {

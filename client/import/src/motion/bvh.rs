@@ -6,7 +6,8 @@
 //! file's rest pose is arbitrary, while a person's is a T-pose facing +z: rotations are converted
 //! ([`tree`](crate::tree)) by means of a pose that stands ([`standing`]).
 
-use super::kept::Kept;
+use super::gaps;
+use super::kept::{self, Kept};
 use super::standing::{self, Fallen, Reference};
 use super::{JointMap, Motion, MotionFrame, MotionOptions, Up};
 use crate::source::Source;
@@ -35,7 +36,7 @@ pub(crate) fn read_up(
     })?;
     let names: Vec<String> = file.joints.iter().map(|joint| joint.name.clone()).collect();
     let map = JointMap::open(options.joint_map.as_deref())?;
-    let matches = map.matches(&names);
+    let matches = kept::rooted(&file, map.matches(&names));
     let kept = match options.keep_skeleton {
         true => Kept::own(&file, matches),
         false => Kept::matched(&file, matches),
@@ -53,22 +54,34 @@ pub(crate) fn read_up(
             Fallen::NeverStands => {
                 "the rest pose is not a standing person, and no frame shows one: a frame that stands \
                  with straight legs is needed to tell how the bones lie in a body"
+                    .to_owned()
             }
-            Fallen::NeverUpright => {
-                "the spine is upright in no frame: give the axis that is up (--up), if the person lies"
-            }
+            Fallen::NotUpright(message) => message,
         };
         source.fault("NOT_STANDING", name, None, "MOTION", message)
     })?;
     let upright = reference.up.to_y();
-    let standing = kept.tree.standing(&reference.placed.rotated(&upright));
+    let standing = kept.tree.standing(&reference.placed);
+    let mut notes = notes(&file, &reference, &kept, &names);
     let frames = file.frames.iter().map(|row| {
         let placed = kept.frame(&file, row).rotated(&upright);
+        let mut rotations = standing.local(&placed.rotations);
+        // Rotations of numbers that are not finite may be finite.
+        if let Some(joint) = kept.not_finite(&file, row) {
+            rotations[joint] = [f64::NAN; 3];
+        }
         MotionFrame {
-            rotations: standing.local(&placed.rotations),
+            rotations,
             root: placed.positions.first().copied().unwrap_or_default(),
         }
     });
+    let (frames, fps) = gaps::closed(
+        frames.collect(),
+        1.0 / file.frame_time,
+        &kept.tree,
+        &mut notes,
+    )
+    .map_err(|message| source.fault("NOT_FINITE", name, None, "MOTION", message))?;
     let pair = |(joint, at): (&tree::Joint, &usize)| {
         let name = names.get(*at).cloned();
         (joint.name.clone(), name.unwrap_or_default())
@@ -76,26 +89,54 @@ pub(crate) fn read_up(
     let unmatched = names.iter().enumerate();
     let unmatched = unmatched.filter(|(at, _)| !kept.source.contains(at));
     let motion = Motion {
-        frames: frames.collect(),
-        fps: 1.0 / file.frame_time,
+        frames,
+        fps,
         matched: kept.tree.0.iter().zip(&kept.source).map(pair).collect(),
         unmatched: unmatched.map(|(_, name)| name.clone()).collect(),
-        notes: notes(&reference, options.up),
+        notes,
         skeleton: standing.skeleton(1.0),
     };
     Ok((motion, reference.up))
 }
 
-/// What was assumed of a file.
-fn notes(reference: &Reference, asked: Option<Up>) -> Vec<String> {
-    let mut notes = Vec::new();
-    if let Some(frame) = reference.frame {
-        notes.push(format!(
+/// Joints without which a limb does not move as a whole.
+const LIMBS: [&str; 8] = [
+    "l_hip",
+    "r_hip",
+    "l_knee",
+    "r_knee",
+    "l_shoulder",
+    "r_shoulder",
+    "l_elbow",
+    "r_elbow",
+];
+/// Joints that a note names.
+const NAMED: usize = 6;
+
+/// What was assumed of a file, and what its motion lacks.
+fn notes(file: &bvh::Bvh, reference: &Reference, kept: &Kept, names: &[String]) -> Vec<String> {
+    let mut notes = file.notes.clone();
+    notes.extend(reference.frame.map(|frame| {
+        format!(
             "the rest pose is not a standing person: frame {frame}, which is, serves in its place"
+        )
+    }));
+    notes.extend(reference.note.clone());
+    let still: Vec<&str> = LIMBS
+        .into_iter()
+        .filter(|joint| kept.tree.find(joint).is_none())
+        .collect();
+    if !still.is_empty() {
+        let others = names
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| !kept.source.contains(at));
+        let others: Vec<&str> = others.map(|(_, name)| &**name).take(NAMED).collect();
+        notes.push(format!(
+            "nothing in the file moves {}, which stay as they are at rest; joints of other names: {} (--joint-map)",
+            still.join(", "),
+            if others.is_empty() { "none".to_owned() } else { others.join(", ") }
         ));
-    }
-    if reference.up == Up::Z && asked.is_none() {
-        notes.push("z is up: the spine is, in the motion (--up)".into());
     }
     notes
 }

@@ -4,15 +4,16 @@
 //! that motions have for it. The first name that the motion has, and that no earlier joint took,
 //! is used. A joint's own name always matches: before all others if the motion has it in the same
 //! case, after them otherwise, since `Spine1` is `spine1` for few writers. Otherwise case does not
-//! matter, nor a prefix before a colon (`mixamorig:Hips`).
+//! matter, nor separators, the form of a side (`LeftHand`, `hand_l`, `Hand.L`), or a prefix that a rig
+//! puts before its names (`mixamorig:Hips`, `Bip01 L Hand`; [`Spelled`]).
 
 use std::collections::HashSet;
 use std::path::Path;
 use yoto_client::ClientError;
+use yoto_proto::smpl::Spelled;
 
-/// The default map: names of CMU's conversions, Mixamo,
-/// MotionBuilder, Poser, Unreal, Bandai-Namco and SMPL itself. `yoto motion --write-map` writes it for
-/// editing.
+/// The default map: names of CMU's conversions, Mixamo, HumanIK (MotionBuilder), Unity, VRM, Unreal, Rigify, 3ds Max's
+/// Biped, Poser, Daz, Kinect, Xsens, Bandai-Namco and SMPL itself. `yoto motion --write-map` writes it for editing.
 pub const DEFAULT: &str = include_str!("joint_map.json");
 
 /// Joints of a person, each with the names that motions have for it.
@@ -62,25 +63,31 @@ impl JointMap {
 
     /// For each joint of the map that `names` has, the joint and the index of its name.
     pub fn matches(&self, names: &[String]) -> Vec<(String, usize)> {
-        let plain = |name: &str| {
-            let short = name.rsplit_once(':').map_or(name, |(_, short)| short);
-            short.trim().to_ascii_lowercase()
-        };
-        let known: Vec<String> = names.iter().map(|name| plain(name)).collect();
+        let known = Spelled::all(names);
         let mut taken = HashSet::new();
         let mut found = Vec::new();
         for (joint, wanted) in &self.0 {
             let own = names.iter().position(|name| name == joint);
             let index = own.filter(|at| !taken.contains(at)).or_else(|| {
                 wanted.iter().chain([joint]).find_map(|wanted| {
-                    let wanted = plain(wanted);
-                    let mut indices = (0..known.len()).filter(|at| known.get(*at) == Some(&wanted));
-                    indices.find(|at| !taken.contains(at))
+                    let wanted = Spelled::of(wanted);
+                    let agrees = |at: &usize| known.get(*at).is_some_and(|it| it.agrees(&wanted));
+                    (0..known.len()).find(|at| agrees(at) && !taken.contains(at))
                 })
             });
             if let Some(index) = index {
                 taken.insert(index);
                 found.push((joint.clone(), index));
+            }
+        }
+        // A shoulder without an arm is the shoulder.
+        for [collar, shoulder] in [["l_collar", "l_shoulder"], ["r_collar", "r_shoulder"]] {
+            let has_shoulder = found.iter().any(|(joint, _)| joint == shoulder);
+            let alone = found
+                .iter_mut()
+                .find(|(joint, _)| joint == collar && !has_shoulder);
+            if let Some((joint, _)) = alone {
+                shoulder.clone_into(joint);
             }
         }
         found
@@ -128,6 +135,226 @@ mod tests {
             ["l_collar=LeftCollar", "l_shoulder=LeftShoulder"]
         );
         assert_eq!(matched(&["L_KNEE", "Prop"]), ["l_knee=L_KNEE"]);
+        assert_eq!(
+            matched(&["LeftShoulder", "LeftElbow"]),
+            ["l_shoulder=LeftShoulder", "l_elbow=LeftElbow"]
+        );
+    }
+
+    /// The limbs of each rig: hip, knee, ankle, shoulder, elbow and wrist of the left side, and the pelvis and head.
+    const RIGS: [(&str, [&str; 8]); 12] = [
+        (
+            "Unity",
+            [
+                "LeftUpperLeg",
+                "LeftLowerLeg",
+                "LeftFoot",
+                "LeftUpperArm",
+                "LeftLowerArm",
+                "LeftHand",
+                "Hips",
+                "Head",
+            ],
+        ),
+        (
+            "Mixamo",
+            [
+                "mixamorig:LeftUpLeg",
+                "mixamorig:LeftLeg",
+                "mixamorig:LeftFoot",
+                "mixamorig:LeftArm",
+                "mixamorig:LeftForeArm",
+                "mixamorig:LeftHand",
+                "mixamorig:Hips",
+                "mixamorig:Head",
+            ],
+        ),
+        (
+            "Rigify",
+            [
+                "DEF-thigh.L",
+                "DEF-shin.L",
+                "DEF-foot.L",
+                "DEF-upper_arm.L",
+                "DEF-forearm.L",
+                "DEF-hand.L",
+                "DEF-spine",
+                "DEF-spine.006",
+            ],
+        ),
+        (
+            "Unreal",
+            [
+                "thigh_l",
+                "calf_l",
+                "foot_l",
+                "upperarm_l",
+                "lowerarm_l",
+                "hand_l",
+                "pelvis",
+                "head",
+            ],
+        ),
+        (
+            "VRM",
+            [
+                "J_Bip_L_UpperLeg",
+                "J_Bip_L_LowerLeg",
+                "J_Bip_L_Foot",
+                "J_Bip_L_UpperArm",
+                "J_Bip_L_LowerArm",
+                "J_Bip_L_Hand",
+                "J_Bip_C_Hips",
+                "J_Bip_C_Head",
+            ],
+        ),
+        (
+            "Daz",
+            [
+                "lThighBend",
+                "lShin",
+                "lFoot",
+                "lShldrBend",
+                "lForearmBend",
+                "lHand",
+                "hip",
+                "head",
+            ],
+        ),
+        (
+            "Genesis 9",
+            [
+                "l_thigh",
+                "l_shin",
+                "l_foot",
+                "l_upperarm",
+                "l_forearm",
+                "l_hand",
+                "hip",
+                "head",
+            ],
+        ),
+        (
+            "3ds Max Biped",
+            [
+                "Bip001 L Thigh",
+                "Bip001 L Calf",
+                "Bip001 L Foot",
+                "Bip001 L UpperArm",
+                "Bip001 L Forearm",
+                "Bip001 L Hand",
+                "Bip001 Pelvis",
+                "Bip001 Head",
+            ],
+        ),
+        (
+            "HumanIK",
+            [
+                "Character1_LeftUpLeg",
+                "Character1_LeftLeg",
+                "Character1_LeftFoot",
+                "Character1_LeftArm",
+                "Character1_LeftForeArm",
+                "Character1_LeftHand",
+                "Character1_Hips",
+                "Character1_Head",
+            ],
+        ),
+        (
+            "Kinect",
+            [
+                "HIP_LEFT",
+                "KNEE_LEFT",
+                "ANKLE_LEFT",
+                "SHOULDER_LEFT",
+                "ELBOW_LEFT",
+                "WRIST_LEFT",
+                "PELVIS",
+                "HEAD",
+            ],
+        ),
+        (
+            "Kinect 2",
+            [
+                "HipLeft",
+                "KneeLeft",
+                "AnkleLeft",
+                "ShoulderLeft",
+                "ElbowLeft",
+                "WristLeft",
+                "SpineBase",
+                "Head",
+            ],
+        ),
+        (
+            "SMPL with a prefix",
+            [
+                "f_mosh_cmu_05_L_Hip",
+                "f_mosh_cmu_05_L_Knee",
+                "f_mosh_cmu_05_L_Ankle",
+                "f_mosh_cmu_05_L_Shoulder",
+                "f_mosh_cmu_05_L_Elbow",
+                "f_mosh_cmu_05_L_Wrist",
+                "f_mosh_cmu_05_Pelvis",
+                "f_mosh_cmu_05_Head",
+            ],
+        ),
+    ];
+
+    #[test]
+    fn every_rig_s_limbs_are_known() {
+        let joints = [
+            "l_hip",
+            "l_knee",
+            "l_ankle",
+            "l_shoulder",
+            "l_elbow",
+            "l_wrist",
+            "pelvis",
+            "head",
+        ];
+        for (rig, names) in RIGS {
+            // What else such a rig has, which must not be taken for these.
+            let others: &[&str] = match rig {
+                "Rigify" => &[
+                    "DEF-spine.001",
+                    "DEF-spine.002",
+                    "DEF-spine.003",
+                    "DEF-spine.004",
+                    "DEF-shoulder.L",
+                ],
+                "Kinect" => &[
+                    "CLAVICLE_LEFT",
+                    "HAND_LEFT",
+                    "FOOT_LEFT",
+                    "SPINE_NAVEL",
+                    "SPINE_CHEST",
+                ],
+                "Kinect 2" => &["HandLeft", "FootLeft", "SpineMid", "SpineShoulder"],
+                "Unreal" => &[
+                    "root",
+                    "clavicle_l",
+                    "ball_l",
+                    "upperarm_twist_01_l",
+                    "spine_01",
+                ],
+                "Unity" => &["LeftShoulder", "LeftToes", "Spine", "Chest", "UpperChest"],
+                "Daz" => &["lThighTwist", "lShldrTwist", "lCollar", "abdomenLower"],
+                "Genesis 9" => &["l_shoulder", "l_toes", "spine1"],
+                _ => &[],
+            };
+            let all: Vec<&str> = names.iter().chain(others).copied().collect();
+            let found = matched(&all);
+            for (joint, name) in joints.iter().zip(names) {
+                assert!(
+                    found.contains(&format!("{joint}={name}")),
+                    "{rig}: {joint}: {found:?}"
+                );
+            }
+        }
+        let kinect = matched(&["WristLeft", "HandLeft", "AnkleLeft", "FootLeft"]);
+        assert!(kinect.contains(&"l_hand=HandLeft".to_owned()), "{kinect:?}");
+        assert!(kinect.contains(&"l_foot=FootLeft".to_owned()), "{kinect:?}");
     }
 
     #[test]

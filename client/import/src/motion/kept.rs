@@ -7,6 +7,43 @@ use yoto_formats::bvh::{Bvh, Channel, Joint as FileJoint};
 /// Joints of SMPL below which none of a file's own is kept.
 const LAST: [&str; 3] = ["l_wrist", "r_wrist", "head"];
 
+/// `matches` with the joint above both legs and the back as the pelvis, where the one that is called so is not above them
+/// all (Daz has a pelvis of the legs alone, below its hip), or none is called so.
+pub(super) fn rooted(file: &Bvh, mut matches: Vec<(String, usize)>) -> Vec<(String, usize)> {
+    let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
+    let line = |at: usize| std::iter::successors(Some(at), |at| above(*at)).collect::<Vec<_>>();
+    let found = |role: &str| matches.iter().find(|(of, _)| of == role).map(|(_, at)| *at);
+    let pelvis = found("pelvis");
+    let is_above_all = |at: usize| matches.iter().all(|(_, other)| line(*other).contains(&at));
+    if pelvis.is_some_and(is_above_all) {
+        return matches;
+    }
+    let back = ["spine1", "spine2", "spine3", "neck", "head"]
+        .iter()
+        .find_map(|role| found(role));
+    let (Some(left), Some(right), Some(back)) = (found("l_hip"), found("r_hip"), back) else {
+        return matches;
+    };
+    let (right, back) = (line(right), line(back));
+    let mut shared = line(left)
+        .into_iter()
+        .filter(|at| right.contains(at) && back.contains(at));
+    let free = |at: &usize| {
+        matches
+            .iter()
+            .all(|(role, other)| other != at || role == "pelvis")
+    };
+    if let Some(at) = shared.next().filter(free).filter(|at| {
+        matches
+            .iter()
+            .all(|(role, other)| role == "pelvis" || line(*other).contains(at))
+    }) {
+        matches.retain(|(role, _)| role != "pelvis");
+        matches.push(("pelvis".to_owned(), at));
+    }
+    matches
+}
+
 /// The joints of a file that are kept, in the file's order.
 pub(super) struct Kept {
     pub tree: Tree,
@@ -76,6 +113,18 @@ impl Kept {
         let roots = self.tree.0.iter().filter(|joint| joint.parent.is_none());
         let is_root = self.source.first() == Some(&0);
         roots.count() == 1 && (is_root || self.tree.find("pelvis") == Some(0))
+    }
+
+    /// The kept joint that a number of `row` which is not finite moves, or the nearest one above.
+    pub fn not_finite(&self, file: &Bvh, row: &[f64]) -> Option<usize> {
+        let at = row.iter().position(|value| !value.is_finite())?;
+        let owners = file.joints.iter().enumerate();
+        let mut owners = owners.flat_map(|(joint, it)| it.channels.iter().map(move |_| joint));
+        let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
+        let mut line = std::iter::successors(owners.nth(at), |at| above(*at));
+        let kept = line.find_map(|at| self.source.iter().position(|other| *other == at));
+        // What is above all kept joints moves the first.
+        Some(kept.unwrap_or(0))
     }
 
     /// The rest pose: all rotations zero, each joint where its offset says; in the file's axes, as all

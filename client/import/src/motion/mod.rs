@@ -5,42 +5,26 @@
 //! not matter: strides are scaled by the height of the body's hips.
 
 mod bvh;
+mod gaps;
 mod joint_map;
 mod kept;
+mod posture;
 mod smpl;
 mod standing;
+mod track;
+mod up;
 
 pub(super) use bvh::read_up as read_bvh;
 pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
+pub use up::Up;
 
 use crate::BodyModel;
-use crate::geometry::{IDENTITY_ROTATION, Mat3, Vec3, about_axis, add, sub};
+use crate::geometry::{Vec3, sub};
 use crate::source::Source;
-use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
-use yoto_capture::skeleton::{Pose, timing};
 use yoto_client::ClientError;
-use yoto_proto::pose_track::{MAX_FRAMES, PoseTrack, Skeleton, describe};
+use yoto_proto::pose_track::{MAX_FRAMES, Skeleton, describe};
 use yoto_proto::v1;
-
-/// Up axis of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Up {
-    /// y.
-    Y,
-    /// z, as in AMASS.
-    Z,
-}
-
-impl Up {
-    /// The rotation of positions with this axis up to those with y up.
-    pub(super) fn to_y(self) -> Mat3 {
-        match self {
-            Self::Y => IDENTITY_ROTATION,
-            Self::Z => about_axis(0, -FRAC_PI_2),
-        }
-    }
-}
 
 /// Inputs that a motion's file lacks.
 #[derive(Clone, Debug, Default)]
@@ -114,7 +98,7 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
             Err(source.fault("UNREAD_OPTION", &name, None, "--keep-skeleton", message))
         }
         "npz" => smpl::read(&source, &name, options),
-        "json" | "pb" => track(&source, &name),
+        "json" | "pb" => track::read(&source, &name, options),
         other => {
             let message = format!("'.{other}' is not a motion format: .bvh, .npz, .json or .pb");
             Err(source.fault("UNREADABLE", &name, None, "", message))
@@ -129,41 +113,6 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
         return Err(source.fault("OUT_OF_RANGE", &name, None, "frames", message));
     }
     Ok(motion)
-}
-
-/// The motion of a capture, with poses at equal times.
-fn track(source: &Source, name: &str) -> Result<Motion, ClientError> {
-    let bytes = source.bytes(name, None)?;
-    let track = PoseTrack::from_file(name, &bytes).map_err(|found| source.bad(found))?;
-    let rest = track.skeleton.rest_joints.first().copied();
-    let rest = rest.unwrap_or_default();
-    let poses = track.frames.iter().map(|frame| {
-        Pose::from_frame(frame).map_err(|error| {
-            source.fault(
-                "INVALID",
-                name,
-                Some(frame.index),
-                &error.field,
-                &error.message,
-            )
-        })
-    });
-    let poses = poses.collect::<Result<Vec<_>, _>>()?;
-    let numbers: Vec<u32> = track.frames.iter().map(|frame| frame.index).collect();
-    let (poses, fps) = timing::even(poses, &numbers, track.fps);
-    let frame = |pose: &Pose| MotionFrame {
-        rotations: pose.rotations_f64(),
-        root: add(rest, pose.translation.map(f64::from)),
-    };
-    let names = track.skeleton.names.iter();
-    Ok(Motion {
-        frames: poses.iter().map(frame).collect(),
-        fps,
-        matched: names.map(|name| (name.clone(), name.clone())).collect(),
-        unmatched: Vec::new(),
-        notes: vec!["a capture does not say which way is up: y is assumed".into()],
-        skeleton: track.skeleton,
-    })
 }
 
 impl Motion {

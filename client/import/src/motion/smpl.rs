@@ -1,21 +1,43 @@
 //! Motions in SMPL's parameters, as in AMASS.
 //!
-//! `poses` `[F, 156]` (SMPL with hands) or `[F, 72]`, `trans` `[F, 3]` metres, `betas`,
-//! `mocap_framerate`; z is up. Some files hold only `poses` and `trans`. InstantAvatar's names for
-//! the same fields are supported as well. The first 22 joints of both models are the same; hands do
-//! not move.
+//! `poses` `[F, J · 3]` of SMPL's 24 joints, or of a model whose first 22 are SMPL's: SMPL-H (52), SMPL-X (55, or fewer
+//! where parts of the face are left out); or AMASS's parts of them, `root_orient` and `pose_body`. `trans` `[F, 3]`
+//! metres, `betas`, `mocap_framerate` or `mocap_frame_rate`; z is up in AMASS's files. Some files hold only `poses`
+//! and `trans`. InstantAvatar's names for the same fields are supported as well. Hands and faces do not move.
 
-use super::{Motion, MotionFrame, MotionOptions, Up};
-use crate::datasets::instant_avatar::{Poses, read_poses};
-use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues};
+use super::gaps::{self, Row};
+use super::posture;
+use super::up::{self, Up, Usual};
+use super::{Motion, MotionFrame, MotionOptions};
+use crate::datasets::instant_avatar;
+use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues, sub};
 use crate::source::{Data, Part, Source};
 use crate::track::{SmplPose, smpl_skeleton};
+use yoto_capture::skeleton::smpl::AVERAGE_REST;
+use yoto_capture::skeleton::{Pose, Skeleton};
 use yoto_client::ClientError;
 
-/// Joints that SMPL and SMPL with hands share, times 3.
+/// Numbers of the rotations that all of SMPL's models share: of 22 joints.
 const SHARED: usize = 66;
+/// Numbers of SMPL's own rotations.
+const SMPL: usize = 72;
+/// Most numbers of a pose: SMPL-X has 165.
+const WIDEST: usize = 400;
 /// Default frames per second.
 const FPS: f64 = 30.0;
+/// Where the pelvis of SMPL's mean shape rests, metres.
+const PELVIS: Vec3 = [0.0, -0.22, 0.03];
+/// Names of the frame rate.
+const RATES: [&str; 3] = ["mocap_framerate", "mocap_frame_rate", "fps"];
+
+/// What a file holds.
+struct Parameters {
+    betas: Vec<f64>,
+    poses: Vec<SmplPose>,
+    translations: Vec<Vec3>,
+    /// Whether the file is AMASS's, by its frame rate.
+    is_amass: bool,
+}
 
 pub(super) fn read(
     source: &Source,
@@ -23,14 +45,10 @@ pub(super) fn read(
     options: &MotionOptions,
 ) -> Result<Motion, ClientError> {
     let data = source.data(name, None)?;
-    let (read, is_amass) = parameters(&data)?;
-    let root = data.root();
+    let read = parameters(&data)?;
     let mut notes = Vec::new();
-    let rate = root
-        .find("mocap_framerate")
-        .or_else(|| root.find("mocap_frame_rate"));
-    let fps = match rate {
-        Some(rate) => rate.number()?,
+    let fps = match rate(&data.root())? {
+        Some(fps) => fps,
         None => {
             notes.push(format!(
                 "the file has no frame rate: {FPS} frames per second are assumed"
@@ -38,43 +56,44 @@ pub(super) fn read(
             FPS
         }
     };
-    if !(fps > 0.0 && fps <= 1000.0) {
-        let message = format!("{fps} frames per second");
-        return Err(source.fault("OUT_OF_RANGE", name, None, "mocap_framerate", message));
-    }
-    // This field distinguishes AMASS's files from similar files with y up.
-    let usual = if is_amass { Up::Z } else { Up::Y };
-    let up = options.up.unwrap_or(usual);
-    if options.up.is_none() {
-        notes.push(format!("{up:?} is taken to be up (--up)"));
-    }
     let rest = options.rest_joints(&read.betas)?;
     if rest.is_none() {
         notes.push("no body model (--smpl): strides are not scaled to the length of legs".into());
     }
+    let skeleton = smpl_skeleton(rest.clone().unwrap_or_default());
+    let rows = read.poses.iter().zip(&read.translations);
+    let rows = rows.map(|(pose, translation)| Row {
+        rotations: pose.as_chunks::<3>().0.to_vec(),
+        translation: *translation,
+    });
+    let (poses, fps) = gaps::filled(rows.collect(), fps, &skeleton.names, &mut notes)
+        .map_err(|message| source.fault("NOT_FINITE", name, None, "poses", message))?;
+    let up = match options.up {
+        Some(up) => up,
+        None => {
+            let (up, note) = found_up(&read, rest.as_deref(), &poses)
+                .map_err(|message| source.fault("NOT_STANDING", name, None, "poses", message))?;
+            notes.push(note);
+            up
+        }
+    };
     let pelvis = rest.as_ref().and_then(|rest| rest.first().copied());
     let pelvis = pelvis.unwrap_or_default();
     let upright = up.to_y();
-    let frame = |(pose, translation): (&SmplPose, &Vec3)| {
-        let mut rotations = pose.as_chunks::<3>().0.to_vec();
+    let frame = |pose: &Pose| {
+        let mut rotations = pose.rotations_f64();
         if let Some(root) = rotations.first_mut() {
-            // The rest pose is y up in every file; only the world is z up.
+            // The rest pose has y up in every file; only the world has another axis up.
             *root = log_map(&matmul(&upright, &rodrigues(*root)));
         }
         MotionFrame {
             rotations,
-            root: matvec(&upright, add(pelvis, *translation)),
+            root: matvec(&upright, add(pelvis, pose.translation.map(f64::from))),
         }
     };
-    let skeleton = smpl_skeleton(rest.unwrap_or_default());
     let names = skeleton.names.iter();
     Ok(Motion {
-        frames: read
-            .poses
-            .iter()
-            .zip(&read.translations)
-            .map(frame)
-            .collect(),
+        frames: poses.iter().map(frame).collect(),
         fps,
         matched: names.map(|name| (name.clone(), name.clone())).collect(),
         unmatched: Vec::new(),
@@ -83,47 +102,116 @@ pub(super) fn read(
     })
 }
 
-/// The parameters, and whether the file is from AMASS.
-fn parameters(data: &Data<'_>) -> Result<(Poses, bool), ClientError> {
-    let root = data.root();
-    let Some(part) = root.find("poses") else {
-        return Ok((read_poses(data)?, false));
+/// The axis that is up, and a note about it, of a body with the rest joints `rest` or an average adult's.
+fn found_up(
+    read: &Parameters,
+    rest: Option<&[Vec3]>,
+    poses: &[Pose],
+) -> Result<(Up, String), String> {
+    let average = || {
+        let from = AVERAGE_REST.first().copied().unwrap_or_default();
+        let moved = AVERAGE_REST
+            .iter()
+            .map(|joint| add(sub(*joint, from), PELVIS));
+        moved.collect::<Vec<_>>()
     };
-    let (poses, with_hands) = poses(&part)?;
-    let trans = root.get("trans")?;
-    let translations = trans.rows::<3>()?;
-    if translations.len() != poses.len() {
-        let message = format!("{} rows for {} poses", translations.len(), poses.len());
-        return Err(trans.fault("SIZE_MISMATCH", message));
-    }
-    let betas = root.find("betas").map(|betas| betas.vector());
-    let rated = root.find("mocap_framerate").is_some();
-    Ok((
-        Poses {
-            betas: betas.transpose()?.unwrap_or_default(),
-            poses,
-            translations,
-        },
-        with_hands || rated,
-    ))
+    let rest = rest.map_or_else(average, <[Vec3]>::to_vec);
+    let skeleton = Skeleton::from_track(&smpl_skeleton(rest)).map_err(|error| error.to_string())?;
+    let postures = posture::of_poses(&skeleton, poses).unwrap_or_default();
+    let usual = Usual {
+        up: Up::Z,
+        who: "AMASS",
+        is_documented: true,
+    };
+    up::find(&postures, read.is_amass.then_some(usual))
 }
 
-fn poses(part: &Part<'_>) -> Result<(Vec<SmplPose>, bool), ClientError> {
-    let array = part.array()?;
-    if let Some(rows) = array.rows::<72>() {
-        return Ok((rows, false));
+fn rate(root: &Part<'_>) -> Result<Option<f64>, ClientError> {
+    let Some(part) = RATES.iter().find_map(|name| root.find(name)) else {
+        return Ok(None);
+    };
+    let fps = part.number()?;
+    if fps > 0.0 && fps <= 1000.0 {
+        return Ok(Some(fps));
     }
-    let rows = array.rows::<156>().ok_or_else(|| {
+    Err(part.fault("OUT_OF_RANGE", format!("{fps} frames per second")))
+}
+
+fn parameters(data: &Data<'_>) -> Result<Parameters, ClientError> {
+    let root = data.root();
+    let poses = match (
+        root.find("poses"),
+        root.find("root_orient"),
+        root.find("pose_body"),
+    ) {
+        (Some(part), ..) => poses(&part)?,
+        (None, Some(orient), Some(body)) => joined(&orient, &body)?,
+        _ => {
+            let read = instant_avatar::read_poses(data)?;
+            return Ok(Parameters {
+                betas: read.betas,
+                poses: read.poses,
+                translations: read.translations,
+                is_amass: false,
+            });
+        }
+    };
+    let trans = match root.find("trans") {
+        Some(trans) => trans,
+        None => root.get("transl")?,
+    };
+    let betas = root.find("betas").map(|betas| betas.vector());
+    Ok(Parameters {
+        betas: betas.transpose()?.unwrap_or_default(),
+        translations: trans.unchecked_rows::<3>(Some(poses.len()))?,
+        poses,
+        // Similar files of other programs lack it, and most of them have y up.
+        is_amass: RATES[..2].iter().any(|name| root.find(name).is_some()),
+    })
+}
+
+/// The poses of `[F, J · 3]` or `[F, J, 3]`.
+fn poses(part: &Part<'_>) -> Result<Vec<SmplPose>, ClientError> {
+    let array = part.unchecked()?;
+    let (rows, width) = match array.shape[..] {
+        [rows, width] => (rows, width),
+        [rows, joints, 3] => (rows, 3 * joints),
+        _ => (0, 0),
+    };
+    // 63 and 69 are poses without the root.
+    if !(SHARED..=WIDEST).contains(&width) || !width.is_multiple_of(3) || width == SMPL - 3 {
         let message = format!(
-            "the shape is {:?}, [F, 72] or [F, 156] is needed",
+            "the shape is {:?}: [F, 72] of SMPL is needed, or [F, 156] of SMPL-H, or [F, 165] of SMPL-X",
             array.shape
         );
-        part.fault("SIZE_MISMATCH", message)
-    })?;
-    let body = |row: &[f64; 156]| {
-        let mut pose = [0.0; 72];
-        pose[..SHARED].copy_from_slice(&row[..SHARED]);
+        return Err(part.fault("SIZE_MISMATCH", message));
+    }
+    let taken = if width == SMPL { SMPL } else { SHARED };
+    let body = |row: &[f64]| {
+        let mut pose = [0.0; SMPL];
+        pose.iter_mut()
+            .zip(row)
+            .take(taken)
+            .for_each(|(to, from)| *to = *from);
         pose
     };
-    Ok((rows.iter().map(body).collect(), true))
+    Ok(array
+        .values
+        .chunks_exact(width)
+        .take(rows)
+        .map(body)
+        .collect())
+}
+
+/// The poses of AMASS's `root_orient` `[F, 3]` and `pose_body` `[F, 63]`.
+fn joined(orient: &Part<'_>, body: &Part<'_>) -> Result<Vec<SmplPose>, ClientError> {
+    let orient = orient.unchecked_rows::<3>(None)?;
+    let body = body.unchecked_rows::<63>(Some(orient.len()))?;
+    let join = |(orient, body): (&Vec3, &[f64; 63])| {
+        let mut pose = [0.0; SMPL];
+        pose[..3].copy_from_slice(orient);
+        pose[3..SHARED].copy_from_slice(body);
+        pose
+    };
+    Ok(orient.iter().zip(&body).map(join).collect())
 }

@@ -4,8 +4,9 @@
 //! standing one says how the file's axes lie in a person: where the rest pose does not stand, the
 //! most upright frame of the motion serves. A lean of the back in that frame is lost.
 
-use super::Up;
 use super::kept::Kept;
+use super::posture::Posture;
+use super::up::{self, Up, Usual};
 use crate::geometry::{Mat3, Vec3, dot, matvec, sub};
 use crate::tree::Placed;
 use yoto_formats::bvh::Bvh;
@@ -31,90 +32,112 @@ const SPINE: [&str; 5] = ["neck", "head", "spine3", "spine2", "spine1"];
 pub(super) struct Reference {
     /// Frame of the motion; `None`: the rest pose itself.
     pub frame: Option<usize>,
-    /// Which axis is up.
+    /// Which axis is up in the motion.
     pub up: Up,
-    /// The pose, in the file's axes.
+    /// How that was found, if it is not as in most files.
+    pub note: Option<String>,
+    /// The pose, with y up.
     pub placed: Placed,
 }
 
 /// Why no pose of a file stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Fallen {
     /// Neither the rest pose nor a frame stands.
     NeverStands,
-    /// The spine is upright in no frame.
-    NeverUpright,
+    /// The motion does not tell which axis is up, in words.
+    NotUpright(String),
 }
 
-/// The rest pose of `file` if it stands, else the most upright frame. The up axis is `up`, or the one
-/// with which the rest pose stands and the person is upright in the motion, or the one with which they
-/// are upright in more frames.
+/// The rest pose of `file` if it stands, else the most upright frame. The up axis is `up`, or the one along which the
+/// person is upright in the motion, compared with the one along which the rest pose stands.
 pub(super) fn reference(file: &Bvh, kept: &Kept, up: Option<Up>) -> Result<Reference, Fallen> {
     let step = file.frames.len().div_ceil(LOOKED_AT).max(1);
-    let frames = file.frames.iter().enumerate().step_by(step);
+    let is_usable = |(_, row): &(usize, &Vec<f64>)| row.iter().all(|value| value.is_finite());
+    let frames = file
+        .frames
+        .iter()
+        .enumerate()
+        .step_by(step)
+        .filter(is_usable);
     let frames: Vec<(usize, Placed)> = frames
         .map(|(at, row)| (at, kept.frame(file, row)))
         .collect();
     let rest = kept.rest(file);
-    let view = |up: Up| View::new(kept, up, &rest, &frames);
-    let view = match up {
+    let rest_up = up::ALL
+        .into_iter()
+        .find(|up| Stance::of(kept, &rest, &up.to_y()).stands());
+    let (up, note) = match up {
         // A given axis is not checked: the person may lie in the motion.
-        Some(up) => view(up),
+        Some(up) => (up, None),
         None => {
-            let [y, z] = [view(Up::Y), view(Up::Z)];
-            let stands = |it: &View| it.rest_stands;
-            match (stands(&y), stands(&z)) {
-                (true, _) => y,
-                (false, true) => z,
-                (false, false) if z.upright() > y.upright() => z,
-                (false, false) => y,
-            }
+            let (up, note) = found_up(kept, &frames, rest_up)?;
+            // Nearly all files are like this.
+            let is_plain = up == Up::Y && rest_up == Some(Up::Y);
+            (up, (!is_plain).then_some(note))
         }
     };
-    if up.is_none() && view.upright() == 0 {
-        return Err(Fallen::NeverUpright);
-    }
-    if view.rest_stands {
+    if let Some(rest_up) = rest_up {
         return Ok(Reference {
             frame: None,
-            up: view.up,
-            placed: rest,
+            up,
+            note,
+            placed: rest.rotated(&rest_up.to_y()),
         });
     }
-    let best = view.stances.iter().zip(&frames);
-    let best = best.max_by(|(a, _), (b, _)| a.least().total_cmp(&b.least()));
+    let stances = frames.iter();
+    let stances = stances.map(|(at, placed)| (Stance::of(kept, placed, &up.to_y()), at, placed));
+    let best = stances.max_by(|(a, ..), (b, ..)| a.least().total_cmp(&b.least()));
     match best {
-        Some((stance, (at, placed))) if stance.stands() => Ok(Reference {
+        Some((stance, at, placed)) if stance.stands() => Ok(Reference {
             frame: Some(*at),
-            up: view.up,
-            placed: placed.clone(),
+            up,
+            note,
+            placed: placed.rotated(&up.to_y()),
         }),
         _ => Err(Fallen::NeverStands),
     }
 }
 
-/// A motion with one axis up.
-struct View {
-    up: Up,
-    rest_stands: bool,
-    /// Of each frame.
-    stances: Vec<Stance>,
-}
-
-impl View {
-    fn new(kept: &Kept, up: Up, rest: &Placed, frames: &[(usize, Placed)]) -> Self {
-        let stance = |placed: &Placed| Stance::of(kept, placed, &up.to_y());
-        Self {
-            up,
-            rest_stands: stance(rest).stands(),
-            stances: frames.iter().map(|(_, placed)| stance(placed)).collect(),
-        }
+/// The axis that is up in the motion, and a note about it; the rest pose stands along `rest_up`.
+fn found_up(
+    kept: &Kept,
+    frames: &[(usize, Placed)],
+    rest_up: Option<Up>,
+) -> Result<(Up, String), Fallen> {
+    let posture =
+        |(_, placed): &(usize, Placed)| Posture::of(|name| kept.tree.position(placed, name));
+    let usual = rest_up.map(|up| Usual {
+        up,
+        who: "the rest pose",
+        is_documented: false,
+    });
+    if let Some(postures) = frames.iter().map(posture).collect::<Option<Vec<_>>>() {
+        return up::find(&postures, usual).map_err(Fallen::NotUpright);
     }
-
-    /// Number of frames whose spine is upright.
-    fn upright(&self) -> usize {
-        let upright = |it: &&Stance| it.spine >= UPRIGHT;
-        self.stances.iter().filter(upright).count()
+    // A body without a head or legs has a spine at least.
+    let upright = |up: Up| {
+        let spines = frames
+            .iter()
+            .map(|(_, placed)| Stance::of(kept, placed, &up.to_y()).spine);
+        spines.filter(|spine| *spine >= UPRIGHT).count()
+    };
+    let counts = up::ALL.map(|up| (upright(up), rest_up == Some(up), up));
+    let of_rest = counts
+        .into_iter()
+        .find(|(count, is_rest, _)| *count > 0 && *is_rest);
+    match of_rest.or_else(|| counts.into_iter().max_by_key(|(count, ..)| *count)) {
+        Some((count, _, up)) if count > 0 => Ok((
+            up,
+            format!(
+                "{up} is up: the spine is upright along it in {count} of {} frames (--up)",
+                frames.len()
+            ),
+        )),
+        _ => Err(Fallen::NotUpright(
+            "the spine is upright in no frame: give the axis that is up (--up), if the person lies"
+                .into(),
+        )),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Which frame of the clip each of a tool's frames is.
 
 use super::found::{Found, PoseEstimate};
-use crate::clip::{Clip, beyond, fault, too_far};
+use crate::clip::{Clip, Counting, beyond, fault, too_far};
 use std::path::Path;
 use yoto_client::ClientError;
 
@@ -42,7 +42,7 @@ impl Numbers {
             return Ok(Self::Names);
         }
         let last = seen().map(|seen| seen.number).max().unwrap_or_default();
-        let first = seen().map(|seen| seen.number).min().unwrap_or_default();
+        let first = seen().map(|seen| seen.number).min();
         let count = found.frames.unwrap_or(last + 1);
         if let Some(fps) = clip.fps.filter(|_| count.abs_diff(clip.frames) > SLACK) {
             let converted = clip.frames as f64 * COMMON / fps;
@@ -56,9 +56,17 @@ impl Numbers {
                 return Ok(Self::Times(fps / COMMON));
             }
         }
-        if last == clip.frames && first > 0 {
+        let counting = Counting::of(seen().map(|seen| seen.number), clip.frames, 0);
+        if last == clip.frames && counting.first > 0 {
             notes.push("the tool counts frames from 1".to_owned());
             return Ok(Self::From(1));
+        }
+        if first == Some(1) && !counting.is_sure {
+            notes.push(
+                "the first pose is of frame 1: frames are counted from 0, as the tool documents; masks tell \
+                 (--masks)"
+                    .to_owned(),
+            );
         }
         if last >= too_far(clip.frames) {
             let message = format!(

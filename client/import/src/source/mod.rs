@@ -1,9 +1,13 @@
 //! The files of a capture, and access to the plain data in them with errors that name file, frame
 //! and field.
 
+mod faulty;
 #[cfg(feature = "hdf5")]
 pub(crate) mod hdf5;
+mod json;
 mod rows;
+
+pub(crate) use faulty::{FEW, Faulty, is_number};
 
 use std::path::{Path, PathBuf};
 use yoto_client::ClientError;
@@ -15,8 +19,6 @@ use yoto_proto::v1::Violation;
 const MAX_BYTES: u64 = 1 << 30;
 /// Parts of a file that no importer reads. They may be many times larger than the rest.
 const UNREAD: [&str; 2] = ["verts", "vertices"];
-/// Largest plausible number in any unit.
-const MAX_NUMBER: f64 = 1e9;
 
 /// The folder of a capture.
 #[derive(Clone, Debug)]
@@ -85,10 +87,11 @@ impl Source {
         let value = match Path::new(file).extension().and_then(|e| e.to_str()) {
             Some("npy") => npy::read(&bytes).map_err(|e| e.to_string()),
             Some("npz") => npz::read(&bytes, MAX_BYTES).map_err(|e| e.to_string()),
-            Some("json") => serde_json::from_slice(&bytes)
-                .map_err(|e| e.to_string())
-                .map(from_json),
-            Some("pt" | "pth") => torch::read(&bytes, MAX_BYTES).map_err(|e| e.to_string()),
+            Some("json") => json::read(&bytes),
+            // Some programs write joblib's files under torch's endings.
+            Some("pt" | "pth") => torch::read(&bytes, MAX_BYTES).or_else(|error| {
+                pickle::read_without(&bytes, &UNREAD).map_err(|_| error.to_string())
+            }),
             _ => pickle::read_without(&bytes, &UNREAD).map_err(|e| e.to_string()),
         };
         let value = value.map_err(|message| self.fault("UNREADABLE", file, frame, "", message))?;
@@ -129,21 +132,6 @@ impl Source {
     }
 }
 
-fn from_json(json: serde_json::Value) -> Value {
-    use serde_json::Value as Json;
-    match json {
-        Json::Null => Value::Nothing,
-        Json::Bool(flag) => Value::Number(f64::from(u8::from(flag))),
-        Json::Number(number) => number.as_f64().map_or(Value::Nothing, Value::Number),
-        Json::String(text) => Value::Text(text),
-        Json::Array(items) => Value::List(items.into_iter().map(from_json).collect()),
-        Json::Object(entries) => {
-            let entry = |(key, value)| (Value::Text(key), from_json(value));
-            Value::Dict(entries.into_iter().map(entry).collect())
-        }
-    }
-}
-
 /// The data of a file.
 #[derive(Debug)]
 pub(crate) struct Data<'a> {
@@ -160,6 +148,7 @@ impl Data<'_> {
             frame: self.frame,
             field: String::new(),
             value: &self.value,
+            row: None,
         }
     }
 }
@@ -171,6 +160,8 @@ pub(crate) struct Part<'a> {
     frame: Option<u32>,
     field: String,
     value: &'a Value,
+    /// The index on the first axis of all arrays below, if only these parts of them are meant.
+    row: Option<usize>,
 }
 
 impl<'a> Part<'a> {
@@ -180,6 +171,15 @@ impl<'a> Part<'a> {
             frame: self.frame,
             field,
             value,
+            row: self.row,
+        }
+    }
+
+    /// The same part, whose arrays are those of row `at` on the first axis.
+    pub fn row(self, at: usize) -> Self {
+        Self {
+            row: Some(at),
+            ..self
         }
     }
 
@@ -294,12 +294,25 @@ impl<'a> Part<'a> {
         self.value.text().ok_or_else(|| self.wrong("text"))
     }
 
-    /// An array of finite numbers.
-    pub fn array(&self) -> Result<Array, ClientError> {
+    /// An array of numbers, finite or not.
+    pub fn unchecked(&self) -> Result<Array, ClientError> {
         let array = self.value.numbers();
         let array = array.ok_or_else(|| self.wrong("an array of numbers"))?;
-        let bad = |value: &f64| !value.is_finite() || value.abs() > MAX_NUMBER;
-        match array.values.iter().position(bad) {
+        match self.row {
+            None => Ok(array),
+            Some(at) => array.row(at).ok_or_else(|| {
+                self.fault(
+                    "MISSING",
+                    format!("there is no row {at}: the shape is {:?}", array.shape),
+                )
+            }),
+        }
+    }
+
+    /// An array of finite numbers.
+    pub fn array(&self) -> Result<Array, ClientError> {
+        let array = self.unchecked()?;
+        match array.values.iter().position(|value| !is_number(*value)) {
             None => Ok(array),
             Some(at) => {
                 let value = array.values.get(at).copied().unwrap_or(f64::NAN);

@@ -7,27 +7,36 @@ impl Part<'_> {
     /// `[any, N]`, of an array whose further axes hold `N` numbers together, such as
     /// `[any, 24, 3, 3]`.
     pub fn flat_rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ClientError> {
-        let array = self.array()?;
-        let rows = array.shape.first().copied().unwrap_or_default();
-        if array.values.len() != rows.saturating_mul(N) {
-            return Err(self.wrong(&format!("[…, {N}]")));
-        }
-        Ok(array.values.as_chunks::<N>().0.to_vec())
+        self.array()?;
+        self.unchecked_rows(None)
     }
 
     /// As [`Self::flat_rows`], if there are `rows` of them.
     pub fn same_rows<const N: usize>(&self, rows: usize) -> Result<Vec<[f64; N]>, ClientError> {
-        let found = self.flat_rows::<N>()?;
-        if found.len() == rows {
-            return Ok(found);
-        }
-        let message = format!("{} rows for {rows} poses", found.len());
-        Err(self.fault("SIZE_MISMATCH", message))
+        self.array()?;
+        self.unchecked_rows(Some(rows))
     }
 
-    /// Shape parameters of `rows` poses: as many rows, or one for all.
+    /// As [`Self::same_rows`], or of any number of rows, with numbers that are not finite.
+    pub fn unchecked_rows<const N: usize>(
+        &self,
+        rows: Option<usize>,
+    ) -> Result<Vec<[f64; N]>, ClientError> {
+        let array = self.unchecked()?;
+        let found = array.shape.first().copied().unwrap_or_default();
+        if array.values.len() != found.saturating_mul(N) {
+            return Err(self.wrong(&format!("[…, {N}]")));
+        }
+        if let Some(rows) = rows.filter(|rows| *rows != found) {
+            let message = format!("{found} rows for {rows} poses");
+            return Err(self.fault("SIZE_MISMATCH", message));
+        }
+        Ok(array.values.as_chunks::<N>().0.to_vec())
+    }
+
+    /// Shape parameters of `rows` poses, finite or not: as many rows, or one for all.
     pub fn same_betas(&self, rows: usize) -> Result<Vec<Vec<f64>>, ClientError> {
-        let array = self.array()?;
+        let array = self.unchecked()?;
         let found = match array.shape[..] {
             [_] | [1, _] => 1,
             [found, _] => found,
@@ -58,20 +67,20 @@ impl Part<'_> {
         Ok(found.iter().map(|number| *number as usize).collect())
     }
 
-    /// `N` numbers, whatever their axes.
+    /// `N` numbers, whatever their axes, finite or not.
     pub fn flat<const N: usize>(&self) -> Result<[f64; N], ClientError> {
-        let values = self.array()?.values;
+        let values = self.unchecked()?.values;
         values
             .try_into()
             .map_err(|_| self.wrong(&format!("{N} numbers")))
     }
 
-    /// The `N` numbers of item `at`, of a list of arrays or of an array with one more axis.
+    /// The `N` numbers, finite or not, of item `at`, of a list of arrays or of an array with one more axis.
     pub fn item<const N: usize>(&self, at: usize) -> Result<[f64; N], ClientError> {
         if self.is_list() {
             return self.at(at)?.flat();
         }
-        let rows = self.flat_rows::<N>()?;
+        let rows = self.unchecked_rows::<N>(None)?;
         rows.get(at).copied().ok_or_else(|| {
             let message = format!("there is no item {at}: there are {}", rows.len());
             self.fault("MISSING", message)

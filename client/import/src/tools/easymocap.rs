@@ -12,7 +12,7 @@ use super::tool::Tool;
 use crate::Options;
 use crate::clip::number_in;
 use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
-use crate::source::{Part, Source};
+use crate::source::{Faulty, Part, Source};
 use crate::track::SmplPose;
 use yoto_client::ClientError;
 use yoto_proto::pose_track::NO_DISTORTION;
@@ -43,7 +43,7 @@ fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientE
         let message = "there is no intri.yml beside the poses or above them, nor a --focal";
         return Err(source.fault("MISSING", "intri.yml", None, "", message));
     }
-    let mut found = Found::of(Vec::new());
+    let (mut found, mut faulty) = (Found::of(Vec::new()), Faulty::default());
     found.distortion = camera
         .as_ref()
         .map_or(NO_DISTORTION, |camera| camera.distortion);
@@ -55,7 +55,9 @@ fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientE
         let people = root.find("annots").unwrap_or(root);
         for at in 0..people.len()? {
             let part = people.at(at)?;
-            let mut seen = person(&part, number)?;
+            let Some(mut seen) = faulty.keep(person(&part, number))? else {
+                continue;
+            };
             if let Some(camera) = &camera {
                 (seen.intrinsics, seen.e) = (Some(camera.intrinsics), camera.e);
             }
@@ -63,6 +65,7 @@ fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientE
             push(&mut found.people, id.to_string(), seen);
         }
     }
+    faulty.finish(&mut found.notes)?;
     Ok(found)
 }
 

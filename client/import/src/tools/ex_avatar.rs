@@ -13,7 +13,7 @@ use crate::clip::number_in;
 use crate::proof::{
     Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation, moves,
 };
-use crate::source::{Part, Source};
+use crate::source::{Faulty, Part, Source};
 use yoto_client::ClientError;
 
 const SHAPE: &str = "shape_param.json";
@@ -52,14 +52,18 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     let cameras = beside(source, folder, CAMERAS, 2);
     let mut found = Found::of(Vec::new());
     let (mut seen, mut cameras_of_frames) = (Vec::new(), Vec::new());
+    let mut faulty = Faulty::default();
     for name in source.list(folder, &[".json"])? {
         let name = name.trim_start_matches('/');
         let number = number_in(name).ok_or_else(|| {
             let message = "the name has no number of a frame";
             source.fault("BAD_NAME", name, None, "", message)
         })?;
-        let data = source.data(name, Some(number as u32))?;
-        let mut one = frame(&data.root(), number, &betas)?;
+        let read = source.data(name, Some(number as u32));
+        let read = read.and_then(|data| frame(&data.root(), number, &betas));
+        let Some(mut one) = faulty.keep(read)? else {
+            continue;
+        };
         if let Some(cameras) = &cameras {
             let name = format!("{cameras}/{number}.json");
             let data = source.data(&name, Some(number as u32))?;
@@ -76,6 +80,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
         }
         seen.push(one);
     }
+    faulty.finish(&mut found.notes)?;
     if cameras.is_none() {
         found.notes.push(format!(
             "there is no {CAMERAS} beside the poses: the focal length {MADE_UP} px is the one that the tool \

@@ -8,6 +8,7 @@
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
+use crate::geometry::Vec3;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::Part;
 use yoto_client::ClientError;
@@ -31,14 +32,18 @@ fn fits(root: &Part<'_>) -> bool {
 
 fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     let incam = root.get("smpl_params_incam")?;
-    let orient = incam.get("global_orient")?.rows::<3>()?;
-    let transl = incam.get("transl")?.same_rows::<3>(orient.len())?;
-    let body = incam.get("body_pose")?.same_rows::<63>(orient.len())?;
+    let orient = incam.get("global_orient")?.unchecked_rows::<3>(None)?;
+    let transl = incam
+        .get("transl")?
+        .unchecked_rows::<3>(Some(orient.len()))?;
+    let body = incam
+        .get("body_pose")?
+        .unchecked_rows::<63>(Some(orient.len()))?;
     let betas = incam.get("betas")?.same_betas(orient.len())?;
     if let Some(global) = root.find("smpl_params_global") {
-        let world = global.get("global_orient")?.rows::<3>()?;
-        let positions = global.get("transl")?.rows::<3>()?;
-        if world == orient && positions == transl && orient.len() > 1 {
+        let world = global.get("global_orient")?.unchecked_rows::<3>(None)?;
+        let positions = global.get("transl")?.unchecked_rows::<3>(None)?;
+        if is_same(&world, &orient) && is_same(&positions, &transl) && orient.len() > 1 {
             let message = "the same numbers as smpl_params_global: a converter put the poses of the \
                            world (y up) in the place of the camera's. Give the tool's own \
                            hmr4d_results.pt";
@@ -46,7 +51,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         }
     }
     let cameras = match root.find("K_fullimg") {
-        Some(part) => part.flat_rows::<9>()?,
+        Some(part) => part.unchecked_rows::<9>(None)?,
         None => Vec::new(),
     };
     let one = |number: usize| {
@@ -63,4 +68,10 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     }]);
     found.frames = Some(orient.len());
     Ok(found)
+}
+
+/// Whether all finite numbers are equal.
+fn is_same(one: &[Vec3], other: &[Vec3]) -> bool {
+    let mut pairs = one.as_flattened().iter().zip(other.as_flattened());
+    one.len() == other.len() && pairs.all(|(a, b)| a == b || a.is_nan() || b.is_nan())
 }

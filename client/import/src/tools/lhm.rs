@@ -8,7 +8,7 @@ use super::parts::pose_of_smplx;
 use super::tool::Tool;
 use crate::clip::number_in;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
-use crate::source::{Part, Source};
+use crate::source::{Faulty, Part, Source};
 use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
@@ -31,7 +31,7 @@ fn fits(root: &Part<'_>) -> bool {
 
 fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
-    let mut seen = Vec::new();
+    let (mut seen, mut faulty) = (Vec::new(), Faulty::default());
     for name in source.list(folder, &[".json"])? {
         let name = name.trim_start_matches('/');
         let number = number_in(name);
@@ -41,13 +41,15 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
                 let message = "the name has no number of a frame, from 1";
                 source.fault("BAD_NAME", name, None, "", message)
             })?;
-        let data = source.data(name, Some(number as u32))?;
-        seen.push(frame(&data.root(), number)?);
+        let read = source.data(name, Some(number as u32));
+        seen.extend(faulty.keep(read.and_then(|data| frame(&data.root(), number)))?);
     }
-    Ok(Found::of(vec![Person {
+    let mut found = Found::of(vec![Person {
         name: "0".to_owned(),
         seen,
-    }]))
+    }]);
+    faulty.finish(&mut found.notes)?;
+    Ok(found)
 }
 
 fn frame(root: &Part<'_>, number: usize) -> Result<PoseEstimate, ClientError> {

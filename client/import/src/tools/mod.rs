@@ -23,12 +23,13 @@ pub(crate) mod phalp;
 pub(crate) mod prompthmr;
 mod recognise;
 pub(crate) mod romp;
+mod sieve;
 mod tool;
 pub(crate) mod tram;
 pub(crate) mod wham;
 
 pub(crate) use capture::capture;
-pub(crate) use recognise::{has_files, open};
+pub(crate) use recognise::{has_files, open, wrote};
 pub(crate) use tool::Tool;
 
 /// All tools, in the order in which a file is tried.

@@ -41,7 +41,10 @@ pub(super) fn pose_of_matrices(matrices: &[f64]) -> SmplPose {
     let (matrices, _) = matrices.as_chunks::<9>();
     let (axes, _) = pose.as_chunks_mut::<3>();
     for (axis, m) in axes.iter_mut().zip(matrices) {
-        *axis = log_map(&[[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]]);
+        *axis = match m.iter().find(|value| !value.is_finite()) {
+            Some(value) => [*value; 3],
+            None => log_map(&[[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]]),
+        };
     }
     pose
 }

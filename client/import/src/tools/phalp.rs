@@ -10,7 +10,7 @@
 use super::parts::{pose_of_matrices, push, runs};
 use super::tool::Tool;
 use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
-use crate::source::Part;
+use crate::source::{Faulty, Part};
 use yoto_client::ClientError;
 
 /// SMPL's joints among OpenPose's: index there, index in SMPL.
@@ -58,7 +58,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     let frames = root.members()?;
     let mut found = Found::of(Vec::new());
     found.frames = Some(frames.len());
-    let mut ghosts = 0;
+    let (mut ghosts, mut faulty) = (0, Faulty::default());
     for (order, (path, frame)) in frames.iter().enumerate() {
         let number = match frame.find("time") {
             Some(time) => time.number()? as usize,
@@ -73,7 +73,9 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
                 ghosts += 1;
                 continue;
             }
-            let mut seen = person(&frame, at, number)?;
+            let Some(mut seen) = faulty.keep(person(&frame, at, number))? else {
+                continue;
+            };
             seen.image = Some(path.clone());
             if let Some(size) = frame.find("size") {
                 let [height, width] = size.at(at)?.fixed()?;
@@ -82,6 +84,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
             push(&mut found.people, tid.to_string(), seen);
         }
     }
+    faulty.finish(&mut found.notes)?;
     if ghosts > 0 {
         found.notes.push(format!(
             "{ghosts} guesses of the tracker for frames in which it did not see the person are left \

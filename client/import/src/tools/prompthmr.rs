@@ -43,10 +43,10 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     let mut people = Vec::new();
     for (name, part) in root.get("people")?.members()? {
         let body = part.get("smplx_cam")?;
-        let matrices = body.get("rotmat")?.flat_rows::<495>()?;
+        let matrices = body.get("rotmat")?.unchecked_rows::<495>(None)?;
         let count = matrices.len();
         let shapes = body.get("shape")?.same_betas(count)?;
-        let translations = body.get("trans")?.same_rows::<3>(count)?;
+        let translations = body.get("trans")?.unchecked_rows::<3>(Some(count))?;
         let numbers = part.get("frames")?.numbers(count)?;
         let all = matrices.iter().zip(shapes).zip(translations).zip(numbers);
         let seen = all.map(|(((matrices, betas), t), number)| {

@@ -1,11 +1,13 @@
 //! Which tool wrote a file or a folder, by their contents.
 
 use super::ALL;
+use super::sieve::sieve;
 use super::tool::{Tool, ToolFile};
 use crate::Options;
 use crate::clip::fault;
 use crate::proof::Found;
 use crate::source::Source;
+use crate::{keypoints, what};
 use std::path::Path;
 use yoto_client::ClientError;
 
@@ -49,8 +51,7 @@ pub(crate) fn open(
     if path.is_file() {
         let source = Source::new(path.parent().unwrap_or(Path::new("")));
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        return read_file(&source, &name, forced, options)?
-            .ok_or_else(|| unknown(&source, &name, forced));
+        return read_file(&source, &name, forced, options)?.ok_or_else(|| unknown(path, forced));
     }
     let source = Source::new(path);
     if !path.is_dir() {
@@ -67,7 +68,19 @@ pub(crate) fn open(
             }
         }
     }
-    Err(first_fault.unwrap_or_else(|| unknown(&source, "", forced)))
+    Err(first_fault.unwrap_or_else(|| unknown(path, forced)))
+}
+
+/// The tool that wrote the file at `path`, if one did.
+pub(crate) fn wrote(path: &Path) -> Option<&'static str> {
+    let ending = path.extension()?.to_str()?;
+    if !path.is_file() || !ENDINGS.contains(&ending) {
+        return None;
+    }
+    let source = Source::new(path.parent().unwrap_or(Path::new("")));
+    let data = source.data(path.file_name()?.to_str()?, None).ok()?;
+    let tool = ALL.into_iter().find(|tool| (tool.fits)(&data.root()))?;
+    Some(tool.documented.tool)
 }
 
 /// Whether the folder holds files with the names of a tool's.
@@ -130,12 +143,13 @@ fn read_file(
     let Some(tool) = wanted.find(|tool| (tool.fits)(&root)) else {
         return Ok(None);
     };
-    let found = (tool.read)(&ToolFile {
+    let mut found = (tool.read)(&ToolFile {
         root: &root,
         source,
         name: file,
         options,
     })?;
+    sieve(&mut found, &root)?;
     if found.people.iter().all(|person| person.seen.is_empty()) {
         let message = format!("{} saw nobody in any frame", tool.documented.tool);
         return Err(source.fault("EMPTY", file, None, "", message));
@@ -143,13 +157,18 @@ fn read_file(
     Ok(Some((tool, found)))
 }
 
-/// The error about files of no tool, with what was looked for.
-fn unknown(source: &Source, file: &str, forced: Option<&'static Tool>) -> ClientError {
-    let looked: Vec<String> = ALL
-        .into_iter()
-        .filter(|tool| forced.is_none_or(|forced| std::ptr::eq(forced, *tool)))
-        .map(|tool| format!("{}: {}", tool.documented.tool, tool.files))
-        .collect();
-    let message = format!("no pose tool's files; looked for {}", looked.join("; "));
-    source.fault("UNKNOWN", file, None, "", message)
+/// The error about files of no tool: what they are, and what was looked for.
+fn unknown(path: &Path, forced: Option<&'static Tool>) -> ClientError {
+    let looked = match forced {
+        Some(tool) => format!("{}: {}", tool.documented.tool, tool.files),
+        None => {
+            let tools = ALL.map(|tool| tool.documented.tool);
+            format!(
+                "the poses of {}, a .bvh, and key points of {}",
+                tools.join(", "),
+                keypoints::DETECTORS
+            )
+        }
+    };
+    what::unknown(path, &looked)
 }

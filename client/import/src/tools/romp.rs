@@ -11,7 +11,7 @@ use super::tool::Tool;
 use crate::clip::number_in;
 use crate::geometry::{Vec3, dot, sub};
 use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
-use crate::source::{Part, Source};
+use crate::source::{Faulty, Part, Source};
 use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
@@ -37,7 +37,7 @@ fn fits(root: &Part<'_>) -> bool {
 
 fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ClientError> {
     let results = root.get("results")?;
-    let mut found = Found::of(Vec::new());
+    let (mut found, mut faulty) = (Found::of(Vec::new()), Faulty::default());
     if is_frame(&results) {
         let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
         for (order, name) in source.list(folder, &[".npz"])?.iter().enumerate() {
@@ -45,21 +45,18 @@ fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ClientErr
             let number = number_in(name).unwrap_or(order);
             let data = source.data(name, Some(number as u32))?;
             if let Some(results) = data.root().find("results").filter(is_frame) {
-                add(&mut found.people, &results, number, name)?;
+                faulty.keep(add(&mut found.people, &results, number, name))?;
             }
         }
     } else {
         let frames = results.members()?;
         for (order, (name, part)) in frames.iter().enumerate() {
             let number = number_in(name).unwrap_or(order);
-            add(
-                &mut found.people,
-                &part.clone().of_frame(number as u32),
-                number,
-                name,
-            )?;
+            let part = part.clone().of_frame(number as u32);
+            faulty.keep(add(&mut found.people, &part, number, name))?;
         }
     }
+    faulty.finish(&mut found.notes)?;
     Ok(found)
 }
 
@@ -76,17 +73,23 @@ fn add(
     number: usize,
     name: &str,
 ) -> Result<(), ClientError> {
-    let (Some(thetas), Some(joints)) = (part.find("smpl_thetas"), part.find("joints")) else {
-        let message = "there are no smpl_thetas and joints: the tool ran without SMPL, and its \
-                       translations then belong to no body. Given alone, --calc_smpl switches SMPL \
-                       off: run it again without that";
+    let Some(thetas) = part.find("smpl_thetas") else {
+        let message = "there are no smpl_thetas: the tool ran without SMPL, and its translations then \
+                       belong to no body. Given alone, --calc_smpl switches SMPL off: run it again \
+                       without that";
         return Err(part.fault("MISSING", message));
     };
-    let poses = thetas.rows::<72>()?;
+    let Some(joints) = part.find("joints") else {
+        let message = "there are smpl_thetas and no joints, by which the pelvis is placed: save all of \
+                       the tool's results. Where the tool ran without SMPL (--calc_smpl, given alone), run \
+                       it again without that";
+        return Err(part.fault("MISSING", message));
+    };
+    let poses = thetas.unchecked_rows::<72>(None)?;
     let count = poses.len();
     let betas = part.get("smpl_betas")?.same_betas(count)?;
-    let translations = part.get("cam_trans")?.same_rows::<3>(count)?;
-    let joints = joints.same_rows::<213>(count)?;
+    let translations = part.get("cam_trans")?.unchecked_rows::<3>(Some(count))?;
+    let joints = joints.unchecked_rows::<213>(Some(count))?;
     let ids = part
         .find("track_ids")
         .map(|ids| ids.numbers(count))

@@ -113,10 +113,10 @@ fn track_of(
     root: &Part<'_>,
     intrinsics: Option<Intrinsics>,
 ) -> Result<Vec<PoseEstimate>, ClientError> {
-    let matrices = root.get("pred_rotmat")?.flat_rows::<216>()?;
+    let matrices = root.get("pred_rotmat")?.unchecked_rows::<216>(None)?;
     let count = matrices.len();
     let shapes = root.get("pred_shape")?.same_betas(count)?;
-    let translations = root.get("pred_trans")?.same_rows::<3>(count)?;
+    let translations = root.get("pred_trans")?.unchecked_rows::<3>(Some(count))?;
     let numbers = root.get("frame")?.numbers(count)?;
     let all = matrices.iter().zip(shapes).zip(translations).zip(numbers);
     let seen = all.map(|(((matrices, betas), t), number)| {

@@ -36,9 +36,9 @@ fn fits(root: &Part<'_>) -> bool {
 fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     let mut people = Vec::new();
     for (name, part) in root.members()? {
-        let poses = part.get("pose")?.rows::<72>()?;
+        let poses = part.get("pose")?.unchecked_rows::<72>(None)?;
         let trans = part.get("trans")?;
-        let translations = trans.same_rows::<3>(poses.len())?;
+        let translations = trans.unchecked_rows::<3>(Some(poses.len()))?;
         let betas = part.get("betas")?.same_betas(poses.len())?;
         let numbers = part.get("frame_ids")?.numbers(poses.len())?;
         let seen = numbers.into_iter().zip(poses).zip(translations).zip(betas);

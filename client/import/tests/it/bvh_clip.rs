@@ -269,7 +269,8 @@ fn what_is_not_there_is_said() {
     };
     let notes = import(&unmasked).notes.join("\n");
     assert!(notes.contains("nothing proves"), "{notes}");
-    let cut = options(dir.path(), &text[..text.len() / 3]);
+    let tree = text.find("MOTION").expect("a motion");
+    let cut = options(dir.path(), &text[..tree / 2]);
     let message = refused(&cut);
     assert!(message.contains("walk.bvh: line "), "{message}");
     let tall = Options {

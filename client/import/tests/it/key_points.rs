@@ -24,7 +24,7 @@ struct Body {
 /// Joints that detectors see: knees, ankles, shoulders, elbows, wrists.
 const SEEN: [usize; 10] = [4, 5, 7, 8, 16, 17, 18, 19, 20, 21];
 
-fn files(name: &str) -> PathBuf {
+pub(crate) fn files(name: &str) -> PathBuf {
     crate::captures("../pose_tools/captures").join(name)
 }
 
@@ -33,7 +33,7 @@ fn truth() -> Truth {
     serde_json::from_slice(&text).expect("JSON")
 }
 
-fn options(poses: PathBuf) -> Options {
+pub(crate) fn options(poses: PathBuf) -> Options {
     Options {
         poses: Some(poses),
         fps: Some(25.0),
@@ -41,17 +41,17 @@ fn options(poses: PathBuf) -> Options {
     }
 }
 
-fn import(options: &Options) -> Imported {
+pub(crate) fn import(options: &Options) -> Imported {
     read(Format::KeyPoints, &files("clip/frames"), options).expect("imports")
 }
 
-fn indices(found: &Imported) -> Vec<usize> {
+pub(crate) fn indices(found: &Imported) -> Vec<usize> {
     let frames = found.track.frames.iter();
     frames.map(|frame| frame.index as usize).collect()
 }
 
 /// The mean distance of joints' pixels from those of person `who`.
-fn off(found: &Imported, who: usize) -> f64 {
+pub(crate) fn off(found: &Imported, who: usize) -> f64 {
     let (truth, track) = (truth(), &found.track);
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let (mut sum, mut count) = (0.0, 0.0);
@@ -396,12 +396,23 @@ fn wrong_files_are_refused_with_their_place() {
         let refused = read(Format::KeyPoints, &files("clip/frames"), &options(poses));
         refused.expect_err("must be refused").to_string()
     };
-    let message = refused(spoiled(dir.path(), |list| {
-        list[4]["keypoints"]
-            .as_array_mut()
-            .expect("points")
-            .truncate(50);
-    }));
+    let truncated = |list: &mut Value, from: usize, to: usize| {
+        for person in &mut list.as_array_mut().expect("people")[from..to] {
+            person["keypoints"]
+                .as_array_mut()
+                .expect("points")
+                .truncate(50);
+        }
+    };
+    let one = import(&options(spoiled(dir.path(), |list| truncated(list, 4, 5))));
+    let notes = one.notes.join("\n");
+    assert!(
+        notes.contains("left out: 1 of ")
+            && notes.contains("alphapose-results.json frame")
+            && notes.contains("[4].keypoints"),
+        "{notes}"
+    );
+    let message = refused(spoiled(dir.path(), |list| truncated(list, 4, 16)));
     assert!(
         message.contains("alphapose-results.json frame") && message.contains("[4].keypoints"),
         "{message}"
@@ -419,12 +430,16 @@ fn wrong_files_are_refused_with_their_place() {
         }
     }));
     assert!(message.contains("no frame shows a person"), "{message}");
-    let message = refused(spoiled(dir.path(), |list| {
+    let far = import(&options(spoiled(dir.path(), |list| {
         list[2]["keypoints"][3] = json!(1e300)
-    }));
-    assert!(message.contains("[2].keypoints"), "{message}");
+    })));
+    let notes = far.notes.join("\n");
+    assert!(notes.contains("not finite: 1 points"), "{notes}");
     let message = refused(spoiled(dir.path(), |list| *list = json!({"a": 1})));
-    assert!(message.contains("no detector's files"), "{message}");
+    assert!(
+        message.contains("it holds a a number. Looked for key points"),
+        "{message}"
+    );
     let message = refused(dir.path().join("nothing.json"));
     assert!(message.contains("nothing.json"), "{message}");
 
@@ -436,7 +451,7 @@ fn wrong_files_are_refused_with_their_place() {
         "{}",
         refused(table.clone())
     );
-    std::fs::write(&table, format!("0,{}\n1,NaN,{}\n", cells(99), cells(98))).expect("writes");
+    std::fs::write(&table, format!("0,{}\n1,x,{}\n", cells(99), cells(98))).expect("writes");
     assert!(
         refused(table.clone()).contains("line 2"),
         "{}",

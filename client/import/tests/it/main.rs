@@ -23,11 +23,15 @@ mod networks;
 mod npz;
 mod own_skeleton;
 mod pickled;
+mod point_shapes;
 mod pose_tools;
 mod pose_tools_bad;
 mod pose_tools_bodies;
 mod projected;
+mod rigs;
 mod traps;
+mod up;
+mod words;
 mod written;
 
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! `.npz` files with other numbers.
+//! `.npz` files, made up or with other numbers.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -31,6 +31,25 @@ pub(crate) fn rewrite(from: &Path, to: &Path, change: impl Fn(&str, &mut Array))
             .expect("a place");
         archive.write_all(&header(&array.shape)).expect("writes");
         for value in &array.values {
+            archive
+                .write_all(&(*value as f32).to_le_bytes())
+                .expect("writes");
+        }
+    }
+    archive.finish().expect("writes");
+}
+
+/// Writes arrays with names, shapes and values to `to`.
+pub(crate) fn write(to: &Path, arrays: &[(&str, &[usize], &[f64])]) {
+    let mut archive = ZipWriter::new(File::create(to).expect("a file"));
+    for (name, shape, values) in arrays {
+        let options = SimpleFileOptions::default();
+        let options = options.compression_method(zip::CompressionMethod::Stored);
+        archive
+            .start_file(format!("{name}.npy"), options)
+            .expect("a place");
+        archive.write_all(&header(shape)).expect("writes");
+        for value in *values {
             archive
                 .write_all(&(*value as f32).to_le_bytes())
                 .expect("writes");

@@ -295,9 +295,10 @@ fn files_known_to_be_wrong_are_refused_by_name() {
         let text = of(path);
         for tool in [
             "4D-Humans (PHALP)",
-            "hmr4d_results.pt",
-            "wham_output.pkl",
-            "intri.yml",
+            "GVHMR",
+            "WHAM",
+            "EasyMocap",
+            "OpenPose",
         ] {
             assert!(text.contains(tool), "{path}: {text}");
         }
@@ -309,7 +310,7 @@ fn files_known_to_be_wrong_are_refused_by_name() {
         .expect_err("refused")
         .to_string();
     assert!(
-        text.contains("looked for WHAM") && !text.contains("TRAM"),
+        text.contains("Looked for WHAM") && !text.contains("TRAM"),
         "{text}"
     );
     let unknown = Options {
@@ -381,8 +382,8 @@ fn damaged_files_are_named_with_their_field() {
     type Change<'a> = &'a dyn Fn(&mut Value);
     let cases: [(Change<'_>, &str); 6] = [
         (
-            &|person| person["trans"][3][1] = Value::Null,
-            "wham_output.pkl: 0.trans[10]: NaN",
+            &|person| (0..5).for_each(|at| person["trans"][at][1] = Value::Null),
+            "wham_output.pkl frame 0: the translation is NaN",
         ),
         (
             &|person| person["trans"] = json!([vec![0.0; 3]]),
@@ -434,6 +435,68 @@ fn damaged_files_are_named_with_their_field() {
             assert!(text.contains(&*name.to_string_lossy()), "{path}: {text}");
         }
     }
+}
+
+#[test]
+fn a_pose_that_is_not_finite_is_left_out_by_frame_and_joint() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let whole = import(&options(dir.path(), wham(dir.path(), &all(), |_| ())));
+    let spoiled = wham(dir.path(), &all(), |person| {
+        person["pose"][5][3 * 4 + 1] = Value::Null;
+        person["trans"][9][2] = 1e12.into();
+    });
+    let found = import(&options(dir.path(), spoiled));
+    let notes = found.notes.join("\n");
+    for said in [
+        "left out: 2 of 16 poses",
+        "frame 5: the rotation of l_knee is NaN",
+        "frame 9: the translation is 1000000000000",
+        "2 frames without a pose of the person (5, 9)",
+    ] {
+        assert!(notes.contains(said), "{said}: {notes}");
+    }
+    let left: Vec<usize> = all()
+        .into_iter()
+        .filter(|at| ![5, 9].contains(at))
+        .collect();
+    assert_eq!(indices(&found.track), left);
+    lands(&found);
+    assert_eq!(indices(&whole.track), all());
+}
+
+#[test]
+fn a_frame_of_another_shape_is_left_out() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = lhm(dir.path(), |_| ());
+    let spoil = |number: usize, text: &str| {
+        std::fs::write(path.join(format!("{number:05}.json")), text).expect("writes");
+    };
+    spoil(
+        3,
+        r#"{"root_pose": [0, 0], "body_pose": [], "trans": [0, 0, 0], "betas": [0]}"#,
+    );
+    // As Python writes a number that JSON does not have.
+    let text = std::fs::read_to_string(path.join("00008.json")).expect("reads");
+    let at = text.find("\"trans\":[").expect("a translation") + 9;
+    spoil(
+        8,
+        &format!(
+            "{}NaN,{}",
+            &text[..at],
+            &text[at + text[at..].find(',').expect("two") + 1..]
+        ),
+    );
+    let found = import(&options(dir.path(), path.clone()));
+    let notes = found.notes.join("\n");
+    assert!(
+        notes.contains("left out: 2 of 16 poses") && notes.contains("00003.json frame 2"),
+        "{notes}"
+    );
+    let left: Vec<usize> = all()
+        .into_iter()
+        .filter(|at| ![2, 7].contains(at))
+        .collect();
+    assert_eq!(indices(&found.track), left);
 }
 
 /// Errors name what the user gave, and how to mend it.

@@ -173,16 +173,19 @@ impl Store {
         checkpoints::explained(&mut self.db.read().await?, tenant, model_id, default).await
     }
 
-    /// Changes which checkpoints a model keeps, and removes the others in the same transaction.
+    /// Changes which checkpoints a model keeps, if its version is `etag` (empty: any), and removes the others in the same
+    /// transaction.
     pub async fn set_retention(
         &self,
         tenant: &Tenant,
         model_id: &str,
         retention: v1::Retention,
         default: Retention,
+        etag: &str,
     ) -> Result<Model, StoreError> {
         let mut tx = self.db.write().await?;
-        let model = models::set_retention(&mut tx, tenant, model_id, &retention, default).await?;
+        let model =
+            models::set_retention(&mut tx, tenant, model_id, &retention, default, etag).await?;
         tx.commit().await?;
         Ok(model)
     }

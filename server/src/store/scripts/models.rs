@@ -72,16 +72,18 @@ async fn read(tx: &mut Tx, row: &Row) -> Result<Model, StoreError> {
     Ok(model)
 }
 
-/// Changes which checkpoints a model keeps, and removes the others.
+/// Changes which checkpoints a model keeps, if its version is `asked` (empty: any), and removes the others.
 pub async fn set_retention(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
     retention: &v1::Retention,
     default: Retention,
+    asked: &str,
 ) -> Result<Model, StoreError> {
     tx.lock(Lock::Model(id)).await?;
-    get(tx, tenant, id).await?;
+    let before = get(tx, tenant, id).await?;
+    etag::check(&before.display_name, asked, &before.etag)?;
     sql("UPDATE models SET keep_newest = $2, keep_every = $3 WHERE id = $1")
         .bind(id)
         .bind(retention.newest)

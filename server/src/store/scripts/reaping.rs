@@ -93,14 +93,15 @@ async fn forgive(tx: &mut Tx, lease_seconds: f64) -> Result<(), StoreError> {
         let deadline = row.real("lease_deadline")?.unwrap_or(now);
         for lease in [
             "UPDATE jobs SET lease_deadline = $3
-             WHERE id = $1 AND lease = $2 AND state = 'RUNNING'",
+             WHERE id = $1 AND lease = $2 AND state = 'RUNNING' AND lease_deadline = $4",
             "UPDATE job_attempts SET lease_deadline = $3
-             WHERE job = $1 AND lease = $2 AND lease_deadline IS NOT NULL",
+             WHERE job = $1 AND lease = $2 AND lease_deadline = $4",
         ] {
             sql(lease)
                 .bind(row.text("job")?)
                 .bind(row.number::<i64>("token")?)
                 .bind(shift.apply(deadline, now))
+                .bind(deadline)
                 .execute(tx, "extending a lease by an outage")
                 .await?;
         }

@@ -5,9 +5,9 @@
 //! rhythm that no shape of the body explains.
 
 use super::causes::{Search, what};
-use super::fit::Fitter;
+use super::fit::{Fit, Fitter};
 use super::observe::Observation;
-use super::precision::wander;
+use super::precision::{NOISE, wander};
 use super::report::Cause;
 use yoto_proto::correction::{Correction, Mirror};
 use yoto_proto::pose_track::PoseTrack;
@@ -16,6 +16,8 @@ use yoto_proto::pose_track::PoseTrack;
 const MIRRORS: [Mirror; 4] = [Mirror::Poses, Mirror::Images, Mirror::Limbs, Mirror::Labels];
 /// Greatest ratio of the wander of the right reading to that of its mirror image.
 const SHARE: f64 = 0.75;
+/// The same where the wander is more than noise.
+const DECISIVE: f64 = 0.5;
 /// Greatest ratio of a reading's wander to the least, for a reading that counts as equally good.
 const AS_GOOD: f64 = 1.1;
 
@@ -46,7 +48,10 @@ pub(super) fn mirror(
     let Some((first, others)) = as_good.split_first() else {
         return;
     };
-    let Some(fit) = fitter.fit(first).filter(|it| it.mean > search.given.mean) else {
+    // Where no noise explains the wander, a reading that halves it needs no better outlines: those of wide or dark clothes tell little.
+    let is_certain = given > NOISE && least < DECISIVE * given;
+    let is_better = |it: &Fit| is_certain || it.mean > search.given.mean;
+    let Some(fit) = fitter.fit(first).filter(is_better) else {
         return;
     };
     search.cause = Some(Cause {
@@ -101,6 +106,7 @@ mod tests {
     #[test]
     fn sides_are_told_by_how_outlines_move() {
         let (track, images) = film();
+        let mut wanders = Vec::new();
         let mirror = |mirror| Correction {
             mirror,
             ..Correction::default()
@@ -128,6 +134,16 @@ mod tests {
             let found = search.cause.as_ref().map(|it| it.options.as_str());
             assert_eq!(found, options);
             assert_eq!(search.best, mirror(mistake));
+            // Outlines that are for the numbers as given count only where the wander can be noise.
+            let none = Correction::default();
+            let given = wander(&read, &none, search.given.fatness, &seen).expect("a wander");
+            search.given.mean = 1.0;
+            search.cause = None;
+            super::mirror(&mut search, &mut fitter, &read, &seen);
+            let found = search.cause.as_ref().map(|it| it.options.as_str());
+            assert_eq!(found, options.filter(|_| given > NOISE), "{given}");
+            wanders.push(given);
         }
+        assert!(wanders.iter().any(|it| *it > NOISE), "{wanders:?}");
     }
 }

@@ -24,6 +24,10 @@ const ENOUGH: usize = 12;
 /// alarms and of misses.
 pub const PRECISE: f64 = 0.0075;
 
+/// Poses that wander farther than this are wrong rather than noisy, metres: the noise of an estimator (4 degrees per joint and 1 cm) gives
+/// 20 mm at most (`docs/check.md`).
+pub(super) const NOISE: f64 = 0.025;
+
 /// Scatter of a capture's bodies around their masks beyond what the person's shape explains, metres in the
 /// plane of the image; `None` with too few frames that show a whole person.
 ///

@@ -19,6 +19,9 @@ const REACH: f64 = 0.9995;
 /// A vector shorter than this has no direction, metres.
 const TINY: f64 = 1e-6;
 
+/// Share of poses in which a joint may be below the floor: estimates tremble.
+const BELOW_FLOOR: f64 = 0.1;
+
 /// Joints of a leg: hip, knee, ankle and the ball of the foot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Leg {
@@ -90,6 +93,24 @@ impl Footing {
                 body.move_foot(*leg, pose, step);
             }
         }
+    }
+}
+
+impl Skeleton {
+    /// The height along the unit vector `up` of the floor that `poses` tread on: of the lowest joint in the lowest
+    /// poses; 0 without poses.
+    pub fn floor(&self, poses: &[Pose], up: Vec3) -> f64 {
+        let lowest = |pose: &Pose| {
+            let joints = self.posed_joints(pose);
+            joints
+                .iter()
+                .map(|joint| dot(*joint, up))
+                .fold(f64::INFINITY, f64::min)
+        };
+        let mut heights: Vec<f64> = poses.iter().map(lowest).collect();
+        heights.sort_by(f64::total_cmp);
+        let at = (BELOW_FLOOR * heights.len() as f64) as usize;
+        heights.get(at).copied().unwrap_or_default()
     }
 }
 
@@ -226,7 +247,8 @@ fn shortest(from: Vec3, to: Vec3) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{retarget, smpl, transfer};
+    use super::super::retarget::carried;
+    use super::super::{smpl, transfer};
     use super::*;
 
     const UP: Vec3 = [0.0, 1.0, 0.0];
@@ -291,8 +313,7 @@ mod tests {
         }
 
         let body = short_shanks(0.8);
-        let moved = poses.iter().map(|pose| retarget(&driver, &body, pose));
-        let mut moved: Vec<Pose> = moved.collect::<Result<_, _>>().expect("fits");
+        let mut moved = carried(&driver, &body, &poses, UP).expect("fits");
         let before = moved.clone();
         let slid = found.sliding(&body, &moved, &seconds).expect("steps");
         found.plant(&body, &mut moved, &seconds);

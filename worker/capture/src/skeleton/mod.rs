@@ -15,7 +15,7 @@ pub mod transform;
 
 pub use bounds::Bounds;
 pub use pose::Pose;
-pub use retarget::{retarget, transfer};
+pub use retarget::transfer;
 pub use transform::{Mat34, Vec3};
 
 use serde::{Deserialize, Serialize};

@@ -1,16 +1,17 @@
 //! One person's motion on another person's skeleton.
 
 use super::feet::Footing;
-use super::transform::compose_axis_angle;
+use super::transform::{add, compose_axis_angle, dot, scale, sub};
 use super::{Pose, Skeleton, SkeletonError, Vec3};
 use yoto_proto::pose_track;
 
-/// The driver's motion on the body of `target`: each pose by [`retarget`], and on a body with other
-/// proportions with planted feet, which would slide otherwise. The `poses` are at the times `seconds`, in a
-/// world with the unit vector `up`.
+/// The driver's motion on the body of `target`: joints of the same name turn alike, the root moves as [`carry`] says,
+/// and on a body with other proportions feet are planted, which would slide otherwise. The `poses` are at the times
+/// `seconds`, in a world with the unit vector `up`.
 ///
 /// # Errors
-/// Those of [`retarget`], with the index of the pose.
+/// With the index of the pose: it does not fit the driver, fewer than half of the smaller skeleton's joint names are
+/// shared, or a skeleton's root is no higher (y) than its lowest joint, so that there is no hip height to compare.
 pub fn transfer(
     driver: &Skeleton,
     target: &Skeleton,
@@ -18,27 +19,61 @@ pub fn transfer(
     seconds: &[f64],
     up: Vec3,
 ) -> Result<Vec<Pose>, (usize, SkeletonError)> {
-    let moved = poses.iter().enumerate();
-    let moved =
-        moved.map(|(index, pose)| retarget(driver, target, pose).map_err(|error| (index, error)));
-    let mut moved = moved.collect::<Result<Vec<_>, _>>()?;
+    let mut moved = carried(driver, target, poses, up)?;
     if driver.rest != target.rest {
         Footing::of(driver, poses, seconds, up).plant(target, &mut moved, seconds);
     }
     Ok(moved)
 }
 
-/// The driver's `pose` on the body of `target`.
+/// As [`transfer`], with feet that may slide.
+pub(super) fn carried(
+    driver: &Skeleton,
+    target: &Skeleton,
+    poses: &[Pose],
+    up: Vec3,
+) -> Result<Vec<Pose>, (usize, SkeletonError)> {
+    let turned = poses.iter().enumerate();
+    let turned = turned
+        .map(|(index, pose)| turned_alike(driver, target, pose).map_err(|error| (index, error)));
+    let mut moved = turned.collect::<Result<Vec<_>, _>>()?;
+    if driver.rest != target.rest {
+        carry(driver, target, poses, &mut moved, up).map_err(|error| (0, error))?;
+    }
+    Ok(moved)
+}
+
+/// Moves the root of `target` in the poses `moved` as the driver's moves in its `poses`: over the same floor, from the
+/// place over which the driver's begins, with heights and strides scaled by the ratio of hip heights, so that feet on
+/// the floor stay on it and strides fit the legs. Where skeletons have their origins does not matter: some have theirs
+/// on the floor, others at the pelvis.
+fn carry(
+    driver: &Skeleton,
+    target: &Skeleton,
+    poses: &[Pose],
+    moved: &mut [Pose],
+    up: Vec3,
+) -> Result<(), SkeletonError> {
+    let ratio = target.hip_height()? / driver.hip_height()?;
+    let root = |pose: &Pose| add(driver.root(), pose.translation.map(f64::from));
+    let Some(first) = poses.first().map(root) else {
+        return Ok(());
+    };
+    let floor = driver.floor(poses, up);
+    let below = sub(first, scale(up, dot(first, up) - floor));
+    for (pose, moved) in poses.iter().zip(moved) {
+        let place = add(below, scale(sub(root(pose), below), ratio));
+        moved.translation = sub(place, target.root()).map(|v| v as f32);
+    }
+    Ok(())
+}
+
+/// The driver's `pose` on the body of `target`, where the driver's root is.
 ///
 /// Joints of the same name have the same rotation. The rotation of a driver's joint that the target lacks is
 /// composed into the next joint below, so that a hand has the right direction although a collarbone is
-/// missing. Joints of the target that the driver lacks stay at rest. The translation is scaled by the ratio
-/// of hip heights, so that feet on the floor stay on it and strides fit the legs.
-///
-/// # Errors
-/// The pose does not fit the driver, fewer than half of the smaller skeleton's joint names are shared, or
-/// a skeleton's root is no higher (y) than its lowest joint, so that there is no hip height to compare.
-pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pose, SkeletonError> {
+/// missing. Joints of the target that the driver lacks stay at rest.
+fn turned_alike(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pose, SkeletonError> {
     driver.check_pose(pose)?;
     let matches: Vec<Option<usize>> = target
         .names
@@ -55,7 +90,6 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
             body: lacking(target, driver),
         });
     }
-    let ratio = target.hip_height()? / driver.hip_height()?;
     let rotation = |(joint, found): (usize, &Option<usize>)| {
         found.map_or([0.0; 3], |found| {
             folded(driver, pose, found, above(target, joint, &matches))
@@ -63,7 +97,7 @@ pub fn retarget(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
     };
     Ok(Pose {
         rotations: matches.iter().enumerate().map(rotation).collect(),
-        translation: pose.translation.map(|v| (f64::from(v) * ratio) as f32),
+        translation: pose.translation,
     })
 }
 
@@ -162,18 +196,89 @@ mod tests {
         }
     }
 
+    const UP: Vec3 = [0.0, 1.0, 0.0];
+
+    fn on(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pose, SkeletonError> {
+        let moved = transfer(driver, target, std::slice::from_ref(pose), &[0.0], UP);
+        let moved = moved.map_err(|(_, error)| error)?;
+        Ok(moved.into_iter().next().expect("a pose"))
+    }
+
     #[test]
-    fn rotations_follow_names_and_translation_follows_height() {
+    fn rotations_follow_names_and_heights_follow_the_legs() {
         let driver = legs(&["pelvis", "knee", "ankle"], 1.0);
         let target = legs(&["pelvis", "tail", "knee"], 0.5);
         let pose = Pose {
             rotations: vec![[0.1; 3], [0.2; 3], [0.3; 3]],
             translation: [0.4, -0.2, 1.0],
         };
-        let moved = retarget(&driver, &target, &pose).expect("two names are shared");
+        let moved = on(&driver, &target, &pose).expect("two names are shared");
         assert_eq!(moved.rotations, vec![[0.1; 3], [0.0; 3], [0.2; 3]]);
-        assert_eq!(moved.translation, [0.2, -0.1, 0.5]);
-        assert_eq!(retarget(&driver, &driver, &pose), Ok(pose));
+        assert_eq!(on(&driver, &driver, &pose), Ok(pose));
+        // A straight leg stands on a floor at -0.2; half as long, on the same floor and place.
+        let straight = Pose {
+            rotations: vec![[0.0; 3]; 3],
+            translation: [0.4, -0.2, 1.0],
+        };
+        let moved = on(&driver, &target, &straight).expect("fits");
+        assert_eq!(moved.translation, [0.4, -0.2, 1.0]);
+        let feet = target.posed_joints(&moved)[2];
+        assert!((feet[1] + 0.2).abs() < 1e-6, "{feet:?}");
+    }
+
+    #[test]
+    fn where_a_skeleton_has_its_origin_does_not_matter() {
+        // In a camera's axes, y down, as trackers write it; the root turns upside down for that.
+        let turned = |steps: f32| Pose {
+            rotations: vec![[std::f32::consts::PI, 0.0, 0.0], [0.0; 3], [0.0; 3]],
+            translation: [0.1, 0.3, 3.0 + steps],
+        };
+        let poses: Vec<Pose> = [0.0, 0.3, 0.6].map(turned).into();
+        let down = [0.0, -1.0, 0.0];
+        let names = ["pelvis", "knee", "ankle"];
+        let driver = legs(&names, 1.0);
+        let moved_by = |mut body: Skeleton, by: f64| {
+            body.rest.iter_mut().for_each(|joint| joint[1] += by);
+            body
+        };
+        let shifted: Vec<Pose> = poses
+            .iter()
+            .map(|pose| Pose {
+                translation: [
+                    pose.translation[0],
+                    pose.translation[1] + 1.26,
+                    pose.translation[2],
+                ],
+                ..pose.clone()
+            })
+            .collect();
+        let target = legs(&names, 1.1);
+        let places = |driver: &Skeleton, poses: &[Pose], target: &Skeleton| {
+            let moved = transfer(driver, target, poses, &[0.0, 0.1, 0.2], down).expect("fits");
+            let joints = moved.iter().map(|pose| target.posed_joints(pose));
+            joints.collect::<Vec<_>>()
+        };
+        let wanted = places(&driver, &poses, &target);
+        // The feet of both are on one floor.
+        let lowest = driver.posed_joints(&poses[0])[2];
+        assert!(
+            (wanted[0][2][1] - lowest[1]).abs() < 1e-5,
+            "{wanted:?} {lowest:?}"
+        );
+        // A stride is a tenth longer.
+        assert!((wanted[2][0][2] - wanted[0][0][2] - 0.66).abs() < 1e-5);
+        let same = |found: Vec<Vec<Vec3>>| {
+            for (found, wanted) in found.iter().flatten().zip(wanted.iter().flatten()) {
+                for axis in 0..3 {
+                    assert!(
+                        (found[axis] - wanted[axis]).abs() < 1e-5,
+                        "{found:?} {wanted:?}"
+                    );
+                }
+            }
+        };
+        same(places(&moved_by(driver.clone(), -1.26), &shifted, &target));
+        same(places(&driver, &poses, &moved_by(target.clone(), 0.7)));
     }
 
     #[test]
@@ -200,7 +305,7 @@ mod tests {
             rotations: (0..driver.joints()).map(rotation).collect(),
             translation: [0.4, 0.1, 1.0],
         };
-        let moved = retarget(&driver, &target, &pose).expect("21 names are shared");
+        let moved = on(&driver, &target, &pose).expect("21 names are shared");
         let (from, to) = (
             driver.global_transforms(&pose.rotations_f64()),
             target.global_transforms(&moved.rotations_f64()),
@@ -220,7 +325,7 @@ mod tests {
         let driver = legs(&["pelvis", "knee", "ankle"], 1.0);
         let stranger = legs(&["a", "b", "c"], 1.0);
         let pose = Pose::rest(3);
-        let text = retarget(&driver, &stranger, &pose).expect_err("no names");
+        let text = on(&driver, &stranger, &pose).expect_err("no names");
         let text = text.to_string();
         assert!(
             text.contains("share 0 of 3")
@@ -229,18 +334,15 @@ mod tests {
         );
         // One shared name, as a neck, leaves all else at rest.
         let other = legs(&["a", "b", "ankle"], 1.0);
-        assert!(retarget(&driver, &other, &pose).is_err());
+        assert!(on(&driver, &other, &pose).is_err());
         assert_eq!(
-            retarget(&driver, &driver, &Pose::rest(2)),
+            on(&driver, &driver, &Pose::rest(2)),
             Err(SkeletonError::WrongPose {
                 found: 2,
                 joints: 3
             })
         );
         let flat = legs(&["pelvis", "knee", "ankle"], 0.0);
-        assert_eq!(
-            retarget(&driver, &flat, &pose),
-            Err(SkeletonError::NoHipHeight)
-        );
+        assert_eq!(on(&driver, &flat, &pose), Err(SkeletonError::NoHipHeight));
     }
 }

@@ -241,6 +241,9 @@ fn masks_that_are_inverted_or_empty_fail() {
         inverted.causes
     );
     assert_eq!(grade(&inverted, Kind::Masks), Grade::Fail);
+    let one = broken(|_, images| images[10].mask.fill(0));
+    let masks = one.measure(Kind::Masks).expect("measured");
+    assert_eq!((masks.grade, &masks.frames[..]), (Grade::Warn, &[10][..]));
     let empty = broken(|_, images| {
         for image in images {
             image.mask.fill(0);

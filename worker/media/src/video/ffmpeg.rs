@@ -69,7 +69,7 @@ impl Ffmpeg {
         let is_deep = about.signal.light().is_some();
         // Otherwise levels of 8 bits are cut off rather than rounded.
         let levels = if is_deep { "rgb48be" } else { "rgb24" };
-        let levels = format!("scale=flags=accurate_rnd,format={levels}");
+        let levels = format!("scale=flags=bicubic+accurate_rnd,format={levels}");
         let mut child = command(program, path, "error")
             .args(["-vf", &levels, "-fps_mode", "passthrough"])
             .args(["-c:v", "ppm", "-f", "image2pipe", "pipe:1"])

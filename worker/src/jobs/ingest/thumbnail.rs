@@ -19,7 +19,7 @@ pub(super) fn of(shard: &Shard) -> Result<Option<Vec<u8>>, image::ImageError> {
         return Ok(None);
     }
     let (rect, rgb, mask) = shard.crop(shard.frames() / 2);
-    let (width, height) = (rect.width as u32, rect.height as u32);
+    let (width, height) = (rect.width, rect.height);
     if width == 0 || height == 0 {
         return Ok(None);
     }

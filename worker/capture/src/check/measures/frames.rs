@@ -3,7 +3,7 @@
 use super::super::agreement::duplicates;
 use super::super::motion::Motion;
 use super::super::observe::Observation;
-use super::super::precision::PRECISE;
+use super::super::precision::{NOISE, PRECISE};
 use super::super::report::{Grade, Kind, Measure};
 use super::NAMED;
 use super::grading::{at_least, at_most, measure, median, percent};
@@ -20,16 +20,17 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
     let cut = named(&|it| it.shows_person() && it.cut_off);
     let share = |frames: &[u32]| frames.len() as f64 / seen.len().max(1) as f64;
     let faults = [
-        (&empty, 0.3, "empty", "nobody is in some masks"),
+        // A frame without anybody in its mask teaches that nobody is there, so that a single one is named.
+        (&empty, [0.0, 0.3], "empty", "nobody is in some masks"),
         (
             &pieces,
-            0.6,
+            [0.02, 0.6],
             "in pieces",
             "some masks are in several pieces: another person, or holes",
         ),
         (
             &cut,
-            1.1,
+            [0.02, 1.1],
             "cut off",
             "the person leaves the image: what is outside is not learnt",
         ),
@@ -42,9 +43,9 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
         "whole".to_owned(),
         meaning,
     );
-    for (frames, fail, shown, meaning) in faults {
+    for (frames, [pass, fail], shown, meaning) in faults {
         let value = share(frames);
-        let grade = at_most(value, 0.02, fail);
+        let grade = at_most(value, pass, fail);
         if grade > found.grade {
             found = measure(
                 Kind::Masks,
@@ -147,7 +148,12 @@ pub(super) fn wander(value: Option<f64>) -> Measure {
         meaning,
     );
     if it.grade != Grade::Pass {
-        it.cause = Some("poses are noisy, as estimators give them".to_owned());
+        it.cause = Some(match value > NOISE {
+            false => "poses are noisy, as estimators give them".to_owned(),
+            true => "so much is no noise: left and right may be exchanged (`--mirror poses`, `limbs` or `images`, none of which \
+                     fits decisively better here), or poses and masks are of other frames or people"
+                .to_owned(),
+        });
     }
     it
 }
