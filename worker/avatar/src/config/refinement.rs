@@ -68,14 +68,6 @@ pub struct RefinementConfig {
     pub fine_share: f64,
     /// For [`Extent::Fine`]: the blur at the start and at the end.
     pub fine_blur: [f64; 2],
-    /// Number of pixels of the grid over the head or a hand, about; only with splats.
-    pub part_pixels: f64,
-    /// For [`Extent::Fine`]: that number for the head, of which an error of half a pixel blurs the face.
-    pub fine_head_pixels: f64,
-    /// For [`Extent::Fine`]: the blur of the head at the start and at the end.
-    pub fine_head_blur: [f64; 2],
-    /// For [`Extent::Fine`]: [`Self::noise`] of the head.
-    pub fine_head_noise: f64,
     /// Error of given rotations about each axis, radians, below which poses stay as given once that is known,
     /// after [`Self::judged`] of the run: fits would add more than they find.
     pub exact: f64,
@@ -107,12 +99,8 @@ impl Default for RefinementConfig {
             first_blur: 0.04,
             last_blur: 0.007,
             fine_start: 0.2,
-            fine_share: 0.8,
+            fine_share: 0.5,
             fine_blur: [0.02, 0.004],
-            part_pixels: 150.0,
-            fine_head_pixels: 400.0,
-            fine_head_blur: [0.02, 0.0025],
-            fine_head_noise: 0.03,
             exact: 0.0047,
             judged: 0.3,
             reach: 2.0,
@@ -123,34 +111,6 @@ impl Default for RefinementConfig {
             noise: 0.1,
         }
     }
-}
-
-/// Number of pixels that the grid over a person has at most, about: enough for the parameters of a pose many times
-/// over.
-const WHOLE_PIXELS: f64 = 600.0;
-
-/// How a fit compares a part of a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Look {
-    /// Number of compared pixels, about.
-    pub pixels: f64,
-    /// Blur, as a share of the person's longer side.
-    pub blur: f64,
-    /// Expected difference of a blurred value from the model's where the pose is right.
-    pub noise: f64,
-}
-
-/// How a fit compares a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Looks {
-    pub whole: Look,
-    pub head: Look,
-    pub hands: Look,
-}
-
-/// The blur after the share `passed` of the way from the `first` to the `last`, by equal factors.
-fn between([first, last]: [f64; 2], passed: f64) -> f64 {
-    first * (last / first).powf(passed)
 }
 
 /// How poses are refined at one point of a run.
@@ -211,37 +171,11 @@ impl RefinementConfig {
 
     /// Blur after the share `passed` of a fit.
     pub(crate) fn blur(&self, extent: Extent, passed: f64) -> f64 {
-        let blurs = match extent {
+        let [first, last] = match extent {
             Extent::Wide => [self.first_blur, self.last_blur],
             Extent::Fine => self.fine_blur,
         };
-        between(blurs, passed)
-    }
-
-    /// How a fit compares pictures at this `blur`, all parts alike.
-    pub(crate) fn alike(&self, blur: f64) -> Looks {
-        let look = |pixels| Look {
-            pixels,
-            blur,
-            noise: self.noise,
-        };
-        Looks {
-            whole: look(WHOLE_PIXELS),
-            head: look(self.part_pixels),
-            hands: look(self.part_pixels),
-        }
-    }
-
-    /// How a fine fit compares pictures after the share `passed` of it, in which the head counts more.
-    pub(crate) fn fine(&self, passed: f64) -> Looks {
-        Looks {
-            head: Look {
-                pixels: self.fine_head_pixels,
-                blur: between(self.fine_head_blur, passed),
-                noise: self.fine_head_noise,
-            },
-            ..self.alike(self.blur(Extent::Fine, passed))
-        }
+        first * (last / first).powf(passed)
     }
 
     /// Checks every field.
@@ -278,8 +212,6 @@ impl RefinementConfig {
             ("refinement.last_blur", self.last_blur),
             ("refinement.fine_blur", self.fine_blur[0]),
             ("refinement.fine_blur", self.fine_blur[1]),
-            ("refinement.fine_head_blur", self.fine_head_blur[0]),
-            ("refinement.fine_head_blur", self.fine_head_blur[1]),
         ] {
             if !(1e-3..=0.5).contains(&blur) {
                 return wrong(field, "must be between 0.001 and 0.5");
@@ -295,12 +227,9 @@ impl RefinementConfig {
             ("refinement.shift_jitter", self.shift_jitter),
             ("refinement.noise", self.noise),
             ("refinement.exact", self.exact),
-            ("refinement.part_pixels", self.part_pixels),
-            ("refinement.fine_head_pixels", self.fine_head_pixels),
-            ("refinement.fine_head_noise", self.fine_head_noise),
         ] {
-            if !(1e-6..=1e4).contains(&value) {
-                return wrong(field, "must be between 1e-6 and 10000");
+            if !(1e-6..=1e3).contains(&value) {
+                return wrong(field, "must be between 1e-6 and 1000");
             }
         }
         Ok(())

@@ -3,8 +3,11 @@
 //! A sharp picture says nothing about an arm that is farther away than its outline is wide. Blurred
 //! by as much, both outlines overlap, and the difference points from one to the other.
 
-use crate::config::Look;
 use yoto_capture::FrameImage;
+
+/// Number of pixels that a grid has at most, about: enough for the parameters of a pose many times
+/// over.
+const PIXELS: f64 = 600.0;
 
 /// A grid of pixels, row by row.
 pub(super) struct PixelGrid {
@@ -19,10 +22,10 @@ pub(super) struct PixelGrid {
 }
 
 impl PixelGrid {
-    /// A grid over the box of the `covered` pixels and a margin, for the pixels and the blur of `look`, whose standard
-    /// deviation is a share of the box's longer side. `offset` in [0, 1)² shifts it within
+    /// A grid over the box of the `covered` pixels and a margin, for a blur with a standard
+    /// deviation of the share `blur` of its longer side. `offset` in [0, 1)² shifts it within
     /// a cell. `None` if no pixel is covered.
-    pub fn new(image: &FrameImage, covered: &[u32], look: &Look, offset: [f64; 2]) -> Option<Self> {
+    pub fn new(image: &FrameImage, covered: &[u32], blur: f64, offset: [f64; 2]) -> Option<Self> {
         let at = |p: &u32| [*p as usize % image.width, *p as usize / image.width];
         let first = at(covered.first()?);
         let (mut low, mut high) = (first, first);
@@ -33,13 +36,12 @@ impl PixelGrid {
             }
         }
         let longer = (0..2).map(|a| high[a] - low[a] + 1).fold(1, usize::max) as f64;
-        let blur = look.blur * longer;
+        let blur = blur * longer;
         let margin = (2.0 * blur + 0.05 * longer) as usize;
         let limits = [image.width, image.height];
         let low = low.map(|c| c.saturating_sub(margin));
         let high: [usize; 2] = std::array::from_fn(|a| (high[a] + margin).min(limits[a] - 1));
-        let most = look.pixels;
-        Some(Self::over(image.width, [low, high], most, blur, offset))
+        Some(Self::over(image.width, [low, high], PIXELS, blur, offset))
     }
 
     /// A grid of at most some `most` pixels over a box of a picture of `width` pixels, from its first to its last pixel, for a
@@ -111,14 +113,6 @@ fn taps(spread: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    fn look(blur: f64) -> Look {
-        Look {
-            pixels: 600.0,
-            blur,
-            noise: 0.1,
-        }
-    }
-
     fn grid(blur: f64) -> PixelGrid {
         let image = FrameImage {
             width: 40,
@@ -129,7 +123,7 @@ mod tests {
         let covered: Vec<u32> = (5..25)
             .flat_map(|y| (10..20).map(move |x| 40 * y + x))
             .collect();
-        PixelGrid::new(&image, &covered, &look(blur), [0.0; 2]).expect("covered")
+        PixelGrid::new(&image, &covered, blur, [0.0; 2]).expect("covered")
     }
 
     #[test]
@@ -164,6 +158,6 @@ mod tests {
             rgb: vec![0; 48],
             mask: vec![0; 16],
         };
-        assert!(PixelGrid::new(&image, &[], &look(0.1), [0.0; 2]).is_none());
+        assert!(PixelGrid::new(&image, &[], 0.1, [0.0; 2]).is_none());
     }
 }

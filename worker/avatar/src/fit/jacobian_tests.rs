@@ -36,8 +36,7 @@ fn rays_change_by(unposing: Unposing) {
         panic!("the tier has a field");
     };
     let fitter = scene.fitter(&avatar);
-    let look = config.refinement.alike(0.2).whole;
-    let grid = PixelGrid::new(image, covered, &look, [0.0; 2]).expect("a person");
+    let grid = PixelGrid::new(image, covered, 0.2, [0.0; 2]).expect("a person");
     let posed = avatar.pose(config, body, 0, pose, 0.0);
     let host = HostPose::new(body, pose, &posed).expect("reads");
     let mut samples = fitter.samples(field, pose, &picture, &grid.pixels, &host);

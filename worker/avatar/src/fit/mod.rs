@@ -13,7 +13,7 @@ mod test_scene;
 mod wrench;
 
 use crate::avatar::{Avatar, AvatarAppearance, Posed};
-use crate::config::{Looks, ModelConfig};
+use crate::config::ModelConfig;
 use crate::motion::body::Body;
 use crate::render::RenderError;
 use crate::render::occupancy::Occupancy;
@@ -22,7 +22,6 @@ pub(crate) use change::PoseChange;
 use grid::PixelGrid;
 use jacobian::HostPose;
 use normal::Normal;
-use parts::Part;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use tracing::trace_span;
@@ -106,7 +105,8 @@ pub(crate) struct Evidence {
 impl PoseFitter<'_> {
     /// The step from `pose` that fits best to `picture` and to the `wishes` for each
     /// parameter: rotations of the joints in their own posed axes, radians, and the shift of the
-    /// root in its own axes, metres. Pictures are compared as `looks` say. No step where the model shows
+    /// root in its own axes, metres. Pictures are blurred by the share `blur` of the person's
+    /// longer side; `noise` is the expected difference of their values. No step where the model shows
     /// nothing; `None` where the picture does not show the person.
     ///
     /// # Errors
@@ -116,38 +116,33 @@ impl PoseFitter<'_> {
         pose: &Pose,
         picture: &Picture,
         wishes: &Wishes,
-        looks: &Looks,
+        blur: f64,
+        noise: f64,
         rng: &mut ChaCha8Rng,
     ) -> Result<Option<Fit>, RenderError> {
         // Each pixel shows one of both, so that one pass through the model gives all gradients.
         let mut grids = Vec::with_capacity(SEEN.len());
         for weights in SEEN {
             let offset = std::array::from_fn(|_| rng.random());
-            let found = PixelGrid::new(picture.image, picture.covered, &looks.whole, offset);
-            let Some(grid) = found else {
+            let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
                 return Ok(None);
             };
-            grids.push((grid, weights, looks.whole));
+            grids.push((grid, weights));
         }
         if self.config.appearance.splats().is_some() {
-            // The person's longer side, pixels.
-            let longer = grids[0].0.spread / looks.whole.blur;
-            for (part, at) in parts::boxes(&self.body.skeleton, pose, picture.camera) {
-                let look = match part {
-                    Part::Head => looks.head,
-                    Part::Hand => looks.hands,
-                };
+            let spread = grids[0].0.spread;
+            for part in parts::boxes(&self.body.skeleton, pose, picture.camera) {
                 let offset = std::array::from_fn(|_| rng.random());
-                let (width, spread) = (picture.image.width, look.blur * longer);
-                let grid = PixelGrid::over(width, at, look.pixels, spread, offset);
-                grids.push((grid, BRIGHTNESS, look));
+                let width = picture.image.width;
+                let grid = PixelGrid::over(width, part, parts::PIXELS, spread, offset);
+                grids.push((grid, BRIGHTNESS));
             }
         }
         let pixels: Vec<usize> = (grids.iter())
-            .flat_map(|(grid, _, _)| grid.pixels.iter().copied())
+            .flat_map(|(grid, _)| grid.pixels.iter().copied())
             .collect();
         let weights: Vec<[f32; 4]> = (grids.iter())
-            .flat_map(|(grid, weights, _)| grid.pixels.iter().map(|_| *weights))
+            .flat_map(|(grid, weights)| grid.pixels.iter().map(|_| *weights))
             .collect();
         let shown = match self.avatar.appearance(self.config) {
             AvatarAppearance::Splats(splats) => {
@@ -170,18 +165,14 @@ impl PoseFitter<'_> {
         let mut misfit = Misfit::default();
         let _solve = trace_span!("fit: solve").entered();
         let mut first = 0;
-        for (grid, weights, look) in &grids {
+        for (grid, weights) in &grids {
             let here = first..first + grid.pixels.len();
             first = here.end;
             let differences = misfit.add(grid, picture.image, *weights, &values[here.clone()]);
             let rows = grid.blur(&rows[width * here.start..width * here.end], width);
             for (row, difference) in rows.chunks_exact(width).zip(differences) {
                 let trust = 1.0 / (1.0 + (difference / ROBUST).powi(2));
-                normal.ask(
-                    row,
-                    difference,
-                    grid.independent() * trust / look.noise.powi(2),
-                );
+                normal.ask(row, difference, grid.independent() * trust / noise.powi(2));
             }
         }
         let evidence = evidence(normal.clone(), &wishes.given);
@@ -210,8 +201,7 @@ impl PoseFitter<'_> {
         blur: f64,
         offset: [f64; 2],
     ) -> Result<Option<f64>, RenderError> {
-        let look = self.config.refinement.alike(blur).whole;
-        let Some(grid) = PixelGrid::new(picture.image, picture.covered, &look, offset) else {
+        let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
             return Ok(None);
         };
         let seen = match self.avatar.appearance(self.config) {

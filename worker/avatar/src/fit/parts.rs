@@ -4,19 +4,10 @@
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 
-/// A small part of the body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
-    Head,
-    Hand,
-}
-
-/// Parts, names of their joints at the ends of limbs, how far the middle of the part is beyond the joint, and its radius,
-/// metres.
-const PARTS: [(Part, &[&str], f64, f64); 2] = [
-    (Part::Head, &["head"], 0.09, 0.17),
-    (Part::Hand, &["wrist", "hand"], 0.07, 0.11),
-];
+/// Names of joints at the ends of limbs, how far the middle of the part is beyond the joint, and its radius, metres.
+const PARTS: [(&[&str], f64, f64); 2] = [(&["head"], 0.09, 0.17), (&["wrist", "hand"], 0.07, 0.11)];
+/// Number of pixels of a part's grid, about (docs/refinement.md).
+pub(super) const PIXELS: f64 = 150.0;
 /// Smallest side of a box, pixels: less shows nothing.
 const SMALLEST: usize = 8;
 
@@ -24,14 +15,14 @@ const SMALLEST: usize = 8;
 pub(super) type PixelBox = [[usize; 2]; 2];
 
 /// The boxes of head and hands of a body in `pose`, as far as they are in the picture.
-pub(super) fn boxes(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<(Part, PixelBox)> {
+pub(super) fn boxes(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<PixelBox> {
     let joints = skeleton.posed_joints(pose);
     let children = skeleton.children();
     let mut found = Vec::new();
-    for (part, names, beyond, radius) in PARTS {
+    for (names, beyond, radius) in PARTS {
         let is = |joint: usize| {
             let name = skeleton.names[joint].to_ascii_lowercase();
-            names.iter().any(|it| name.contains(it))
+            names.iter().any(|part| name.contains(part))
         };
         for joint in (0..joints.len()).filter(|joint| is(*joint)) {
             // The last of a chain of such joints stands for the part.
@@ -44,7 +35,7 @@ pub(super) fn boxes(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<(P
             let along: [f64; 3] = std::array::from_fn(|a| joints[joint][a] - joints[parent][a]);
             let length = along.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-9);
             let middle = std::array::from_fn(|a| joints[joint][a] + beyond / length * along[a]);
-            found.extend(around(camera, middle, radius).map(|at| (part, at)));
+            found.extend(around(camera, middle, radius));
         }
     }
     found
@@ -76,13 +67,12 @@ mod tests {
         let camera = SyntheticPerson::train_camera(320);
         let joints = skeleton.posed_joints(&pose);
         let found = boxes(&skeleton, &pose, &camera);
-        let parts: Vec<Part> = found.iter().map(|(part, _)| *part).collect();
-        assert_eq!(parts, [Part::Head, Part::Hand, Part::Hand]);
+        assert_eq!(found.len(), 3);
         for name in ["head", "l_hand", "r_hand"] {
             let joint = skeleton.names.iter().position(|it| it == name);
             let at = camera.project(joints[joint.expect("is one")]);
             let at = at.expect("in front").map(|v| v as usize);
-            let inside = |(_, [low, high]): &(Part, PixelBox)| {
+            let inside = |[low, high]: &PixelBox| {
                 (0..2).all(|a| (low[a]..=high[a]).contains(&at[a]) && high[a] - low[a] < 80)
             };
             assert!(found.iter().any(inside), "{name} at {at:?}: {found:?}");
@@ -95,6 +85,6 @@ mod tests {
         let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
         let pose = person.motion(4).remove(0);
         let camera = SyntheticPerson::train_camera(40);
-        assert_eq!(boxes(&skeleton, &pose, &camera), []);
+        assert_eq!(boxes(&skeleton, &pose, &camera), Vec::<PixelBox>::new());
     }
 }

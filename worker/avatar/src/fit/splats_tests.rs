@@ -1,9 +1,9 @@
 use super::*;
 use crate::avatar::{Avatar, AvatarAppearance};
-use crate::config::{Looks, ModelConfig, RefinementConfig};
+use crate::config::ModelConfig;
 use crate::field::splats::FirstSplats;
 use crate::fit::test_scene::TestScene;
-use crate::fit::{PixelGrid, PoseChange, SEEN, Wish, Wishes};
+use crate::fit::{PixelGrid, PoseChange, SEEN};
 use burn::module::Module;
 use burn::tensor::Tensor;
 use rand::{RngExt, SeedableRng};
@@ -45,8 +45,7 @@ fn pixels_change_as_the_rows_say() {
         panic!("the tier has splats");
     };
     let fitter = scene.fitter(&avatar);
-    let look = config.refinement.alike(0.05).whole;
-    let grid = PixelGrid::new(&scene.image, &scene.covered, &look, [0.0; 2]).expect("a person");
+    let grid = PixelGrid::new(&scene.image, &scene.covered, 0.05, [0.0; 2]).expect("a person");
     let width = 3 * (joints + 1);
     let size = 1e-3;
     for by in SEEN {
@@ -98,62 +97,4 @@ fn pixels_change_as_the_rows_say() {
             );
         }
     }
-}
-
-/// The share of a head's wrong turn that one step takes back, of a person who is held near the pose as given.
-fn taken_back(looks: impl Fn(&RefinementConfig) -> Looks) -> f64 {
-    /// Wrong turn of the head, and expected error of any rotation, radians.
-    const WRONG: [f64; 2] = [0.05, 0.01];
-    let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
-    let count = 400;
-    config.appearance.splats_mut().expect("splats").count = count;
-    let mut scene = TestScene::new(config, 128);
-    let joints = scene.body.skeleton.joints();
-    let mut avatar = Avatar::new(&scene.config, 1, joints, 5, &scene.device);
-    avatar.place_splats(0, &around(&scene.body.skeleton, count));
-    let avatar = avatar.no_grad();
-    let AvatarAppearance::Splats(splats) = avatar.appearance(&scene.config) else {
-        panic!("the tier has splats");
-    };
-    // The picture is the model's own.
-    let all: Vec<usize> = (0..scene.image.mask.len()).collect();
-    let fitter = scene.fitter(&avatar);
-    let seen = fitter.splats_seen(splats, &scene.pose, &scene.picture(), &all);
-    let seen = seen.expect("reads").expect("somebody");
-    let byte = |value: f32| (255.0 * value).round() as u8;
-    scene.image.rgb = seen
-        .iter()
-        .flat_map(|it| [0, 1, 2].map(|c| byte(it[c])))
-        .collect();
-    scene.image.mask = seen.iter().map(|it| byte(it[3])).collect();
-    let is_covered = |pixel: &u32| scene.image.mask[*pixel as usize] > 0;
-    scene.covered = (0..all.len() as u32).filter(is_covered).collect();
-    let names = &scene.body.skeleton.names;
-    let head = names
-        .iter()
-        .position(|name| name == "head")
-        .expect("a head");
-    let mut change = PoseChange::none(joints);
-    change.0[3 * head + 1] = WRONG[0] as f32;
-    let held = Wish {
-        step: 0.0,
-        precision: WRONG[1].powi(-2),
-    };
-    let wishes = Wishes {
-        given: vec![held; 3 * (joints + 1)],
-        all: vec![held; 3 * (joints + 1)],
-    };
-    let (pose, looks) = (change.of(&scene.pose), looks(&scene.config.refinement));
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let fitter = scene.fitter(&avatar);
-    let fit = fitter.step(&pose, &scene.picture(), &wishes, &looks, &mut rng);
-    let fit = fit.expect("reads").expect("a step");
-    -fit.step[3 * head + 1] / WRONG[0]
-}
-
-#[test]
-fn a_head_that_counts_more_turns_back_farther() {
-    let even = taken_back(|config| config.alike(config.fine_blur[1]));
-    let fine = taken_back(|config| config.fine(1.0));
-    assert!(even > 0.0 && fine > 3.0 * even, "{even:.3}, {fine:.3}");
 }

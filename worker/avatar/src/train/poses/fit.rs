@@ -52,8 +52,7 @@ pub(crate) fn fit_pose(
         given: poses.given_wishes(config, index),
         all: poses.wishes(config, index),
     };
-    let looks = poses.looks(config, &stage);
-    let fit = fitter.step(&pose, &picture, &wishes, &looks, rng)?;
+    let fit = fitter.step(&pose, &picture, &wishes, stage.blur, config.noise, rng)?;
     let Some(fit) = fit else {
         return Ok(());
     };
@@ -104,11 +103,10 @@ pub(crate) fn fitted_pose(
     for step in 0..FIT_STEPS {
         let passed = f64::from(step) / f64::from(FIT_STEPS - 1);
         let given = change.wishes(config, [1.0; 2]);
-        let looks = config.alike(config.blur(Extent::Wide, passed));
-        let all = given.clone();
+        let (all, blur) = (given.clone(), config.blur(Extent::Wide, passed));
         let wishes = Wishes { given, all };
         let pose = change.of(pose);
-        let step = fitter.step(&pose, &picture, &wishes, &looks, &mut rng)?;
+        let step = fitter.step(&pose, &picture, &wishes, blur, config.noise, &mut rng)?;
         let Some(fit) = step else {
             break;
         };

@@ -5,7 +5,7 @@
 
 mod growth;
 
-use crate::config::{Extent, Looks, RefinementConfig, RefinementStage};
+use crate::config::{Extent, RefinementConfig, RefinementStage};
 use crate::fit::{Evidence, PoseChange, Wish};
 use crate::train::poses::expected_errors::ExpectedErrors;
 use serde::{Deserialize, Serialize};
@@ -125,15 +125,6 @@ impl PoseRefinement {
         match self.extent {
             Extent::Fine if !self.judged => stage.map(RefinementStage::observing),
             _ => stage,
-        }
-    }
-
-    /// How fits compare pictures at a `stage`. Until it is known whether the given poses are exact, all parts count alike, so
-    /// that the found errors are those of poses and not those of a model that has learned little.
-    pub fn looks(&self, config: &RefinementConfig, stage: &RefinementStage) -> Looks {
-        match self.extent {
-            Extent::Fine if self.judged => config.fine(stage.passed),
-            _ => config.alike(stage.blur),
         }
     }
 
