@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use yoto_capture::camera::Pose;
 use yoto_ops::splat::probe::Probe;
 
-/// Most frames that are looked at, evenly over the capture.
-const FRAMES: usize = 60;
+/// Most frames that are looked at, evenly over the capture (docs/splats.md, "Sides that no frame shows").
+const FRAMES: usize = 24;
 /// Part of a splat's footprint that some frame shows of it if it is seen at all. What is below is hidden by others in
 /// every frame: its colour changes no training picture (docs/splats.md, "Sides that no frame shows").
 const SHOWN: f32 = 0.1;
