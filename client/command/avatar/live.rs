@@ -1,6 +1,6 @@
 //! Keeps the page up to date while the person is trained: state, progress, and the picture of each checkpoint. The browser
-//! reloads it until the final page replaces it, or it says why there is none. There is no server: the page needs only itself
-//! and the files beside it.
+//! reloads it until the final page replaces it, or the page says why the training failed. No server is needed: the page loads
+//! nothing but the files beside it.
 
 use super::live_page::html;
 use super::page::{check, put};

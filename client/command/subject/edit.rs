@@ -41,7 +41,7 @@ impl Edit {
             let taken = known
                 .iter()
                 .find(|it| it.display_name == name && it.name != subject.name);
-            ensure!(taken.is_none(), "there is a person called '{name}' already");
+            ensure!(taken.is_none(), "another person is already called '{name}'");
         }
         let subject = client.update_subject(&subject, name, note).await?;
         say!(

@@ -1,7 +1,7 @@
 //! Numbers that trackers give to one person, one after the other.
 //!
-//! A tracker that loses a person for some frames goes on with a new number. Tracks are one person's if the second begins soon after the
-//! first ends, near to where that one ended, and nobody else begins or ends there.
+//! A tracker that loses a person for some frames goes on with a new number. Two tracks belong to one person if the second begins
+//! soon after the first ends, near the same place, and nobody else begins or ends there.
 
 use yoto_terminal::progress::count;
 

@@ -11,78 +11,67 @@ const NAMED: usize = 6;
 
 /// What a file's contents are told by, and what to do with it.
 struct Kind {
-    /// Keys of which all are there.
-    keys: &'static [&'static str],
+    /// Sets of keys. A file that has all keys of one set is of this kind.
+    keys: &'static [&'static [&'static str]],
     words: &'static str,
 }
 
 /// Files that people confuse with those that an import takes, the surest first.
-const KINDS: [Kind; 16] = [
+const KINDS: [Kind; 12] = [
     Kind {
-        keys: &["bbx_xyxy"],
+        keys: &[&["bbx_xyxy"], &["bbx_xys"]],
         words: "this is GVHMR's file of boxes; its poses are in hmr4d_results.pt",
     },
     Kind {
-        keys: &["bbx_xys"],
-        words: "this is GVHMR's file of boxes; its poses are in hmr4d_results.pt",
-    },
-    Kind {
-        keys: &["f_imgseq"],
+        keys: &[&["f_imgseq"]],
         words: "this is GVHMR's file of features; its poses are in hmr4d_results.pt",
     },
     Kind {
-        keys: &["keypoints", "bbox", "frame_id"],
+        keys: &[
+            &["keypoints", "bbox", "frame_id"],
+            &["features", "flipped_features"],
+        ],
         words: "this is WHAM's file of tracks; its poses are in wham_output.pkl (--save_pkl)",
     },
     Kind {
-        keys: &["features", "flipped_features"],
-        words: "this is WHAM's file of tracks; its poses are in wham_output.pkl (--save_pkl)",
-    },
-    Kind {
-        keys: &["pred_keypoints_3d"],
+        keys: &[&["pred_keypoints_3d"]],
         words: "this is SAM 3D Body's, without pred_joint_coords or pred_cam_t: save these two of its dictionary as well",
     },
     Kind {
-        keys: &["poses", "trans"],
+        keys: &[&["poses", "trans"], &["root_orient", "pose_body"]],
         words: "this is a motion: it moves a trained person (yoto render --motion-file), and has no camera for a clip",
     },
     Kind {
-        keys: &["root_orient", "pose_body"],
-        words: "this is a motion: it moves a trained person (yoto render --motion-file), and has no camera for a clip",
-    },
-    Kind {
-        keys: &["smpl_poses", "smpl_trans"],
+        keys: &[&["smpl_poses", "smpl_trans"]],
         words: "this is AIST++'s motion: as an .npz of poses and trans it moves a trained person (--motion-file)",
     },
     Kind {
-        keys: &["global_orient", "body_pose", "transl"],
+        keys: &[
+            &["global_orient", "body_pose", "transl"],
+            &["thetas", "transl"],
+        ],
         words: "these are SMPL's poses without a camera: InstantAvatar's captures have a cameras.npz beside them; as a \
                 motion, they move a trained person (--motion-file)",
     },
     Kind {
-        keys: &["thetas", "transl"],
-        words: "these are SMPL's poses without a camera: InstantAvatar's captures have a cameras.npz beside them; as a \
-                motion, they move a trained person (--motion-file)",
-    },
-    Kind {
-        keys: &["J_regressor", "v_template"],
+        keys: &[&["J_regressor", "v_template"]],
         words: "this is a body model: --smpl takes it",
     },
     Kind {
-        keys: &["skeleton", "frames", "image_size"],
+        keys: &[&["skeleton", "frames", "image_size"]],
         words: "this is a capture's pose track: its folder is imported itself, and as a motion it moves a trained person \
                 (--motion-file)",
     },
     Kind {
-        keys: &["intrinsic", "extrinsic"],
+        keys: &[&["intrinsic", "extrinsic"]],
         words: "this is a file of cameras, not of poses",
     },
     Kind {
-        keys: &["img_focal", "img_center"],
+        keys: &[&["img_focal", "img_center"]],
         words: "this is TRAM's camera; its poses are in hps/hps_track_*.npy",
     },
     Kind {
-        keys: &["pred_cam", "pred_vertices"],
+        keys: &[&["pred_cam", "pred_vertices"]],
         words: "these are the raw outputs of a network, without a translation in the clip's camera",
     },
 ];
@@ -155,7 +144,8 @@ pub(crate) fn what(path: &Path) -> Option<String> {
 }
 
 fn kind(value: &Value) -> Option<&'static str> {
-    let has = |kind: &&Kind| kind.keys.iter().all(|key| value.get(key).is_some());
+    let has_all = |keys: &&[&str]| keys.iter().all(|key| value.get(key).is_some());
+    let has = |kind: &&Kind| kind.keys.iter().any(has_all);
     KINDS.iter().find(has).map(|kind| kind.words)
 }
 

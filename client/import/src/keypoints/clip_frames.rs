@@ -73,8 +73,8 @@ fn times(frames: &mut [FrameDetections], count: usize) -> Option<String> {
     })
 }
 
-/// Leaves out the few frames beyond the clip's end. One that is its count stays unless there is a frame 0, since it tells that the detector
-/// counts from 1.
+/// Leaves out the few frames beyond the clip's end. A frame whose number is the clip's count stays unless there is a frame 0: it tells
+/// that the detector counts from 1.
 fn end(frames: &mut Vec<FrameDetections>, count: usize) -> Option<String> {
     if frames.last()?.number >= too_far(count) {
         return None;

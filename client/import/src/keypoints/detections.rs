@@ -221,7 +221,7 @@ pub(super) fn whole(part: &Part<'_>) -> Result<usize, ClientError> {
     if number >= 0.0 && number.fract() == 0.0 {
         return Ok(number as usize);
     }
-    Err(part.fault("OUT_OF_RANGE", format!("{number} is no number of a frame")))
+    Err(part.fault("OUT_OF_RANGE", format!("{number} is not a frame number")))
 }
 
 /// The numbers in a file's name, without its ending.

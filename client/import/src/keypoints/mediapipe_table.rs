@@ -66,7 +66,7 @@ fn row(line: &str) -> Result<Row, String> {
         return Err("there is nothing in it".to_owned());
     };
     if !(number >= 0.0 && number.fract() == 0.0) {
-        return Err(format!("{number} is no number of a frame"));
+        return Err(format!("{number} is not a frame number"));
     }
     let width = values.len() / POINTS;
     if values.len() != width * POINTS || !(3..=4).contains(&width) {

@@ -215,7 +215,7 @@ fn points_of(columns: &Columns, cells: &[&str], order: usize) -> Result<Line, St
         Some(at) => {
             let frame = number(Some(at), 0.0)?;
             if !(frame >= 0.0 && frame.fract() == 0.0) {
-                return Err(format!("{frame} is no number of a frame"));
+                return Err(format!("{frame} is not a frame number"));
             }
             frame as usize
         }

@@ -95,8 +95,7 @@ pub(super) fn read(
         }
         for (of_frame, part) in of_file(&root)? {
             let Some(number) = of_frame.or(number) else {
-                let message =
-                    "there is no number of a frame in the file's name, nor frame_idx in the file";
+                let message = "the file's name has no frame number, and the file has no frame_idx";
                 return Err(source.fault("BAD_NAME", file, None, "", message));
             };
             let read =

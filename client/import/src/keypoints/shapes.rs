@@ -50,7 +50,7 @@ const BODY_MODELS: [&str; 5] = ["trans", "transl", "betas", "global_orient", "th
 /// A quarter of all hips are this close to the origin where points are in space, around the hips, metres.
 const AT_HIPS: f64 = 0.05;
 
-/// A point: x, y, a third number, and a score; NaN where there is none.
+/// A point: x, y, a third number, and a score. A missing number is NaN.
 type Point = [f64; 4];
 
 /// The points of a body, with their names if the file has names.
@@ -280,7 +280,7 @@ fn people(frame: &Part<'_>) -> Option<Vec<Body>> {
     (0..count).map(|at| body(&frame.at(at).ok()?)).collect()
 }
 
-/// The points of a body; `None` of what is none.
+/// The points of a body; `None` if `part` is not a body.
 fn body(part: &Part<'_>) -> Option<Body> {
     if let Some(points) = any(part, &POINTS) {
         return body(&points);

@@ -56,7 +56,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     for name in source.list(folder, &[".json"])? {
         let name = name.trim_start_matches('/');
         let number = number_in(name).ok_or_else(|| {
-            let message = "the name has no number of a frame";
+            let message = "the name has no frame number";
             source.fault("BAD_NAME", name, None, "", message)
         })?;
         let read = source.data(name, Some(number as u32));

@@ -38,7 +38,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
         let number = number
             .and_then(|number| number.checked_sub(1))
             .ok_or_else(|| {
-                let message = "the name has no number of a frame, from 1";
+                let message = "the name has no frame number, counted from 1";
                 source.fault("BAD_NAME", name, None, "", message)
             })?;
         let read = source.data(name, Some(number as u32));

@@ -2,7 +2,7 @@
 //!
 //! Such a lease is an attempt with a deadline. Its end never ends the job: its ranges go to others.
 
-use super::leases::{Ask, gap};
+use super::leases::{Ask, begin_attempt, gap};
 use super::{attempts, jobs, outcome};
 use crate::store::db::{Tx, sql};
 use crate::store::{Ending, LeaseKey, StoreError};
@@ -17,21 +17,15 @@ pub async fn begin(
 ) -> Result<Option<LeaseKey>, StoreError> {
     let row = sql(
         "UPDATE jobs SET last_token = last_token + $2, sequence = sequence + 1
-         WHERE id = $1 AND state = 'RUNNING' AND cancel_requested = 0 RETURNING last_token",
+         WHERE id = $1 AND state = 'RUNNING' AND cancel_requested = 0 RETURNING last_token AS lease",
     )
     .bind(job_id)
     .bind(gap())
     .row(tx, "leasing a part of a render")
     .await?;
-    let Some(row) = row else {
+    let Some(key) = begin_attempt(tx, ask, job_id, row).await? else {
         return Ok(None);
     };
-    let key = LeaseKey {
-        job_id: job_id.to_owned(),
-        worker_id: ask.worker_id.to_owned(),
-        token: row.number("last_token")?,
-    };
-    attempts::begin(tx, &key).await?;
     sql(
         "UPDATE job_attempts SET lease_deadline = $3, lease_request = $4
          WHERE job = $1 AND lease = $2",

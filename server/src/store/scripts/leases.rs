@@ -9,7 +9,7 @@ use super::{
     workers,
 };
 use crate::checkpoints::retention::Retention;
-use crate::store::db::{Lock, Statement, Tx, integer, sql};
+use crate::store::db::{Lock, Row, Statement, Tx, integer, sql};
 use crate::store::{LeaseKey, LeasedJob, StoreError};
 use crate::tenant::Tenant;
 use prost::Message;
@@ -154,6 +154,16 @@ pub(super) async fn begin(
     .bind(gap())
     .row(tx, "leasing a job")
     .await?;
+    begin_attempt(tx, ask, job_id, row).await
+}
+
+/// The lease in the `row` of a statement that gave one, and its attempt; `None` without a row.
+pub(super) async fn begin_attempt(
+    tx: &mut Tx,
+    ask: &Ask<'_>,
+    job_id: &str,
+    row: Option<Row>,
+) -> Result<Option<LeaseKey>, StoreError> {
     let Some(row) = row else {
         return Ok(None);
     };

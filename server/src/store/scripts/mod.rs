@@ -20,6 +20,7 @@ pub mod metrics;
 pub mod models;
 pub mod outcome;
 pub mod outputs;
+mod page;
 pub mod pauses;
 pub mod pins;
 pub mod queue;

@@ -1,6 +1,6 @@
 //! Subjects, and the shard of each.
 
-use super::requests;
+use super::{page, requests};
 use crate::rules::etag;
 use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, new_id};
@@ -105,14 +105,7 @@ pub async fn list(
             .bind(tenant.id())
             .rows(tx, "listing subjects")
             .await?;
-    rows.iter()
-        .map(|row| {
-            Ok(Entry {
-                position: row.number("ord")?,
-                item: read(row)?,
-            })
-        })
-        .collect()
+    page::entries(&rows, read)
 }
 
 /// The shard of the subject's newest READY capture.

@@ -1,5 +1,6 @@
 //! Workers and the kinds of jobs that they run.
 
+use super::page;
 use super::steps::age;
 use crate::store::db::{Row, Tx, sql};
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
@@ -108,14 +109,7 @@ pub async fn list(
     .bind(tenant.id())
     .rows(tx, "listing workers")
     .await?;
-    rows.iter()
-        .map(|row| {
-            Ok(Entry {
-                position: row.number("ord")?,
-                item: read(row)?,
-            })
-        })
-        .collect()
+    page::entries(&rows, read)
 }
 
 /// Forgets workers that registered more than `keep` seconds ago and that neither a job nor its history names.
