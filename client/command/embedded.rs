@@ -22,8 +22,8 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
-    Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig, ServerError, StorageLimits,
-    in_memory,
+    Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl, ServerConfig, ServerError,
+    StorageLimits, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -39,8 +39,10 @@ const SLACK: Duration = Duration::from_secs(5);
 /// Settings of the embedded service.
 #[derive(Debug, Clone)]
 pub struct EmbeddedOptions {
-    /// Folder of database and objects.
+    /// Folder of objects, and of the database unless another one is named.
     pub data: PathBuf,
+    /// A database of PostgreSQL.
+    pub database: Option<PostgresUrl>,
     /// Address for clients of other processes, if any.
     pub listen: Option<SocketAddr>,
     /// Whether to run jobs in this process.
@@ -128,6 +130,7 @@ impl Embedded {
             .and_then(|listener| listener.local_addr().ok());
         let config = ServerConfig {
             shutdown_grace: SERVER_GRACE,
+            database: options.database,
             storage: options.storage,
             ..ServerConfig::new(&options.data)
         };
@@ -357,6 +360,7 @@ mod tests {
     fn options(data: PathBuf) -> EmbeddedOptions {
         EmbeddedOptions {
             data,
+            database: None,
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
             worker: true,
             ingest: IngestSettings::default(),

@@ -1,4 +1,5 @@
-//! The clock of the service. All times come from the coordinator, never from a worker or the database.
+//! The clock of the service. All times come from the coordinator, or from its database if other coordinators can have that
+//! too, and never from a worker.
 
 use std::fmt::Debug;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -11,6 +12,11 @@ pub trait Clock: Debug + Send + Sync {
 
     /// Seconds since some moment of this process, on a monotonic clock.
     fn steady(&self) -> f64;
+
+    /// Whether this is the system's clock, which a database that has a clock of its own replaces.
+    fn is_system(&self) -> bool {
+        false
+    }
 
     /// [`Clock::now`] as a [`SystemTime`].
     fn time(&self) -> SystemTime {
@@ -33,6 +39,10 @@ impl Clock for SystemClock {
         let since = SystemTime::now().duration_since(UNIX_EPOCH);
         // Times before 1970 become 1970.
         since.map_or(0.0, |since| since.as_secs_f64())
+    }
+
+    fn is_system(&self) -> bool {
+        true
     }
 
     fn steady(&self) -> f64 {

@@ -4,6 +4,7 @@ use crate::checkpoints::retention::Retention;
 use crate::clock::{Clock, SystemClock};
 use crate::error::ServerError;
 use crate::faults::Faults;
+use crate::store::PostgresUrl;
 use crate::traffic::TrafficLimits;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,8 +15,10 @@ use yoto_proto::limits;
 /// Settings of a [`crate::Coordinator`].
 #[derive(Debug, Clone)]
 pub struct ServerConfig {
-    /// Folder of the database, the lock, and (by default) the objects.
+    /// Folder of the lock, and by default of the database and the objects.
     pub data_dir: PathBuf,
+    /// The database; none means a file of SQLite in the data folder.
+    pub database: Option<PostgresUrl>,
     /// Where objects are stored, `file:///…`; none means `objects/` in the data folder.
     pub objects: Option<Url>,
     /// Longest silence of a worker before its job goes to another.
@@ -24,7 +27,7 @@ pub struct ServerConfig {
     pub reap_interval: Duration,
     /// Number of lost workers after which a job FAILS, counted from its last published checkpoint.
     pub max_lost_workers: u32,
-    /// The clock of jobs and leases.
+    /// The clock of jobs and leases. The system's clock is replaced by the one of PostgreSQL.
     pub clock: Arc<dyn Clock>,
     /// Interval between reads of a watched job without announced changes.
     pub watch_poll: Duration,
@@ -115,6 +118,7 @@ impl ServerConfig {
     pub fn new(data_dir: impl Into<PathBuf>) -> Self {
         Self {
             data_dir: data_dir.into(),
+            database: None,
             objects: None,
             lease_seconds: 20.0,
             reap_interval: Duration::from_millis(500),

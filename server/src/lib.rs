@@ -33,7 +33,7 @@ pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use listen::tcp;
-pub use store::StoreError;
+pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use traffic::TrafficLimits;
 pub use yoto_objects::ObjectsError;
@@ -58,7 +58,7 @@ use tonic::transport::server::Connected;
 use uploads::UploadLocks;
 use url::Url;
 
-/// The database's file in the data folder.
+/// The database's file in the data folder, unless the configuration names a database of PostgreSQL.
 const DATABASE_FILE: &str = "yoto.db";
 /// The objects' folder in the data folder.
 const OBJECTS_FOLDER: &str = "objects";
@@ -87,7 +87,11 @@ impl Coordinator {
             None => folder_url(&data_dir.join(OBJECTS_FOLDER))?,
         };
         let (disk, objects) = ObjectDisk::open(&objects_url)?;
-        let store = Store::open_sqlite(&data_dir.join(DATABASE_FILE), config.clock.clone()).await?;
+        let clock = config.clock.clone();
+        let store = match &config.database {
+            Some(url) => Store::open_postgres(url, clock).await?,
+            None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await?,
+        };
         let started = config.clock.time();
         let context = Arc::new(Context {
             config,

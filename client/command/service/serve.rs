@@ -6,11 +6,12 @@ use clap::Args;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
-use yoto_server::StorageLimits;
+use yoto_server::{PostgresUrl, StorageLimits};
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
-checkpoints, renders). Only one process can serve a folder at a time.
+checkpoints, renders). Only one process can serve a folder at a time. --database has the rows in
+PostgreSQL; the objects stay in the folder.
 
 SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
 queue, and the process ends, even with connected clients.
@@ -18,6 +19,7 @@ queue, and the process ends, even with connected clients.
 Examples:
   yoto serve
   yoto serve --data /srv/yoto --listen 127.0.0.1:6000
+  yoto serve --database postgres://yoto@db.example/yoto?sslmode=verify-full
   grpcurl -plaintext 127.0.0.1:50051 list";
 
 /// Run the service on this machine: API, jobs, storage and a worker.
@@ -27,6 +29,15 @@ pub(crate) struct Serve {
     /// Folder for database and objects; created if missing.
     #[arg(long, value_name = "DIR", default_value = "./yoto-data")]
     data: PathBuf,
+    /// PostgreSQL database, postgres://USER@HOST/NAME, instead of SQLite in the data folder. A
+    /// password can be in PGPASSWORD or ~/.pgpass.
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "YOTO_DATABASE",
+        hide_env_values = true
+    )]
+    database: Option<PostgresUrl>,
     /// Address to listen at: host and port.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051", value_parser = address)]
     listen: SocketAddr,
@@ -85,23 +96,34 @@ impl Storage {
 }
 
 impl Serve {
+    /// Where its state is, for people.
+    fn place(&self) -> String {
+        let data = self.data.display();
+        match &self.database {
+            Some(url) => format!("{data}, with {url}"),
+            None => data.to_string(),
+        }
+    }
+
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         check_exposure(self.listen, self.insecure)?;
         keep_private();
         let options = EmbeddedOptions {
             data: self.data.clone(),
+            database: self.database.clone(),
             listen: Some(self.listen),
             worker: !self.no_worker,
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
-            scratch: self.scratch,
+            scratch: self.scratch.clone(),
         };
+        let place = self.place();
         let mut service = Embedded::start(options)
             .await
-            .with_context(|| format!("starting the service in {}", self.data.display()))?;
+            .with_context(|| format!("starting the service in {place}"))?;
         if let Some(address) = service.address() {
-            tell!("yoto serves http://{address} from {}", self.data.display());
+            tell!("yoto serves http://{address} from {place}");
             tell!("objects at {}", service.objects_url());
         }
         if !self.no_worker {

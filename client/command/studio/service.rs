@@ -21,6 +21,7 @@ pub async fn with_service<T>(
     close_to_others(&data)?;
     let mut service = Embedded::start(EmbeddedOptions {
         data,
+        database: None,
         listen: None,
         worker: true,
         ingest,

@@ -72,7 +72,9 @@ fn store(error: StoreError) -> Status {
             let text = "another call changed the same thing first; try again".to_owned();
             status(Reason::Conflict, text, &[])
         }
-        error @ (StoreError::Database { .. } | StoreError::Corrupt { .. }) => internal(&error),
+        error @ (StoreError::Database { .. }
+        | StoreError::Corrupt { .. }
+        | StoreError::Unusable(_)) => internal(&error),
     }
 }
 

@@ -7,9 +7,15 @@
 mod access;
 mod db;
 mod job_types;
+#[cfg(test)]
+mod race_tests;
 mod scripts;
+#[cfg(test)]
+mod stage;
+mod transaction;
 mod types;
 
+pub use db::{PostgresUrl, UrlError};
 pub use job_types::{
     Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped,
     TakenRange,
@@ -22,9 +28,7 @@ pub use types::{
 
 use crate::clock::Clock;
 use crate::rules::steps::Reading;
-use crate::tenant::Tenant;
-use db::{Database, Tx};
-use scripts::leases;
+use db::Database;
 use std::path::Path;
 use std::sync::Arc;
 use tokio::sync::Mutex;
@@ -43,19 +47,28 @@ impl Store {
     /// `clock`.
     ///
     /// # Errors
-    /// When the file can't be opened, or holds a schema that is newer or altered.
+    /// When the file can't be opened, or is of another program or a newer version.
     pub async fn open_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
-        Ok(Self {
-            db: Database::open_sqlite(path, clock).await?,
-            first_reading: Mutex::default(),
-        })
+        Ok(Self::of(Database::open_sqlite(path, clock).await?))
     }
 
-    /// Starts a write under a lease, whose job and worker must be of the tenant.
-    async fn write_under(&self, tenant: &Tenant, lease: &LeaseKey) -> Result<Tx, StoreError> {
-        let mut tx = self.db.write().await?;
-        leases::require(&mut tx, tenant, lease).await?;
-        Ok(tx)
+    /// Opens a database of PostgreSQL and brings its schema up to date. Jobs and leases run by the database's clock, unless
+    /// `clock` is a test's.
+    ///
+    /// # Errors
+    /// When the database can't be reached, is in use by another coordinator, or is of another program or a newer version.
+    pub async fn open_postgres(
+        url: &PostgresUrl,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        Ok(Self::of(Database::open_postgres(url, clock).await?))
+    }
+
+    fn of(db: Database) -> Self {
+        Self {
+            db,
+            first_reading: Mutex::default(),
+        }
     }
 
     /// Waits for running statements and closes the database.

@@ -22,14 +22,19 @@ pub fn new_id() -> String {
 /// An error of the store.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// The database is locked, or its disk is full. The same call may succeed later.
+    /// The database is locked or can't be reached, or its disk is full. The same call may succeed later.
     #[error("{action}: {cause}")]
     Unavailable {
         /// The failed action.
         action: &'static str,
         /// The driver's error.
         cause: Box<dyn std::error::Error + Send + Sync>,
+        /// Whether the database has rolled the transaction back for reasons of its own, so that the store runs it again.
+        rolled_back: bool,
     },
+    /// The database can't be used: the reason, and what to do.
+    #[error("the database {0}")]
+    Unusable(String),
     /// A row violates a constraint, because another call changed the database first.
     #[error("{action}: {cause}")]
     Conflict {

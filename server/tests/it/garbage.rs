@@ -170,7 +170,7 @@ async fn an_upload_that_was_read_is_kept_for_a_while() {
     service.collect(false, true).await;
     assert!(service.has(&upload));
     let earlier = "UPDATE captures SET idle_since = idle_since - 3601";
-    support::sql(&service.dir.path().join("yoto.db"), earlier).await;
+    service.database.run(earlier).await;
     service.collect(false, false).await;
     assert!(!service.has(keys::folder(&upload)));
 }

@@ -1,7 +1,7 @@
 //! Leases: guarded writes, lost workers, ends of jobs. The clock is the tests' own.
 
 use crate::support::{
-    Service, Trained, assert_invalid, assert_refused, claim, id, job_error, job_name, sql,
+    Service, Trained, assert_invalid, assert_refused, claim, id, job_error, job_name,
 };
 use std::sync::Arc;
 use tonic::{Code, Status};
@@ -429,13 +429,19 @@ async fn a_lease_that_no_worker_can_read_ends_its_job() {
     let [long, next] = [(); 2].map(|()| service.render(&model, &subject, ""));
     let (long, next) = (long.await, next.await);
     // Rows from an earlier version without limits: 60,000 files with names of 600 bytes.
-    let files = format!(
-        "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 60000)
+    let files = |name| {
+        format!(
+            "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 60000)
          INSERT INTO job_outputs (job, file, key, bytes, sha256)
-         SELECT '{}', printf('%0600d', i), 'key', 1, '' FROM n",
-        id(&long.name)
+         SELECT '{}', {name}, 'key', 1, '' FROM n",
+            id(&long.name)
+        )
+    };
+    let (sqlite, postgres) = (
+        files("printf('%0600d', i)"),
+        files("lpad(i::text, 600, '0')"),
     );
-    sql(&service.dir.path().join("yoto.db"), &files).await;
+    service.database.run_either(&sqlite, &postgres).await;
     assert!(service.lease(&worker).await.is_none());
     let ended = service.get_job(&long.name).await;
     assert_eq!(ended.state(), job::State::Failed);

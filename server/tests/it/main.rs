@@ -13,6 +13,7 @@ mod garbage;
 mod helpers;
 mod leases;
 mod metrics;
+mod postgres;
 mod queue;
 mod results;
 mod retention;

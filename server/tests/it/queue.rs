@@ -1,6 +1,5 @@
 //! The queue: its order, pauses, and inputs that were chosen when a job was queued.
 
-use crate::support;
 use crate::support::{
     Service, Trained, assert_invalid, assert_refused, claim, eventually, id, job_name,
 };
@@ -177,10 +176,10 @@ async fn a_job_without_its_inputs_fails_and_does_not_stand_before_the_others() {
     let broken = service.train(&service.model_of(&ada).await).await;
     let other = service.train(&service.model_of(&ada).await).await;
     // Only a damaged database can leave a job without captures.
-    let database = service.dir.path().join("yoto.db");
     let job = id(&broken.name);
-    let damage = format!("UPDATE jobs SET spec = x'ff' WHERE id = '{job}'");
-    support::sql(&database, &damage).await;
+    let damage = |spec| format!("UPDATE jobs SET spec = {spec} WHERE id = '{job}'");
+    let (sqlite, postgres) = (damage("x'ff'"), damage(r"'\xff'"));
+    service.database.run_either(&sqlite, &postgres).await;
     let worker = service.worker(&["train"]).await;
     let lease = service.lease(&worker).await.expect("the other one waits");
     assert_eq!(job_name(&lease), other.name);

@@ -1,6 +1,6 @@
 //! Orders of jobs that ended without success, queued again.
 
-use crate::support::{Service, assert_refused, id, job_error, sql};
+use crate::support::{Service, assert_refused, id, job_error};
 use tonic::{Code, Status};
 use yoto_proto::v1::{
     CancelJobRequest, CreateJobRequest, Job, JobPriority, JobSpec, RetryJobRequest, TrainSpec,
@@ -81,8 +81,7 @@ async fn a_retry_is_checked_as_a_new_order_is() {
         request_id: String::new(),
     };
     service.jobs().cancel_job(cancel).await.expect("ends");
-    let database = service.dir.path().join("yoto.db");
-    sql(&database, "DELETE FROM checkpoints").await;
+    service.database.run("DELETE FROM checkpoints").await;
     let refused = retry(&service, &render.name, "").await;
     assert_refused(refused, Code::NotFound, "NOT_FOUND");
 }

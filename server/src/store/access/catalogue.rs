@@ -2,6 +2,7 @@
 
 use crate::checkpoints::retention::Retention;
 use crate::store::scripts::{capture_objects, captures, checkpoints, deletion, models, subjects};
+use crate::store::transaction::transaction;
 use crate::store::{
     Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, SubjectChange, Target,
     UploadedFile,
@@ -20,10 +21,12 @@ impl Store {
         new: NewSubject,
         request: Option<RequestKey>,
     ) -> Result<Subject, StoreError> {
-        let mut tx = self.db.write().await?;
-        let subject = subjects::create(&mut tx, tenant, new, request).await?;
-        tx.commit().await?;
-        Ok(subject)
+        transaction!(self, |tx| subjects::create(
+            tx,
+            tenant,
+            new.clone(),
+            request.clone()
+        ))
     }
 
     /// A subject by id.
@@ -48,10 +51,13 @@ impl Store {
         change: SubjectChange,
         etag: &str,
     ) -> Result<Subject, StoreError> {
-        let mut tx = self.db.write().await?;
-        let subject = subjects::update(&mut tx, tenant, id, change, etag).await?;
-        tx.commit().await?;
-        Ok(subject)
+        transaction!(self, |tx| subjects::update(
+            tx,
+            tenant,
+            id,
+            change.clone(),
+            etag
+        ))
     }
 
     /// The shard of the subject's newest READY capture.
@@ -105,10 +111,12 @@ impl Store {
         new: NewModel,
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
-        let mut tx = self.db.write().await?;
-        let model = models::create(&mut tx, tenant, new, request).await?;
-        tx.commit().await?;
-        Ok(model)
+        transaction!(self, |tx| models::create(
+            tx,
+            tenant,
+            new.clone(),
+            request.clone()
+        ))
     }
 
     /// A model by id, with its slots.
@@ -133,10 +141,13 @@ impl Store {
         subject_id: &str,
         request: Option<RequestKey>,
     ) -> Result<IdentitySlot, StoreError> {
-        let mut tx = self.db.write().await?;
-        let slot = models::add_identity(&mut tx, tenant, model_id, subject_id, request).await?;
-        tx.commit().await?;
-        Ok(slot)
+        transaction!(self, |tx| models::add_identity(
+            tx,
+            tenant,
+            model_id,
+            subject_id,
+            request.clone()
+        ))
     }
 
     /// Removes a subject's slot that no checkpoint was trained with.
@@ -147,10 +158,13 @@ impl Store {
         subject_id: &str,
         request: Option<RequestKey>,
     ) -> Result<Model, StoreError> {
-        let mut tx = self.db.write().await?;
-        let model = models::remove_identity(&mut tx, tenant, model_id, subject_id, request).await?;
-        tx.commit().await?;
-        Ok(model)
+        transaction!(self, |tx| models::remove_identity(
+            tx,
+            tenant,
+            model_id,
+            subject_id,
+            request.clone()
+        ))
     }
 
     /// Checkpoints of a model, newest first, at most `limit`.
@@ -183,11 +197,9 @@ impl Store {
         default: Retention,
         etag: &str,
     ) -> Result<Model, StoreError> {
-        let mut tx = self.db.write().await?;
-        let model =
-            models::set_retention(&mut tx, tenant, model_id, &retention, default, etag).await?;
-        tx.commit().await?;
-        Ok(model)
+        transaction!(self, |tx| models::set_retention(
+            tx, tenant, model_id, &retention, default, etag
+        ))
     }
 
     /// Deletes the rows of a resource that no open job uses, and notes its objects as garbage, in one
@@ -199,9 +211,12 @@ impl Store {
         etag: &str,
         request: Option<RequestKey>,
     ) -> Result<Deleted, StoreError> {
-        let mut tx = self.db.write().await?;
-        let deleted = deletion::delete(&mut tx, tenant, target, etag, request).await?;
-        tx.commit().await?;
-        Ok(deleted)
+        transaction!(self, |tx| deletion::delete(
+            tx,
+            tenant,
+            target,
+            etag,
+            request.clone()
+        ))
     }
 }

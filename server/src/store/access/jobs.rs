@@ -1,6 +1,7 @@
 //! Jobs for their owners, and answers to repeated requests.
 
 use crate::store::scripts::{jobs, metrics, outputs, pauses, requests, versions};
+use crate::store::transaction::transaction;
 use crate::store::{
     Entry, JobFilter, JobKind, JobVersions, NewJob, Page, RequestKey, Store, StoreError,
 };
@@ -24,10 +25,12 @@ impl Store {
         new: NewJob,
         request: Option<RequestKey>,
     ) -> Result<Job, StoreError> {
-        let mut tx = self.db.write().await?;
-        let job = jobs::create(&mut tx, tenant, new, request).await?;
-        tx.commit().await?;
-        Ok(job)
+        transaction!(self, |tx| jobs::create(
+            tx,
+            tenant,
+            new.clone(),
+            request.clone()
+        ))
     }
 
     /// A job by id.
@@ -95,10 +98,7 @@ impl Store {
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Job, StoreError> {
-        let mut tx = self.db.write().await?;
-        let job = jobs::cancel(&mut tx, tenant, id, request).await?;
-        tx.commit().await?;
-        Ok(job)
+        transaction!(self, |tx| jobs::cancel(tx, tenant, id, request.clone()))
     }
 
     /// Stops leasing jobs of a kind, for a reason.
@@ -108,16 +108,12 @@ impl Store {
         kind: JobKind,
         reason: &str,
     ) -> Result<(), StoreError> {
-        let mut tx = self.db.write().await?;
-        pauses::pause(&mut tx, tenant, kind, reason).await?;
-        tx.commit().await
+        transaction!(self, |tx| pauses::pause(tx, tenant, kind, reason))
     }
 
     /// Leases jobs of a kind again.
     pub async fn resume_jobs(&self, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
-        let mut tx = self.db.write().await?;
-        pauses::resume(&mut tx, tenant, kind).await?;
-        tx.commit().await
+        transaction!(self, |tx| pauses::resume(tx, tenant, kind))
     }
 
     /// Kinds of jobs that are not leased.

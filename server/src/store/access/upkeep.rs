@@ -1,8 +1,10 @@
 //! What the service does by itself, for all tenants: time, lost workers, garbage.
 
 use crate::rules::steps::Reading;
+use crate::store::db::Lock;
 use crate::store::scripts::reaping::Lost;
 use crate::store::scripts::{attempts, garbage, reaping, requests, steps, uploads, workers};
+use crate::store::transaction::transaction;
 use crate::store::{Horizons, KnownGarbage, Reaped, Reference, Store, StoreError};
 
 impl Store {
@@ -12,10 +14,11 @@ impl Store {
         if !reaping::is_due(&mut self.db.read().await?, lease_seconds).await? {
             return Ok(Vec::new());
         }
-        let mut tx = self.db.write().await?;
-        let lost = reaping::tick(&mut tx, lease_seconds).await?;
-        tx.commit().await?;
-        self.take_back(&lost, cap).await
+        let lost: Result<_, StoreError> = transaction!(self, |tx| async {
+            tx.lock(Lock::Reaping).await?;
+            reaping::tick(tx, lease_seconds).await
+        });
+        self.take_back(&lost?, cap).await
     }
 
     /// Takes back the jobs of workers that ran in an earlier process of the coordinator.
@@ -28,9 +31,9 @@ impl Store {
     async fn take_back(&self, lost: &[Lost], cap: u32) -> Result<Vec<Reaped>, StoreError> {
         let mut reaped = Vec::with_capacity(lost.len());
         for lost in lost {
-            let mut tx = self.db.write().await?;
-            reaped.extend(reaping::take_back(&mut tx, lost, cap).await?);
-            tx.commit().await?;
+            let back: Result<_, StoreError> =
+                transaction!(self, |tx| reaping::take_back(tx, lost, cap));
+            reaped.extend(back?);
         }
         Ok(reaped)
     }
@@ -38,22 +41,23 @@ impl Store {
     /// Deletes rows that are older than their horizon. Returns the number of rows.
     pub async fn forget(&self, horizons: Horizons) -> Result<u64, StoreError> {
         let now = self.keep_time().await?;
-        let mut tx = self.db.write().await?;
-        let requests = requests::forget(&mut tx, horizons.request_ids, now).await?;
-        let attempts = attempts::forget(&mut tx, horizons.attempts, now).await?;
-        let workers = workers::forget(&mut tx, horizons.workers, now).await?;
-        tx.commit().await?;
-        Ok(requests + attempts + workers)
+        transaction!(self, |tx| async {
+            tx.lock(Lock::Forgetting).await?;
+            let requests = requests::forget(tx, horizons.request_ids, now).await?;
+            let attempts = attempts::forget(tx, horizons.attempts, now).await?;
+            let workers = workers::forget(tx, horizons.workers, now).await?;
+            Ok(requests + attempts + workers)
+        })
     }
 
     /// Ends the open uploads without a write for `idle_seconds`, and notes their objects as garbage. Returns
     /// their ids.
     pub async fn expire_uploads(&self, idle_seconds: f64) -> Result<Vec<String>, StoreError> {
         let now = self.keep_time().await?;
-        let mut tx = self.db.write().await?;
-        let ended = uploads::expire(&mut tx, idle_seconds, now).await?;
-        tx.commit().await?;
-        Ok(ended)
+        transaction!(self, |tx| async {
+            tx.lock(Lock::Forgetting).await?;
+            uploads::expire(tx, idle_seconds, now).await
+        })
     }
 
     /// The folders that were noted as garbage.
@@ -74,9 +78,7 @@ impl Store {
 
     /// Notes the `new` folders as garbage, and deletes the notes of the `gone` ones.
     pub async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {
-        let mut tx = self.db.write().await?;
-        garbage::note(&mut tx, new, gone).await?;
-        tx.commit().await
+        transaction!(self, |tx| garbage::note(tx, new, gone))
     }
 
     /// Records the time, and a step of the clock since the last call, so that ages of rows count only running time.
@@ -84,13 +86,16 @@ impl Store {
     pub async fn keep_time(&self) -> Result<f64, StoreError> {
         // Held until the step is recorded, so that no other call records it again.
         let mut first = self.first_reading.lock().await;
-        let mut tx = self.db.write().await?;
-        let reading = Reading {
-            now: tx.now(),
-            steady: self.db.clock().steady(),
-        };
-        let step = steps::keep_time(&mut tx, *first, reading).await?;
-        tx.commit().await?;
+        self.db.renew().await?;
+        let kept: Result<_, StoreError> = transaction!(self, |tx| async {
+            let reading = Reading {
+                now: tx.now(),
+                steady: self.db.clock().steady(),
+            };
+            let step = steps::keep_time(tx, *first, reading).await?;
+            Ok((reading, step))
+        });
+        let (reading, step) = kept?;
         if let (Some(step), true) = (step, first.is_some()) {
             let seconds = step.seconds;
             tracing::warn!(

@@ -1,6 +1,7 @@
 //! Uploads, and ingest jobs of captures.
 
 use crate::store::scripts::uploads;
+use crate::store::transaction::transaction;
 use crate::store::{CommittedPart, NewUpload, RequestKey, Store, StoreError, Upload};
 use crate::tenant::Tenant;
 use yoto_proto::v1::Capture;
@@ -14,10 +15,12 @@ impl Store {
         new: NewUpload,
         request: Option<RequestKey>,
     ) -> Result<String, StoreError> {
-        let mut tx = self.db.write().await?;
-        let id = uploads::create(&mut tx, tenant, new, request).await?;
-        tx.commit().await?;
-        Ok(id)
+        transaction!(self, |tx| uploads::create(
+            tx,
+            tenant,
+            new.clone(),
+            request.clone()
+        ))
     }
 
     /// Checks that the tenant has the upload, finished or not, without reading its files.
@@ -38,9 +41,7 @@ impl Store {
         id: &str,
         parts: &[CommittedPart],
     ) -> Result<(), StoreError> {
-        let mut tx = self.db.write().await?;
-        uploads::commit(&mut tx, tenant, id, parts).await?;
-        tx.commit().await
+        transaction!(self, |tx| uploads::commit(tx, tenant, id, parts))
     }
 
     /// Forgets the bytes of a file of an open upload.
@@ -50,9 +51,7 @@ impl Store {
         id: &str,
         path: &str,
     ) -> Result<(), StoreError> {
-        let mut tx = self.db.write().await?;
-        uploads::restart(&mut tx, tenant, id, path).await?;
-        tx.commit().await
+        transaction!(self, |tx| uploads::restart(tx, tenant, id, path))
     }
 
     /// Ends a complete upload: the capture is INGESTING and its ingest job QUEUED, or neither. One that
@@ -63,10 +62,7 @@ impl Store {
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError> {
-        let mut tx = self.db.write().await?;
-        let capture = uploads::finish(&mut tx, tenant, id, request).await?;
-        tx.commit().await?;
-        Ok(capture)
+        transaction!(self, |tx| uploads::finish(tx, tenant, id, request.clone()))
     }
 
     /// Queues another ingest job of a capture that is UPLOADED or REJECTED.
@@ -76,9 +72,11 @@ impl Store {
         id: &str,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError> {
-        let mut tx = self.db.write().await?;
-        let capture = uploads::ingest_again(&mut tx, tenant, id, request).await?;
-        tx.commit().await?;
-        Ok(capture)
+        transaction!(self, |tx| uploads::ingest_again(
+            tx,
+            tenant,
+            id,
+            request.clone()
+        ))
     }
 }

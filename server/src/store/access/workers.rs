@@ -3,6 +3,7 @@
 use crate::checkpoints::retention::Retention;
 use crate::store::scripts::leases::{self, Turn};
 use crate::store::scripts::{outcome, outputs, queue, ranges, workers};
+use crate::store::transaction::transaction;
 use crate::store::{
     Ending, Entry, LeaseKey, LeaseOutcome, NewWorker, Page, Store, StoreError, TakenRange,
 };
@@ -16,10 +17,7 @@ impl Store {
         tenant: &Tenant,
         new: NewWorker,
     ) -> Result<String, StoreError> {
-        let mut tx = self.db.write().await?;
-        let id = workers::register(&mut tx, tenant, new).await?;
-        tx.commit().await?;
-        Ok(id)
+        transaction!(self, |tx| workers::register(tx, tenant, new.clone()))
     }
 
     /// The workers with `ids`, and those with a RUNNING job. The time of their last report is `lease_seconds`
@@ -75,10 +73,8 @@ impl Store {
         let mut outcome = LeaseOutcome::default();
         // One transaction for each job that is tried, so that each locks one job.
         loop {
-            let mut tx = self.db.write().await?;
-            let turn = leases::lease(&mut tx, &ask).await?;
-            tx.commit().await?;
-            match turn {
+            let turn: Result<Turn, StoreError> = transaction!(self, |tx| leases::lease(tx, &ask));
+            match turn? {
                 Turn::Leased(leased) => outcome.leased = Some(*leased),
                 Turn::Failed(job, reason) => {
                     outcome.failed.push((job, reason));
@@ -110,10 +106,10 @@ impl Store {
         progress: Option<Progress>,
         lease_seconds: f64,
     ) -> Result<bool, StoreError> {
-        let mut tx = self.write_under(tenant, lease).await?;
-        let cancel = leases::heartbeat(&mut tx, lease, progress, lease_seconds).await?;
-        tx.commit().await?;
-        Ok(cancel)
+        transaction!(self, |tx| async {
+            leases::require(tx, tenant, lease).await?;
+            leases::heartbeat(tx, lease, progress.clone(), lease_seconds).await
+        })
     }
 
     /// Puts a checkpoint of the leased train job's model into the catalogue, and removes those that the
@@ -125,9 +121,10 @@ impl Store {
         checkpoint: Checkpoint,
         default: Retention,
     ) -> Result<(), StoreError> {
-        let mut tx = self.write_under(tenant, lease).await?;
-        leases::publish(&mut tx, lease, checkpoint, default).await?;
-        tx.commit().await
+        transaction!(self, |tx| async {
+            leases::require(tx, tenant, lease).await?;
+            leases::publish(tx, lease, checkpoint.clone(), default).await
+        })
     }
 
     /// Commits a file of the leased render or export, which replaces an earlier one of the same name.
@@ -137,9 +134,10 @@ impl Store {
         lease: &LeaseKey,
         file: &RenderedFile,
     ) -> Result<(), StoreError> {
-        let mut tx = self.write_under(tenant, lease).await?;
-        outputs::commit(&mut tx, lease, file).await?;
-        tx.commit().await
+        transaction!(self, |tx| async {
+            leases::require(tx, tenant, lease).await?;
+            outputs::commit(tx, lease, file).await
+        })
     }
 
     /// Assigns the next range of a render with `pictures` pictures to the lease, and marks the range that
@@ -151,9 +149,11 @@ impl Store {
         pictures: u32,
         drawn: Option<u32>,
     ) -> Result<TakenRange, StoreError> {
-        let mut tx = self.write_under(tenant, lease).await?;
-        let (range, finished) = ranges::take(&mut tx, lease, pictures, drawn).await?;
-        tx.commit().await?;
+        let taken: Result<_, StoreError> = transaction!(self, |tx| async {
+            leases::require(tx, tenant, lease).await?;
+            ranges::take(tx, lease, pictures, drawn).await
+        });
+        let (range, finished) = taken?;
         ranges::taken(&mut self.db.read().await?, &lease.job_id, range, finished).await
     }
 
@@ -166,8 +166,9 @@ impl Store {
         lease: &LeaseKey,
         ending: Ending,
     ) -> Result<(), StoreError> {
-        let mut tx = self.write_under(tenant, lease).await?;
-        outcome::end(&mut tx, tenant, lease, ending).await?;
-        tx.commit().await
+        transaction!(self, |tx| async {
+            leases::require(tx, tenant, lease).await?;
+            outcome::end(tx, tenant, lease, ending.clone()).await
+        })
     }
 }

@@ -5,6 +5,10 @@
 /// otherwise the decision may be wrong by the time of the write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lock<'a> {
+    /// The search for lost workers, which one of several coordinators does at a time.
+    Reaping,
+    /// The search for idle uploads and for rows that are older than their horizon.
+    Forgetting,
     /// A job, with its attempts, outputs, ranges and pins.
     Job(&'a str),
     /// A model, with its slots, checkpoints and the pins on them.
@@ -28,10 +32,12 @@ impl Locks {
     #[cfg(debug_assertions)]
     pub fn take(&mut self, lock: Lock<'_>) {
         let (kind, id) = match lock {
-            Lock::Job(id) => (0, id),
-            Lock::Model(id) => (1, id),
-            Lock::Subject(id) => (2, id),
-            Lock::Capture(id) => (3, id),
+            Lock::Reaping => (0, ""),
+            Lock::Forgetting => (1, ""),
+            Lock::Job(id) => (2, id),
+            Lock::Model(id) => (3, id),
+            Lock::Subject(id) => (4, id),
+            Lock::Capture(id) => (5, id),
         };
         let lock = (kind, id.to_owned());
         let later = self.held.last().filter(|last| **last > lock);

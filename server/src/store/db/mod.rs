@@ -8,21 +8,26 @@
 //! | [`Row`] | the columns of its rows |
 //! | `failures`, `migrations` | the classes of its errors, its schema |
 //!
-//! SQLite is the only driver.
+//! The drivers are SQLite, for one process on one machine, and PostgreSQL.
 
 mod locks;
+pub mod postgres;
 mod row;
+mod schema;
 pub mod sqlite;
 mod statement;
 mod tx;
 
 pub use locks::Lock;
+pub use postgres::{PostgresUrl, UrlError};
 pub use row::{Row, integer, state};
+pub(crate) use statement::claimed;
 pub use statement::{Statement, sql};
 pub use tx::Tx;
 
 use crate::clock::Clock;
 use crate::store::StoreError;
+use postgres::Postgres;
 use sqlite::Sqlite;
 use std::path::Path;
 use std::sync::Arc;
@@ -37,21 +42,69 @@ pub struct Database {
 #[derive(Debug)]
 enum Driver {
     Sqlite(Sqlite),
+    Postgres(Box<Postgres>),
 }
 
 impl Database {
-    /// Opens a file of SQLite, creating it and bringing its schema up to date.
+    /// Opens a file of SQLite, creating it and bringing its schema up to date. The coordinator's clock tells the time.
     ///
     /// # Errors
-    /// When the file can't be opened, or holds a schema that is newer or altered.
+    /// When the file can't be opened, or is of another program or a newer version.
     pub async fn open_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
         let driver = Driver::Sqlite(Sqlite::open(path).await?);
         Ok(Self { driver, clock })
     }
 
-    /// The clock of the coordinator, with which [`Tx::now`] is set.
+    /// Opens a database of PostgreSQL and brings its schema up to date. Its own clock tells the time, unless `clock` is a
+    /// test's.
+    ///
+    /// # Errors
+    /// When the database can't be reached, is in use by another coordinator, or is of another program or a newer version.
+    pub async fn open_postgres(
+        url: &PostgresUrl,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        let driver = Driver::Postgres(Postgres::open(url).await?.into());
+        Ok(Self { driver, clock })
+    }
+
+    /// The same for one of several coordinators.
+    ///
+    /// # Errors
+    /// As above.
+    #[cfg(test)]
+    pub async fn open_postgres_beside(
+        url: &PostgresUrl,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        let driver = Driver::Postgres(Postgres::open_beside(url).await?.into());
+        Ok(Self { driver, clock })
+    }
+
+    /// The file of SQLite.
+    #[cfg(test)]
+    fn sqlite(&self) -> &Sqlite {
+        match &self.driver {
+            Driver::Sqlite(it) => it,
+            Driver::Postgres(_) => panic!("it is not SQLite"),
+        }
+    }
+
+    /// The clock of the coordinator.
     pub fn clock(&self) -> &dyn Clock {
         &*self.clock
+    }
+
+    /// Makes sure that no other coordinator has the database.
+    ///
+    /// # Errors
+    /// When another one has taken it, or the database can't be reached.
+    pub async fn renew(&self) -> Result<(), StoreError> {
+        match &self.driver {
+            // The lock of the data folder lasts as long as the process.
+            Driver::Sqlite(_) => Ok(()),
+            Driver::Postgres(it) => it.renew().await,
+        }
     }
 
     /// Statements that read. Each sees the newest state.
@@ -59,10 +112,11 @@ impl Database {
     /// # Errors
     /// When no connection is free for a long time.
     pub async fn read(&self) -> Result<Tx, StoreError> {
-        let connection = match &self.driver {
-            Driver::Sqlite(it) => it.read().await?,
+        let driver = match &self.driver {
+            Driver::Sqlite(it) => tx::Driver::Sqlite(it.read().await?),
+            Driver::Postgres(it) => tx::Driver::Postgres(it.read().await?),
         };
-        Ok(Tx::begin(connection, self.clock.now()))
+        Ok(Tx::begin(driver, self.estimate(), false))
     }
 
     /// Statements that read, all of which see the same state.
@@ -70,28 +124,51 @@ impl Database {
     /// # Errors
     /// When no connection is free for a long time.
     pub async fn snapshot(&self) -> Result<Tx, StoreError> {
-        let connection = match &self.driver {
-            Driver::Sqlite(it) => it.snapshot().await?,
+        let driver = match &self.driver {
+            Driver::Sqlite(it) => tx::Driver::Sqlite(it.snapshot().await?),
+            Driver::Postgres(it) => tx::Driver::Postgres(it.snapshot().await?),
         };
-        Ok(Tx::begin(connection, self.clock.now()))
+        Ok(Tx::begin(driver, self.estimate(), false))
     }
 
     /// A transaction that writes. Unless it is [committed](Tx::commit), it changes nothing.
     ///
     /// # Errors
-    /// When the database is locked for a long time.
+    /// When the database can't be reached, or is locked for a long time.
     pub async fn write(&self) -> Result<Tx, StoreError> {
-        let connection = match &self.driver {
-            Driver::Sqlite(it) => it.write().await?,
-        };
-        // Read once it has the lock: transactions have times in the order in which they are written.
-        Ok(Tx::begin(connection, self.clock.now()))
+        match &self.driver {
+            Driver::Sqlite(it) => {
+                let connection = it.write().await?;
+                // Read once it has the lock: transactions have times in the order in which they are written.
+                let now = self.clock.now();
+                Ok(Tx::begin(tx::Driver::Sqlite(connection), now, false))
+            }
+            Driver::Postgres(it) => {
+                let mut connection = it.write().await?;
+                let of_database = self.clock.is_system();
+                let now = match of_database {
+                    true => it.now(&mut connection, self.clock.now()).await?,
+                    false => self.clock.now(),
+                };
+                let driver = tx::Driver::Postgres(connection);
+                Ok(Tx::begin(driver, now, of_database))
+            }
+        }
+    }
+
+    /// The time for statements that only read. A read of PostgreSQL's clock would be as long as theirs.
+    fn estimate(&self) -> f64 {
+        match &self.driver {
+            Driver::Sqlite(_) => self.clock.now(),
+            Driver::Postgres(it) => it.estimate(self.clock.now()),
+        }
     }
 
     /// Waits for running statements and closes the database.
     pub async fn close(&self) {
         match &self.driver {
             Driver::Sqlite(it) => it.close().await,
+            Driver::Postgres(it) => it.close().await,
         }
     }
 }

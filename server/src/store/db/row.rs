@@ -3,8 +3,9 @@
 use crate::store::StoreError;
 use prost::Message;
 use prost_types::Timestamp;
+use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
-use sqlx::{Decode, Row as _, Sqlite, Type};
+use sqlx::{Column, Decode, Postgres, Row as _, Sqlite, Type, TypeInfo};
 use yoto_proto::v1::ObjectRef;
 
 /// A row of any database.
@@ -12,6 +13,8 @@ use yoto_proto::v1::ObjectRef;
 pub enum Row {
     /// A row of SQLite.
     Sqlite(SqliteRow),
+    /// A row of PostgreSQL.
+    Postgres(PgRow),
 }
 
 fn corrupt(what: &'static str, detail: impl ToString) -> StoreError {
@@ -35,14 +38,21 @@ pub fn integer(field: &'static str, value: u64) -> Result<i64, StoreError> {
     i64::try_from(value).map_err(|_| StoreError::TooLarge { field, value })
 }
 
+fn is_condition(row: &PgRow, column: &str) -> bool {
+    row.try_column(column)
+        .is_ok_and(|it| it.type_info().name() == "BOOL")
+}
+
 impl Row {
     fn get<'r, T>(&'r self, column: &'static str) -> Result<T, StoreError>
     where
-        T: Decode<'r, Sqlite> + Type<Sqlite>,
+        T: Decode<'r, Sqlite> + Type<Sqlite> + Decode<'r, Postgres> + Type<Postgres>,
     {
-        match self {
-            Self::Sqlite(row) => row.try_get(column).map_err(|error| corrupt(column, error)),
-        }
+        let value = match self {
+            Self::Sqlite(row) => row.try_get(column),
+            Self::Postgres(row) => row.try_get(column),
+        };
+        value.map_err(|error| corrupt(column, error))
     }
 
     /// A text column.
@@ -92,12 +102,16 @@ impl Row {
         self.get(column)
     }
 
-    /// A 0/1 column.
+    /// A 0/1 column, or a condition.
     ///
     /// # Errors
     /// When the column holds something else.
     pub fn flag(&self, column: &'static str) -> Result<bool, StoreError> {
-        Ok(self.number::<i64>(column)? != 0)
+        match self {
+            // Conditions have a type of their own there.
+            Self::Postgres(row) if is_condition(row, column) => self.get(column),
+            _ => Ok(self.number::<i64>(column)? != 0),
+        }
     }
 
     /// A time column, seconds since 1970.

@@ -1,8 +1,10 @@
 //! A statement with its values.
 //!
-//! The text is one that all databases read: parameters are `$1`, `$2`, …, flags are the integers 0 and 1, and a row is
-//! replaced by `ON CONFLICT`.
+//! The text is one that all databases read: parameters are `$1`, `$2`, …, flags are the integers 0 and 1, a row is
+//! replaced by `ON CONFLICT`, and sums are cast to their column's type.
 
+use sqlx::query::Query;
+use sqlx::{AssertSqlSafe, Database, Encode, SqlSafeStr, Type};
 use std::borrow::Cow;
 
 /// A value of a parameter. Its type is known even if it is NULL.
@@ -56,7 +58,28 @@ pub fn sql(text: impl Into<Cow<'static, str>>) -> Statement {
     }
 }
 
+/// Where a driver locks the row of the table `q` that the statement has chosen ([`Tx::claim`](super::Tx::claim)).
+macro_rules! claimed {
+    () => {
+        "/* claim q */"
+    };
+}
+pub(crate) use claimed;
+
 impl Statement {
+    /// The statement with `lock` at the place of [`claimed!`].
+    pub(super) fn claiming(self, lock: &str) -> Self {
+        debug_assert!(
+            self.text.contains(claimed!()),
+            "{} claims nothing",
+            self.text
+        );
+        Self {
+            text: self.text.replace(claimed!(), lock).into(),
+            values: self.values,
+        }
+    }
+
     /// Binds the next parameter.
     pub fn bind(mut self, value: impl Into<Value>) -> Self {
         self.values.push(value.into());
@@ -84,6 +107,29 @@ impl Statement {
             self.push_bind(value);
         }
     }
+}
+
+/// The statement for a driver.
+pub(super) fn query<DB: Database>(statement: Statement) -> Query<'static, DB, DB::Arguments>
+where
+    Option<String>: Encode<'static, DB> + Type<DB>,
+    Option<i64>: Encode<'static, DB> + Type<DB>,
+    Option<f64>: Encode<'static, DB> + Type<DB>,
+    Option<Vec<u8>>: Encode<'static, DB> + Type<DB>,
+{
+    let text = match statement.text {
+        Cow::Borrowed(text) => text.into_sql_str(),
+        // Composed of texts of this program and of numbers of parameters.
+        Cow::Owned(text) => AssertSqlSafe(text).into_sql_str(),
+    };
+    let query = sqlx::query(text);
+    let values = statement.values.into_iter();
+    values.fold(query, |query, value| match value {
+        Value::Text(it) => query.bind(it),
+        Value::Integer(it) => query.bind(it),
+        Value::Real(it) => query.bind(it),
+        Value::Blob(it) => query.bind(it),
+    })
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! A transaction of any database.
 
 use super::locks::{Lock, Locks};
-use super::sqlite::Connection;
-use super::{Row, Statement, sql};
+use super::{Row, Statement, postgres, sql, sqlite};
 use crate::faults::{self, Moment};
 use crate::store::StoreError;
 
@@ -11,25 +10,30 @@ use crate::store::StoreError;
 pub struct Tx {
     driver: Driver,
     now: f64,
+    /// Whether the database's own clock told `now`.
+    of_database: bool,
     locks: Locks,
 }
 
+/// A connection of a driver.
 #[derive(Debug)]
-enum Driver {
-    Sqlite(Connection),
+pub(super) enum Driver {
+    Sqlite(sqlite::Connection),
+    Postgres(postgres::Connection),
 }
 
 impl Tx {
-    pub(super) fn begin(connection: Connection, now: f64) -> Self {
+    pub(super) fn begin(driver: Driver, now: f64, of_database: bool) -> Self {
         Self {
-            driver: Driver::Sqlite(connection),
+            driver,
             now,
+            of_database,
             locks: Locks::default(),
         }
     }
 
-    /// The time of this transaction, seconds since 1970: read once, by the store's clock. A script that needs a time takes
-    /// this one.
+    /// The time of this transaction, seconds since 1970: read once, by the store's clock, and after a wait for one of the locks
+    /// without an id. A script that needs a time takes this one.
     pub fn now(&self) -> f64 {
         self.now
     }
@@ -44,11 +48,19 @@ impl Tx {
         match &mut self.driver {
             // BEGIN IMMEDIATE has locked the whole file.
             Driver::Sqlite(_) => Ok(()),
+            Driver::Postgres(it) => {
+                let now = it.lock(lock).await?;
+                if let Some(now) = now.filter(|_| self.of_database) {
+                    self.now = now;
+                }
+                Ok(())
+            }
         }
     }
 
     /// The row that `choice` selects, locked, or the next one in its order if another transaction has locked that.
-    /// The caller changes the row under the same condition.
+    /// The caller changes the row under the same condition. The statement has [`claimed!`](super::claimed) after the LIMIT of
+    /// its order.
     ///
     /// # Errors
     /// When the statement fails.
@@ -57,10 +69,12 @@ impl Tx {
         choice: Statement,
         action: &'static str,
     ) -> Result<Option<Row>, StoreError> {
-        match &mut self.driver {
+        let choice = match &self.driver {
             // No other transaction writes at the same time.
-            Driver::Sqlite(_) => choice.row(self, action).await,
-        }
+            Driver::Sqlite(_) => choice,
+            Driver::Postgres(_) => choice.claiming("FOR NO KEY UPDATE OF q SKIP LOCKED"),
+        };
+        choice.row(self, action).await
     }
 
     /// Tables and columns of the schema whose names end in `end`.
@@ -72,6 +86,11 @@ impl Tx {
             Driver::Sqlite(_) => sql("SELECT t.name AS table_name, c.name AS column_name
                  FROM sqlite_schema t JOIN pragma_table_info(t.name) c
                  WHERE t.type = 'table' AND substr(c.name, -length($1)) = $1"),
+            Driver::Postgres(_) => sql("SELECT c.table_name::text, c.column_name::text
+                 FROM information_schema.columns c JOIN information_schema.tables t
+                     ON t.table_schema = c.table_schema AND t.table_name = c.table_name
+                 WHERE c.table_schema = current_schema() AND t.table_type = 'BASE TABLE'
+                     AND right(c.column_name, length($1)) = $1"),
         };
         let rows = statement.bind(end).rows(self, "reading the schema").await?;
         rows.iter()
@@ -87,6 +106,7 @@ impl Tx {
         faults::reached(Moment::BeforeCommit);
         match self.driver {
             Driver::Sqlite(connection) => connection.commit().await?,
+            Driver::Postgres(connection) => connection.commit().await?,
         }
         faults::reached(Moment::AfterCommit);
         Ok(())
@@ -99,6 +119,7 @@ impl Tx {
     ) -> Result<Option<Row>, StoreError> {
         match &mut self.driver {
             Driver::Sqlite(it) => Ok(it.row(statement, action).await?.map(Row::Sqlite)),
+            Driver::Postgres(it) => Ok(it.row(statement, action).await?.map(Row::Postgres)),
         }
     }
 
@@ -112,12 +133,17 @@ impl Tx {
                 let rows = it.rows(statement, action).await?.into_iter();
                 Ok(rows.map(Row::Sqlite).collect())
             }
+            Driver::Postgres(it) => {
+                let rows = it.rows(statement, action).await?.into_iter();
+                Ok(rows.map(Row::Postgres).collect())
+            }
         }
     }
 
     async fn run(&mut self, statement: Statement, action: &'static str) -> Result<u64, StoreError> {
         match &mut self.driver {
             Driver::Sqlite(it) => it.execute(statement, action).await,
+            Driver::Postgres(it) => it.execute(statement, action).await,
         }
     }
 }

@@ -4,7 +4,8 @@
 use super::{helpers, jobs, leases, queue, reaping, requests};
 use crate::clock::{Clock, ManualClock};
 use crate::store::db::{Tx, sql};
-use crate::store::{JobKind, LeaseKey, NewModel, NewWorker, RequestKey, Store, StoreError};
+use crate::store::stage::{Kind, Staged, on_each_database};
+use crate::store::{JobKind, LeaseKey, NewModel, NewWorker, RequestKey, StoreError};
 use crate::tenant::Tenant;
 use std::sync::Arc;
 use yoto_proto::v1::{Retention, TrainSpec, WorkerDevice, job_spec};
@@ -13,12 +14,11 @@ const LEASE_SECONDS: f64 = 20.0;
 
 /// A store with a worker and a queued training.
 struct Stage {
-    store: Store,
+    staged: Staged,
     clock: Arc<ManualClock>,
     worker: String,
     job: String,
     model: String,
-    _dir: tempfile::TempDir,
 }
 
 fn own() -> Tenant {
@@ -26,12 +26,11 @@ fn own() -> Tenant {
 }
 
 impl Stage {
-    async fn new() -> Self {
-        let dir = tempfile::tempdir().expect("a folder");
+    async fn new(kind: Kind) -> Self {
         let clock = Arc::new(ManualClock::at(1e9));
         let own_clock: Arc<dyn Clock> = Arc::clone(&clock) as _;
-        let store = Store::open_sqlite(&dir.path().join("yoto.db"), own_clock).await;
-        let store = store.expect("opens");
+        let staged = kind.store(own_clock).await;
+        let store = &staged.store;
         let worker = NewWorker {
             display_name: "w".into(),
             device: WorkerDevice::default(),
@@ -55,12 +54,11 @@ impl Stage {
             .await
             .expect("creates");
         let mut stage = Self {
-            store,
+            staged,
             clock,
             worker,
             job: String::new(),
             model: model.name,
-            _dir: dir,
         };
         stage.job = stage.train().await;
         stage
@@ -75,6 +73,7 @@ impl Stage {
         let spec = yoto_proto::v1::JobSpec { kind: Some(spec) };
         let new = crate::store::NewJob::normal(spec);
         let job = self
+            .staged
             .store
             .create_job(&own(), new, None)
             .await
@@ -93,9 +92,18 @@ impl Stage {
     }
 
     async fn write(&self) -> Tx {
-        self.store.db.write().await.expect("begins")
+        self.staged.store.db.write().await.expect("begins")
     }
 }
+
+on_each_database!(
+    a_job_that_has_left_the_queue_is_not_leased,
+    a_model_gets_no_second_trainer,
+    nobody_helps_with_a_job_that_has_ended,
+    a_lease_that_was_extended_after_it_was_found_is_kept,
+    a_request_is_taken_before_it_has_an_answer,
+    a_cancel_ends_or_marks_a_job_whatever_happened_before,
+);
 
 /// Chooses the next job, lets `change` happen, and begins the lease of what was chosen.
 async fn begin_after(
@@ -110,18 +118,16 @@ async fn begin_after(
     leases::begin(tx, &stage.ask(&own()), &next).await
 }
 
-#[tokio::test]
-async fn a_job_that_has_left_the_queue_is_not_leased() {
-    let stage = Stage::new().await;
+async fn a_job_that_has_left_the_queue_is_not_leased(kind: Kind) {
+    let stage = Stage::new(kind).await;
     let mut tx = stage.write().await;
     let cancel = "UPDATE jobs SET state = 'CANCELLED', end_time = 1 WHERE id = $1";
     let begun = begin_after(&stage, &mut tx, cancel).await;
     assert_eq!(begun.expect("answers"), None);
 }
 
-#[tokio::test]
-async fn a_model_gets_no_second_trainer() {
-    let stage = Stage::new().await;
+async fn a_model_gets_no_second_trainer(kind: Kind) {
+    let stage = Stage::new(kind).await;
     let second = stage.train().await;
     let mut tx = stage.write().await;
     let begun = leases::begin(&mut tx, &stage.ask(&own()), &stage.job).await;
@@ -130,19 +136,17 @@ async fn a_model_gets_no_second_trainer() {
     assert_eq!(begun.expect("is no conflict"), None);
 }
 
-#[tokio::test]
-async fn nobody_helps_with_a_job_that_has_ended() {
-    let stage = Stage::new().await;
+async fn nobody_helps_with_a_job_that_has_ended(kind: Kind) {
+    let stage = Stage::new(kind).await;
     let mut tx = stage.write().await;
     let helping = helpers::begin(&mut tx, &stage.ask(&own()), &stage.job).await;
     assert_eq!(helping.expect("answers"), None, "it does not run");
 }
 
-#[tokio::test]
-async fn a_lease_that_was_extended_after_it_was_found_is_kept() {
-    let stage = Stage::new().await;
+async fn a_lease_that_was_extended_after_it_was_found_is_kept(kind: Kind) {
+    let stage = Stage::new(kind).await;
     let own = own();
-    let leased = (stage.store)
+    let leased = (stage.staged.store)
         .lease_job(&own, &stage.worker, "", false, LEASE_SECONDS)
         .await
         .expect("answers");
@@ -160,6 +164,7 @@ async fn a_lease_that_was_extended_after_it_was_found_is_kept() {
         tx.commit().await.expect("commits");
         let Some(lost) = lost.first() else { continue };
         let beat = stage
+            .staged
             .store
             .heartbeat(&own, &lease, None, LEASE_SECONDS)
             .await;
@@ -172,9 +177,8 @@ async fn a_lease_that_was_extended_after_it_was_found_is_kept() {
     panic!("the lease never expired");
 }
 
-#[tokio::test]
-async fn a_request_is_taken_before_it_has_an_answer() {
-    let stage = Stage::new().await;
+async fn a_request_is_taken_before_it_has_an_answer(kind: Kind) {
+    let stage = Stage::new(kind).await;
     let request = |body: &str| RequestKey {
         method: "CreateModel",
         request_id: "r".into(),
@@ -192,9 +196,8 @@ async fn a_request_is_taken_before_it_has_an_answer() {
     assert!(matches!(reused, Err(StoreError::RequestIdReused { .. })));
 }
 
-#[tokio::test]
-async fn a_cancel_ends_or_marks_a_job_whatever_happened_before() {
-    let stage = Stage::new().await;
+async fn a_cancel_ends_or_marks_a_job_whatever_happened_before(kind: Kind) {
+    let stage = Stage::new(kind).await;
     let mut tx = stage.write().await;
     let begun = leases::begin(&mut tx, &stage.ask(&own()), &stage.job).await;
     assert!(begun.expect("answers").is_some());

@@ -98,9 +98,13 @@ pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<Turn, StoreError> {
             None => Ok(Turn::Taken),
         };
     }
-    let Some(queue::Next { id, .. }) = next else {
+    let Some(queue::Next { id, trains, .. }) = next else {
         return Ok(Turn::Nothing);
     };
+    if let Some(model) = trains {
+        // Otherwise, two trainings of one model could each find that no other one runs.
+        tx.lock(Lock::Model(&model)).await?;
+    }
     let Some(key) = begin(tx, ask, &id).await? else {
         return Ok(Turn::Taken);
     };

@@ -3,7 +3,7 @@
 //! worker runs the jobs of its tenant. Without a job in the queue, it helps with a render.
 
 use crate::store::StoreError;
-use crate::store::db::{Tx, sql};
+use crate::store::db::{Tx, claimed, sql};
 
 /// Number of workers lost over a render after which no more helpers are assigned: its pictures may be what
 /// crashes them, and only losses of the worker that runs the job count towards its failure.
@@ -16,6 +16,8 @@ pub struct Next {
     pub id: String,
     /// Its priority, 0 to 3.
     pub priority: i64,
+    /// The model that it trains, if it is a training.
+    pub trains: Option<String>,
 }
 
 /// Jobs `q` of the tenant of worker `$1` that it may lease at time `$2`.
@@ -53,10 +55,13 @@ pub async fn next(tx: &mut Tx, worker_id: &str) -> Result<Option<Next>, StoreErr
         "WITH running AS (
              SELECT owner, count(*) AS jobs FROM jobs
              WHERE state = 'RUNNING' AND tenant = (SELECT tenant FROM workers WHERE id = $1) GROUP BY owner)
-         SELECT j.id, j.priority FROM jobs j WHERE j.ord = (
+         SELECT j.id, j.priority, CASE WHEN j.kind = 'train' THEN j.model END AS trains
+         FROM jobs j WHERE j.ord = (
              SELECT q.ord FROM jobs q LEFT JOIN running r ON r.owner = q.owner WHERE ",
         waiting!(),
-        " ORDER BY q.priority DESC, coalesce(r.jobs, 0), q.ord LIMIT 1)"
+        " ORDER BY q.priority DESC, coalesce(r.jobs, 0), q.ord LIMIT 1 ",
+        claimed!(),
+        ")"
     ))
     .bind(worker_id)
     .bind(tx.now());
@@ -65,6 +70,7 @@ pub async fn next(tx: &mut Tx, worker_id: &str) -> Result<Option<Next>, StoreErr
         Ok(Next {
             id: row.text("id")?,
             priority: row.number("priority")?,
+            trains: row.maybe_text("trains")?,
         })
     })
     .transpose()

@@ -63,7 +63,7 @@ pub async fn taken(
 /// decides, since its version may be newer than that of the last one.
 async fn divide(tx: &mut Tx, lease: &LeaseKey, pictures: u32) -> Result<(), StoreError> {
     let row = sql(
-        "SELECT (SELECT coalesce(sum(pictures), 0) FROM render_ranges WHERE job = $1) AS pictures,
+        "SELECT (SELECT CAST(coalesce(sum(pictures), 0) AS BIGINT) FROM render_ranges WHERE job = $1) AS pictures,
              EXISTS (SELECT 1 FROM jobs WHERE id = $1 AND lease = $2 AND state = 'RUNNING') AS runs",
     )
     .bind(&lease.job_id)

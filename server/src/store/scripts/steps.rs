@@ -91,7 +91,8 @@ async fn move_waits(tx: &mut Tx, seconds: f64, latest: f64) -> Result<(), StoreE
 mod tests {
     use super::STAMPS;
     use crate::clock::ManualClock;
-    use crate::store::{Horizons, NewSubject, RequestKey, Store};
+    use crate::store::stage::{Kind, on_each_database};
+    use crate::store::{Horizons, NewSubject, RequestKey};
     use crate::tenant::Tenant;
     use std::sync::Arc;
 
@@ -102,12 +103,15 @@ mod tests {
         workers: 7.0 * DAY,
     };
 
-    #[tokio::test]
-    async fn the_stamps_are_those_of_the_schema() {
-        let dir = tempfile::tempdir().expect("a folder");
+    on_each_database!(
+        the_stamps_are_those_of_the_schema,
+        a_request_is_remembered_for_a_week_of_running_time,
+    );
+
+    async fn the_stamps_are_those_of_the_schema(kind: Kind) {
         let clock = Arc::new(ManualClock::at(1e9));
-        let opened = Store::open_sqlite(&dir.path().join("yoto.db"), clock).await;
-        let store = opened.expect("opens");
+        let staged = kind.store(clock).await;
+        let store = &staged.store;
         let mut tx = store.db.read().await.expect("reads");
         let mut stamps = tx.columns_named(STAMPS).await.expect("reads");
         stamps.sort();
@@ -120,13 +124,11 @@ mod tests {
         assert_eq!(stamps, expected);
     }
 
-    #[tokio::test]
-    async fn a_request_is_remembered_for_a_week_of_running_time() {
-        let dir = tempfile::tempdir().expect("a folder");
+    async fn a_request_is_remembered_for_a_week_of_running_time(kind: Kind) {
         let clock = Arc::new(ManualClock::at(1e9));
         let own = Arc::clone(&clock);
-        let opened = Store::open_sqlite(&dir.path().join("yoto.db"), own).await;
-        let store = opened.expect("opens");
+        let staged = kind.store(own).await;
+        let store = &staged.store;
         store.keep_time().await.expect("writes");
         let request = RequestKey {
             method: "CreateSubject",

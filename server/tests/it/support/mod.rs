@@ -1,4 +1,4 @@
-//! A coordinator in a temporary folder with real gRPC, SQLite and objects, and the calls
+//! A coordinator in a temporary folder with real gRPC, database and objects, and the calls
 //! that most tests start with.
 #![allow(
     dead_code,
@@ -7,10 +7,12 @@
 )]
 
 mod capture;
+mod database;
 mod expect;
 mod trained;
 
 pub use capture::{File, chunk, chunks, file, headers};
+pub use database::{Database, ON_POSTGRES};
 pub use expect::{assert_invalid, assert_refused, eventually};
 pub use trained::Trained;
 
@@ -18,8 +20,6 @@ use futures::stream;
 use object_store::ObjectStoreExt;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use std::path::PathBuf;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -57,6 +57,7 @@ pub struct Service {
     pub channel: Channel,
     pub connector: InMemoryConnector,
     pub coordinator: Coordinator,
+    pub database: Database,
     serving: JoinHandle<Result<(), ServerError>>,
 }
 
@@ -70,7 +71,9 @@ impl Service {
     }
 
     pub async fn start_in(dir: TempDir, change: impl FnOnce(&mut ServerConfig)) -> Self {
+        let database = Database::of(dir.path());
         let mut config = ServerConfig::new(dir.path());
+        config.database = database.url();
         config.reap_interval = Duration::from_millis(20);
         change(&mut config);
         let coordinator = Coordinator::open(config).await.expect("opens");
@@ -81,6 +84,7 @@ impl Service {
             channel: connector.channel(),
             connector,
             coordinator,
+            database,
             serving,
         }
     }
@@ -90,6 +94,7 @@ impl Service {
         drop(self.channel);
         self.coordinator.close().await;
         self.serving.await.expect("no panic").expect("serves");
+        self.database.keep(self.dir.path());
         self.dir
     }
 
@@ -533,27 +538,6 @@ impl Service {
         }
         files
     }
-}
-
-/// Changes the database behind the service's back.
-pub async fn sql(database: &std::path::Path, statement: &str) {
-    let options = SqliteConnectOptions::new().filename(database);
-    let mut connection = options.connect().await.expect("opens");
-    let statement = sqlx::AssertSqlSafe(statement.to_owned());
-    let done = sqlx::query(statement).execute(&mut connection).await;
-    assert!(
-        done.expect("runs").rows_affected() > 0,
-        "it changes nothing"
-    );
-}
-
-/// Locks the database for writes, as another program on the machine can, until the connection is closed.
-pub async fn lock_writes(database: &std::path::Path) -> SqliteConnection {
-    let options = SqliteConnectOptions::new().filename(database);
-    let mut connection = options.connect().await.expect("opens");
-    let locked = sqlx::query("BEGIN IMMEDIATE").execute(&mut connection);
-    locked.await.expect("locks");
-    connection
 }
 
 /// The claim of a lease on its job.

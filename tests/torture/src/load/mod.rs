@@ -19,6 +19,7 @@ use yoto_proto::v1::{
 };
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{HeartbeatRequest, LeaseJobRequest};
+use yoto_test_postgres::Database;
 use yoto_tests::process::Process;
 
 /// Sizes of the load.
@@ -38,6 +39,8 @@ pub struct Plan {
     pub watchers: usize,
     /// Duration of each measurement.
     pub time: Duration,
+    /// Whether the rows are in PostgreSQL.
+    pub postgres: bool,
 }
 
 impl Default for Plan {
@@ -50,6 +53,7 @@ impl Default for Plan {
             queued: 20_000,
             watchers: 500,
             time: Duration::from_secs(20),
+            postgres: false,
         }
     }
 }
@@ -61,6 +65,7 @@ pub struct Load {
     channel: Channel,
     scene: Scene,
     _folder: TempDir,
+    _database: Option<Database>,
 }
 
 impl Load {
@@ -77,7 +82,7 @@ impl Load {
         );
         let folder = tempfile::tempdir()?;
         let data = folder.path().to_str().context("a path in UTF-8")?;
-        let arguments = [
+        let mut arguments = vec![
             "serve",
             "--no-worker",
             "--data",
@@ -85,6 +90,14 @@ impl Load {
             "--listen",
             "127.0.0.1:0",
         ];
+        let database = match plan.postgres {
+            true => Some(Database::create_durable().context("no PostgreSQL")?),
+            false => None,
+        };
+        let url = database.as_ref().map(Database::url);
+        if let Some(url) = &url {
+            arguments.extend(["--database", url]);
+        }
         let mut server = Process::start(program, &arguments)?;
         let line = server.line_with("http://")?;
         let address = line
@@ -103,6 +116,7 @@ impl Load {
             channel,
             scene,
             _folder: folder,
+            _database: database,
         })
     }
 

@@ -12,6 +12,7 @@ use yoto_server::StorageLimits;
 pub async fn run(data: PathBuf, port: u16) -> Result<()> {
     let options = EmbeddedOptions {
         data,
+        database: None,
         listen: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
         worker: true,
         scratch: None,

@@ -78,7 +78,6 @@ async fn is_usable(connection: &mut SqliteConnection) -> Result<bool, sqlx::Erro
 #[cfg(test)]
 mod tests {
     use crate::clock::SystemClock;
-    use crate::store::db::Driver;
     use crate::store::{NewSubject, Store};
     use crate::tenant::Tenant;
     use std::sync::Arc;
@@ -97,8 +96,13 @@ mod tests {
         let opened = Store::open_sqlite(&path, Arc::new(SystemClock)).await;
         let store = opened.expect("opens");
         // With this limit of the connection, SQLite fails as on a full disk.
-        let Driver::Sqlite(sqlite) = &store.db.driver;
-        let mut connection = sqlite.writer.acquire().await.expect("the writer");
+        let mut connection = store
+            .db
+            .sqlite()
+            .writer
+            .acquire()
+            .await
+            .expect("the writer");
         sqlx::query("PRAGMA max_page_count = 1")
             .execute(&mut *connection)
             .await

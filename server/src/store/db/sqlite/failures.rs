@@ -32,10 +32,19 @@ fn of_driver(action: &'static str, error: sqlx::Error) -> StoreError {
     let kind = kind(&error);
     let cause = Box::new(error);
     match kind {
-        _ if passing => StoreError::Unavailable { action, cause },
-        Some(kind) if PASSING.contains(&kind) => StoreError::Unavailable { action, cause },
+        _ if passing => unavailable(action, cause),
+        Some(kind) if PASSING.contains(&kind) => unavailable(action, cause),
         Some(CONSTRAINT) => StoreError::Conflict { action, cause },
         _ => StoreError::Database { action, cause },
+    }
+}
+
+/// SQLite has one writer, so it never rolls a transaction back for the sake of another one.
+fn unavailable(action: &'static str, cause: Box<sqlx::Error>) -> StoreError {
+    StoreError::Unavailable {
+        action,
+        cause,
+        rolled_back: false,
     }
 }
 

@@ -1,7 +1,10 @@
 //! The schema, brought up to date step by step.
 
-use sqlx::SqlSafeStr;
+use super::failures::During;
+use crate::store::StoreError;
+use crate::store::db::schema::{self, Found};
 use sqlx::migrate::{Migration, MigrationType, Migrator};
+use sqlx::{Executor, Row, SqlSafeStr, SqlitePool};
 
 /// The schema, step by step.
 pub fn migrations() -> Migrator {
@@ -64,4 +67,33 @@ pub fn migrations() -> Migrator {
         step(19, "capture objects", files, false),
         step(21, "turns of tenants", turns, false),
     ])
+}
+
+/// Brings the schema up to date, unless the database is one that this program can't use.
+///
+/// # Errors
+/// When the database is of another program or a newer version, or fails.
+pub async fn run(writer: &SqlitePool) -> Result<(), StoreError> {
+    let migrations = migrations();
+    schema::check(&migrations, &found(writer).await?)?;
+    let done = migrations.run(writer).await.map_err(sqlx::Error::from);
+    done.during("bringing the database's schema up to date")
+}
+
+/// What the database contains.
+async fn found(writer: &SqlitePool) -> Result<Found, StoreError> {
+    let action = "reading the database's schema";
+    let tables = "SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite\\_%' ESCAPE '\\' ORDER BY 1";
+    let rows = writer.fetch_all(tables).await.during(action)?;
+    let tables: Result<Vec<String>, _> = rows.iter().map(|row| row.try_get("name")).collect();
+    let tables = tables.during(action)?;
+    let mut applied = Vec::new();
+    if tables.iter().any(|it| it == schema::APPLIED) {
+        let statement = "SELECT version, checksum FROM _sqlx_migrations ORDER BY version";
+        for row in writer.fetch_all(statement).await.during(action)? {
+            let version = row.try_get("version").during(action)?;
+            applied.push((version, row.try_get("checksum").during(action)?));
+        }
+    }
+    Ok(Found { tables, applied })
 }

@@ -10,14 +10,12 @@ mod migrations;
 mod upgrade_tests;
 
 use super::Statement;
-use super::statement::Value;
+use super::statement::query;
 use crate::store::StoreError;
 use failures::During;
 use sqlx::pool::PoolConnection;
-use sqlx::query::Query;
-use sqlx::sqlite::{SqliteArguments, SqliteConnection, SqliteRow};
-use sqlx::{AssertSqlSafe, SqlSafeStr, SqlitePool, Transaction};
-use std::borrow::Cow;
+use sqlx::sqlite::{SqliteConnection, SqliteRow};
+use sqlx::{SqlitePool, Transaction};
 use std::path::Path;
 
 /// An open file.
@@ -40,11 +38,7 @@ impl Sqlite {
     /// Opens the file, creating it and bringing its schema up to date.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let writer = connections::writer(path).await?;
-        migrations::migrations()
-            .run(&writer)
-            .await
-            .map_err(sqlx::Error::from)
-            .during("bringing the database's schema up to date")?;
+        migrations::run(&writer).await?;
         let readers = connections::readers(path).await?;
         Ok(Self { writer, readers })
     }
@@ -85,7 +79,7 @@ impl Connection {
         statement: Statement,
         action: &'static str,
     ) -> Result<Option<SqliteRow>, StoreError> {
-        let query = query(statement);
+        let query = query::<sqlx::Sqlite>(statement);
         query.fetch_optional(self.get()).await.during(action)
     }
 
@@ -94,7 +88,8 @@ impl Connection {
         statement: Statement,
         action: &'static str,
     ) -> Result<Vec<SqliteRow>, StoreError> {
-        query(statement).fetch_all(self.get()).await.during(action)
+        let query = query::<sqlx::Sqlite>(statement);
+        query.fetch_all(self.get()).await.during(action)
     }
 
     pub async fn execute(
@@ -102,7 +97,7 @@ impl Connection {
         statement: Statement,
         action: &'static str,
     ) -> Result<u64, StoreError> {
-        let done = query(statement).execute(self.get()).await;
+        let done = query::<sqlx::Sqlite>(statement).execute(self.get()).await;
         Ok(done.during(action)?.rows_affected())
     }
 
@@ -113,22 +108,4 @@ impl Connection {
             Self::Transaction(tx) => tx.commit().await.during("committing a transaction"),
         }
     }
-}
-
-fn query(statement: Statement) -> Query<'static, sqlx::Sqlite, SqliteArguments> {
-    let text = match statement.text {
-        Cow::Borrowed(text) => text.into_sql_str(),
-        // Composed of texts of this program and of numbers of parameters.
-        Cow::Owned(text) => AssertSqlSafe(text).into_sql_str(),
-    };
-    let query = sqlx::query(text);
-    statement
-        .values
-        .into_iter()
-        .fold(query, |query, value| match value {
-            Value::Text(it) => query.bind(it),
-            Value::Integer(it) => query.bind(it),
-            Value::Real(it) => query.bind(it),
-            Value::Blob(it) => query.bind(it),
-        })
 }

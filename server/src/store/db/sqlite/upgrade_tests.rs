@@ -4,7 +4,6 @@ use super::Sqlite;
 use super::migrations::migrations;
 use crate::checkpoints::retention::Retention;
 use crate::clock::{ManualClock, SystemClock};
-use crate::store::db::Driver;
 use crate::store::{Ending, JobKind, LeaseKey, NewJob, NewWorker, RequestKey, Store};
 use crate::tenant::Tenant;
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
@@ -15,8 +14,7 @@ use yoto_proto::v1::{Checkpoint, EvaluateSpec, JobSpec, WorkerDevice, job, job_s
 
 /// The store's database.
 fn sqlite(store: &Store) -> &Sqlite {
-    let Driver::Sqlite(sqlite) = &store.db.driver;
-    sqlite
+    store.db.sqlite()
 }
 
 /// A model with a checkpoint, trained by a job that ended, and a job that waits; a rejected capture, and

@@ -1,0 +1,56 @@
+//! The schema, brought up to date step by step.
+
+use super::failures::During;
+use crate::store::StoreError;
+use crate::store::db::schema::{self, Found};
+use sqlx::migrate::{Migration, MigrationType, Migrator};
+use sqlx::{Executor, PgPool, Row, SqlSafeStr};
+
+/// The schema, step by step. The first step makes all that SQLite's steps up to the same number make; from there on, each
+/// step has its counterpart there.
+pub fn migrations() -> Migrator {
+    let init = include_str!("../../../../../migrations/postgres/0021_init.sql").into_sql_str();
+    let step = |version, name: &'static str, sql| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql, false)
+    };
+    Migrator::with_migrations(vec![step(21, "init", init)])
+}
+
+/// Brings the schema up to date, unless the database is one that this program can't use.
+///
+/// # Errors
+/// When the database is of another program or a newer version, or fails.
+pub async fn run(pool: &PgPool) -> Result<(), StoreError> {
+    let migrations = migrations();
+    schema::check(&migrations, &found(pool).await?)?;
+    let done = migrations.run(pool).await.map_err(sqlx::Error::from);
+    done.during("bringing the database's schema up to date")
+}
+
+/// What the database contains.
+async fn found(pool: &PgPool) -> Result<Found, StoreError> {
+    let action = "reading the database's schema";
+    let row = pool
+        .fetch_one("SELECT pg_encoding_to_char(encoding)::text AS encoding FROM pg_database WHERE datname = current_database()")
+        .await
+        .during(action)?;
+    let encoding: String = row.try_get("encoding").during(action)?;
+    if encoding != "UTF8" {
+        return Err(StoreError::Unusable(format!(
+            "has the encoding {encoding}; create one with `createdb --encoding=UTF8 --template=template0`"
+        )));
+    }
+    let tables = "SELECT tablename::text AS name FROM pg_tables WHERE schemaname = current_schema() ORDER BY 1";
+    let rows = pool.fetch_all(tables).await.during(action)?;
+    let tables: Result<Vec<String>, _> = rows.iter().map(|row| row.try_get("name")).collect();
+    let tables = tables.during(action)?;
+    let mut applied = Vec::new();
+    if tables.iter().any(|it| it == schema::APPLIED) {
+        let statement = "SELECT version, checksum FROM _sqlx_migrations ORDER BY version";
+        for row in pool.fetch_all(statement).await.during(action)? {
+            let version = row.try_get("version").during(action)?;
+            applied.push((version, row.try_get("checksum").during(action)?));
+        }
+    }
+    Ok(Found { tables, applied })
+}

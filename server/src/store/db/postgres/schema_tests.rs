@@ -1,0 +1,141 @@
+//! Databases that PostgreSQL's driver brings up to date, and those that it refuses.
+
+use super::migrations::migrations;
+use crate::clock::SystemClock;
+use crate::store::{NewSubject, Store, StoreError};
+use crate::tenant::Tenant;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Row};
+use std::sync::Arc;
+use yoto_test_postgres::{Database, is_there};
+
+async fn open(database: &Database) -> Result<Store, StoreError> {
+    let url = database.url().parse().expect("an address");
+    Store::open_postgres(&url, Arc::new(SystemClock)).await
+}
+
+/// The reason for which the database is refused.
+async fn refusal(database: &Database) -> String {
+    let error = open(database).await.expect_err("is refused");
+    assert!(matches!(error, StoreError::Unusable(_)), "{error}");
+    error.to_string()
+}
+
+fn person() -> NewSubject {
+    NewSubject {
+        display_name: "Ada".to_owned(),
+        consent_note: String::new(),
+    }
+}
+
+/// Steps have the same numbers and names as SQLite's, from the first one on, which stands for SQLite's steps up to its number.
+#[test]
+fn both_databases_have_the_same_steps() {
+    let steps = |folder: &str| {
+        let folder = format!("{}/../migrations/{folder}", env!("CARGO_MANIFEST_DIR"));
+        let files = std::fs::read_dir(folder).expect("a folder");
+        let names = files.map(|it| it.expect("a file").file_name());
+        let mut names: Vec<String> = names.map(|it| it.into_string().expect("UTF-8")).collect();
+        names.sort();
+        names
+    };
+    let (sqlite, postgres) = (steps("sqlite"), steps("postgres"));
+    let (init, later) = postgres.split_first().expect("a first step");
+    let base = init.strip_suffix("_init.sql").expect("its name");
+    let (earlier, same): (Vec<_>, Vec<_>) = sqlite.into_iter().partition(|it| &it[..4] <= base);
+    assert_eq!(earlier.last().map(|it| &it[..4]), Some(base));
+    assert_eq!(same, later);
+    let known: Vec<String> = migrations()
+        .iter()
+        .map(|it| format!("{:04}", it.version))
+        .collect();
+    let files: Vec<&str> = postgres.iter().map(|it| &it[..4]).collect();
+    assert_eq!(known, files, "each file is a step of the program");
+}
+
+#[tokio::test]
+async fn both_databases_have_the_same_tables_and_columns() {
+    if !is_there() {
+        return;
+    }
+    let database = Database::create().expect("PostgreSQL");
+    open(&database).await.expect("opens").close().await;
+    let postgres = database.run(
+        "SELECT table_name || ' ' || column_name FROM information_schema.columns
+         WHERE table_schema = 'public' AND table_name <> '_sqlx_migrations'",
+    );
+    let mut postgres: Vec<&str> = postgres.lines().collect();
+    postgres.sort_unstable();
+
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("yoto.db");
+    let store = Store::open_sqlite(&path, Arc::new(SystemClock)).await;
+    store.expect("opens").close().await;
+    let file = SqliteConnectOptions::new().filename(&path);
+    let rows = sqlx::query(
+        "SELECT t.name || ' ' || c.name AS line FROM sqlite_schema t JOIN pragma_table_info(t.name) c
+         WHERE t.type IN ('table', 'view') AND t.name NOT LIKE 'sqlite%' AND t.name <> '_sqlx_migrations'",
+    )
+    .fetch_all(&mut file.connect().await.expect("opens"))
+    .await
+    .expect("reads");
+    let mut sqlite: Vec<&str> = rows.iter().map(|row| row.get("line")).collect();
+    sqlite.sort_unstable();
+    assert_eq!(postgres, sqlite);
+}
+
+#[tokio::test]
+async fn a_database_that_is_up_to_date_opens_again() {
+    if !is_there() {
+        return;
+    }
+    let database = Database::create().expect("PostgreSQL");
+    let store = open(&database).await.expect("opens");
+    let own = Tenant::default();
+    let made = store.create_subject(&own, person(), None).await;
+    let made = made.expect("creates");
+    store.close().await;
+    let store = open(&database).await.expect("opens again");
+    let id = made.name.trim_start_matches("subjects/");
+    assert_eq!(store.subject(&own, id).await.expect("is kept"), made);
+}
+
+#[tokio::test]
+async fn a_newer_schema_and_another_program_s_are_refused() {
+    if !is_there() {
+        return;
+    }
+    let database = Database::create().expect("PostgreSQL");
+    open(&database).await.expect("opens").close().await;
+    database.run(
+        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
+         VALUES (9999, 'later', TRUE, '', 0)",
+    );
+    let newer = refusal(&database).await;
+    assert!(newer.contains("has schema 9999"), "{newer}");
+
+    let other = Database::create().expect("PostgreSQL");
+    other.run("CREATE TABLE orders (id BIGINT)");
+    let foreign = refusal(&other).await;
+    assert!(foreign.contains("it has the table 'orders'"), "{foreign}");
+    assert_eq!(
+        other.run("SELECT count(*) FROM pg_tables WHERE schemaname = 'public'"),
+        "1"
+    );
+}
+
+#[tokio::test]
+async fn a_call_after_a_restart_of_the_database_succeeds() {
+    if !is_there() {
+        return;
+    }
+    let database = Database::create().expect("PostgreSQL");
+    let store = open(&database).await.expect("opens");
+    for _ in 0..3 {
+        let made = store
+            .create_subject(&Tenant::default(), person(), None)
+            .await;
+        made.expect("creates");
+        database.cut();
+    }
+}

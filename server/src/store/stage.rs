@@ -1,0 +1,86 @@
+//! Stores for tests, each in a database of its own of either kind.
+
+use super::Store;
+use super::db;
+use crate::clock::Clock;
+use std::sync::Arc;
+use tempfile::TempDir;
+use yoto_test_postgres::Database;
+
+/// A kind of database.
+#[derive(Debug, Clone, Copy)]
+pub enum Kind {
+    Sqlite,
+    Postgres,
+}
+
+/// A store with its database, which goes with this value.
+pub struct Staged {
+    pub store: Store,
+    _folder: Option<TempDir>,
+    _database: Option<Database>,
+}
+
+impl Kind {
+    /// Whether this machine has it; says so if it has not.
+    pub fn is_there(self) -> bool {
+        match self {
+            Self::Sqlite => true,
+            Self::Postgres => yoto_test_postgres::is_there(),
+        }
+    }
+
+    /// A store in a new database.
+    pub async fn store(self, clock: Arc<dyn Clock>) -> Staged {
+        match self {
+            Self::Sqlite => {
+                let folder = tempfile::tempdir().expect("a folder");
+                let store = Store::open_sqlite(&folder.path().join("yoto.db"), clock).await;
+                Staged {
+                    store: store.expect("opens"),
+                    _folder: Some(folder),
+                    _database: None,
+                }
+            }
+            Self::Postgres => {
+                let database = Database::create().expect("PostgreSQL");
+                let url = database.url().parse().expect("an address");
+                let store = Store::open_postgres(&url, clock).await;
+                Staged {
+                    store: store.expect("opens"),
+                    _folder: None,
+                    _database: Some(database),
+                }
+            }
+        }
+    }
+}
+
+/// The store of another coordinator on the database of `url`, of which there is none in production yet.
+pub async fn beside(database: &Database, clock: Arc<dyn Clock>) -> Store {
+    let url = database.url().parse().expect("an address");
+    let database = db::Database::open_postgres_beside(&url, clock).await;
+    Store::of(database.expect("opens"))
+}
+
+/// Makes a test for each kind of database of each function, which takes the kind.
+macro_rules! on_each_database {
+    ($($test:ident),+ $(,)?) => {
+        mod on_sqlite {
+            $(#[tokio::test]
+            async fn $test() {
+                super::$test($crate::store::stage::Kind::Sqlite).await;
+            })+
+        }
+        mod on_postgres {
+            $(#[tokio::test]
+            async fn $test() {
+                let kind = $crate::store::stage::Kind::Postgres;
+                if kind.is_there() {
+                    super::$test(kind).await;
+                }
+            })+
+        }
+    };
+}
+pub(super) use on_each_database;

@@ -1,0 +1,199 @@
+//! The server's process.
+
+use std::os::unix::fs::{MetadataExt, chown};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// The server's superuser.
+pub const USER: &str = "postgres";
+/// System users as whom the server runs if this process runs as root, which PostgreSQL refuses.
+const UNPRIVILEGED: [&str; 2] = ["postgres", "nobody"];
+/// Where Debian's packages have the programs, below a folder per version.
+const DEBIAN: &str = "/usr/lib/postgresql";
+/// Longest time for a start.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Runs the server until the pipe from this process is closed, also by a kill of it, and removes its folder.
+/// `$0`: folder of the programs, `$1`: folder of the server, the rest: the server's options.
+const RUN: &str = r#"
+programs=$0 folder=$1
+shift
+"$programs/postgres" -D "$folder/data" -k "$folder" "$@" >"$folder/log" 2>&1 </dev/null &
+server=$!
+cat >/dev/null
+kill -QUIT $server
+wait $server
+rm -rf "$folder"
+"#;
+
+/// Options of every server.
+const OPTIONS: [&str; 6] = [
+    "-c",
+    "listen_addresses=",
+    "-c",
+    "max_connections=300",
+    "-c",
+    "shared_buffers=64MB",
+];
+/// Options without durability: nothing of a test outlives a crash of the machine.
+const UNSYNCED: [&str; 6] = [
+    "-c",
+    "fsync=off",
+    "-c",
+    "synchronous_commit=off",
+    "-c",
+    "full_page_writes=off",
+];
+
+/// Whether commits survive a crash of the machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Durability {
+    /// They need not.
+    None,
+    /// As PostgreSQL does it by default.
+    Full,
+}
+
+/// A running server.
+#[derive(Debug)]
+pub struct Server {
+    programs: PathBuf,
+    folder: PathBuf,
+    /// The shell around the server, which holds the other end of the pipe.
+    _shell: Child,
+}
+
+/// The folder of the programs `initdb` and `postgres`.
+pub fn programs() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let mut folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    if let Ok(versions) = std::fs::read_dir(DEBIAN) {
+        let mut versions: Vec<(u32, PathBuf)> = versions
+            .flatten()
+            .filter_map(|it| {
+                Some((
+                    it.file_name().to_str()?.parse().ok()?,
+                    it.path().join("bin"),
+                ))
+            })
+            .collect();
+        versions.sort();
+        folders.extend(versions.into_iter().rev().map(|(_, bin)| bin));
+    }
+    let has = |folder: &PathBuf| {
+        let programs = ["initdb", "postgres", "psql", "createdb", "dropdb"];
+        programs.iter().all(|it| folder.join(it).is_file())
+    };
+    folders.into_iter().find(has)
+}
+
+impl Server {
+    /// Starts a server with the programs of a folder.
+    ///
+    /// # Panics
+    /// When it does not start, with what it says.
+    pub fn start(programs: PathBuf, durability: Durability) -> Self {
+        let folder = tempfile::Builder::new().prefix("yoto-postgres-").tempdir();
+        // The shell removes it.
+        let folder = folder.expect("a temporary folder").keep();
+        let user = unprivileged(&folder);
+        if let Some((user, group)) = user {
+            chown(&folder, Some(user), Some(group)).expect("gives the folder away");
+        }
+        let mut init = Command::new(programs.join("initdb"));
+        init.args([
+            "--auth=trust",
+            "--no-sync",
+            "--encoding=UTF8",
+            "--no-locale",
+        ])
+        .arg(format!("--username={USER}"))
+        .arg("--pgdata")
+        .arg(folder.join("data"));
+        let made = become_user(&mut init, user)
+            .output()
+            .expect("initdb starts");
+        let said = String::from_utf8_lossy(&made.stderr);
+        assert!(made.status.success(), "initdb: {said}");
+        let mut shell = Command::new("sh");
+        shell
+            .args(["-c", RUN])
+            .arg(&programs)
+            .arg(&folder)
+            .args(OPTIONS);
+        if durability == Durability::None {
+            shell.args(UNSYNCED);
+        }
+        // Apart from the signals of a terminal: the pipe alone ends it. It keeps no pipe of the tests' output open.
+        shell
+            .process_group(0)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        let shell = become_user(&mut shell, user).spawn().expect("sh starts");
+        let server = Self {
+            programs,
+            folder,
+            _shell: shell,
+        };
+        server.wait();
+        server
+    }
+
+    /// The folder with its socket.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// A program that connects to it.
+    pub fn client(&self, program: &str) -> Command {
+        let mut command = Command::new(self.programs.join(program));
+        command
+            .arg("--host")
+            .arg(&self.folder)
+            .args(["--username", USER])
+            .stdin(Stdio::null());
+        command
+    }
+
+    fn wait(&self) {
+        let began = Instant::now();
+        let mut ask = self.client("psql");
+        ask.args(["--dbname", "postgres", "--command", "SELECT 1"]);
+        while !ask.output().expect("psql starts").status.success() {
+            let log = std::fs::read_to_string(self.folder.join("log")).unwrap_or_default();
+            assert!(
+                began.elapsed() < PATIENCE,
+                "PostgreSQL does not start: {log}"
+            );
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+/// User and group of the server if this process, which owns `folder`, runs as root.
+fn unprivileged(folder: &Path) -> Option<(u32, u32)> {
+    let own = std::fs::metadata(folder).expect("its folder").uid();
+    if own != 0 {
+        return None;
+    }
+    let users = std::fs::read_to_string("/etc/passwd").expect("the system's users");
+    let found = UNPRIVILEGED.iter().find_map(|name| {
+        let line = users
+            .lines()
+            .find(|line| line.split(':').next() == Some(*name))?;
+        let mut fields = line.split(':').skip(2);
+        Some((fields.next()?.parse().ok()?, fields.next()?.parse().ok()?))
+    });
+    Some(found.expect("a user 'postgres' or 'nobody'"))
+}
+
+fn become_user(command: &mut Command, user: Option<(u32, u32)>) -> &mut Command {
+    match user {
+        // A folder of root's may be closed to it.
+        Some((user, group)) => command.uid(user).gid(group).current_dir("/"),
+        None => command,
+    }
+}
