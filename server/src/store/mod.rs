@@ -27,8 +27,8 @@ pub use types::{
 };
 
 use crate::clock::Clock;
-use crate::rules::steps::Reading;
 use db::Database;
+use scripts::steps::Checks;
 use std::path::Path;
 use std::sync::Arc;
 use tokio::sync::Mutex;
@@ -38,8 +38,8 @@ use tokio::sync::Mutex;
 #[derive(Debug)]
 pub struct Store {
     db: Database,
-    /// Reading of both clocks at the first check of this process, or after the last step of the clock.
-    first_reading: Mutex<Option<Reading>>,
+    /// Checks of the clock by this process.
+    checks: Mutex<Option<Checks>>,
 }
 
 impl Store {
@@ -67,7 +67,7 @@ impl Store {
     fn of(db: Database) -> Self {
         Self {
             db,
-            first_reading: Mutex::default(),
+            checks: Mutex::default(),
         }
     }
 

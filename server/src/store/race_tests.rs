@@ -2,8 +2,8 @@
 //! outcome is that of one call after the other.
 
 use crate::checkpoints::retention::Retention;
-use crate::clock::ManualClock;
-use crate::store::stage::beside;
+use crate::clock::{Clock, ManualClock};
+use crate::store::stage::{Kind, Pair};
 use crate::store::{
     CommittedPart, Ending, JobKind, LeaseKey, NewJob, NewModel, NewSubject, NewUpload, NewWorker,
     Page, RequestKey, Store, StoreError, Target, UploadedFile,
@@ -17,7 +17,6 @@ use yoto_proto::v1::{
     self, Checkpoint, ErrorReason, IngestResult, JobResult, JobSpec, ObjectRef, Orbit, RenderSpec,
     TrainResult, TrainSpec, WorkerDevice, job, job_result, job_spec,
 };
-use yoto_test_postgres::{Database, is_there};
 
 const LEASE_SECONDS: f64 = 20.0;
 /// How often calls meet in each test, since the order of their statements is left to chance.
@@ -30,11 +29,9 @@ const ONE: Retention = Retention {
 
 /// Two stores on one database.
 struct Arena {
-    a: Store,
-    b: Store,
+    pair: Pair,
     clock: Arc<ManualClock>,
     own: Tenant,
-    _database: Database,
 }
 
 /// The id in a resource name.
@@ -59,20 +56,15 @@ fn reason(error: &StoreError) -> Option<ErrorReason> {
 
 impl Arena {
     async fn open() -> Option<Self> {
-        if !is_there() {
+        if !Kind::Postgres.is_there() {
             return None;
         }
-        let database = Database::create()?;
         let clock = Arc::new(ManualClock::at(1e9));
-        // At the same time, so that both find an empty database.
-        let open = || beside(&database, Arc::clone(&clock) as _);
-        let (a, b) = tokio::join!(open(), open());
+        let own_clock: Arc<dyn Clock> = Arc::clone(&clock) as _;
         Some(Self {
-            a,
-            b,
+            pair: Kind::Postgres.pair(own_clock).await,
             clock,
             own: Tenant::default(),
-            _database: database,
         })
     }
 
@@ -85,7 +77,7 @@ impl Arena {
             version: String::new(),
             order_level: yoto_proto::orders::LEVEL,
         };
-        let worker = self.a.register_worker(&self.own, new).await;
+        let worker = self.pair.first.register_worker(&self.own, new).await;
         worker.expect("registers")
     }
 
@@ -96,12 +88,12 @@ impl Arena {
             variant: "yoto".into(),
             retention: v1::Retention::default(),
         };
-        let model = self.a.create_model(&self.own, new, None).await;
+        let model = self.pair.first.create_model(&self.own, new, None).await;
         id(&model.expect("creates").name)
     }
 
     async fn subject(&self) -> String {
-        let subject = self.a.create_subject(&self.own, ada(), None).await;
+        let subject = self.pair.first.create_subject(&self.own, ada(), None).await;
         id(&subject.expect("creates").name)
     }
 
@@ -112,13 +104,17 @@ impl Arena {
             subject_id: subject.clone(),
             files: Vec::new(),
         };
-        let upload = self.a.create_upload(&self.own, new, None).await;
+        let upload = self.pair.first.create_upload(&self.own, new, None).await;
         let upload = upload.expect("opens");
-        let finished = self.a.finish_upload(&self.own, &upload, None).await;
+        let finished = self
+            .pair
+            .first
+            .finish_upload(&self.own, &upload, None)
+            .await;
         finished.expect("is complete");
         let worker = self.worker(&[JobKind::Ingest]).await;
         let lease = self
-            .lease(&self.a, &worker)
+            .lease(&self.pair.first, &worker)
             .await
             .expect("the ingest waits");
         let result = IngestResult {
@@ -126,7 +122,7 @@ impl Arena {
             frames: 1,
             ..IngestResult::default()
         };
-        self.end(&self.a, &lease, job_result::Kind::Ingest(result))
+        self.end(&self.pair.first, &lease, job_result::Kind::Ingest(result))
             .await
             .expect("ends");
         subject
@@ -141,7 +137,8 @@ impl Arena {
 
     async fn train(&self, model: &str) -> String {
         let job = self
-            .a
+            .pair
+            .first
             .create_job(&self.own, Self::training(model), None)
             .await;
         id(&job.expect("is queued").name)
@@ -224,7 +221,7 @@ async fn each_job_is_leased_once() {
             jobs.insert(arena.train(&arena.model().await).await);
             workers.push(arena.worker(&[JobKind::Train]).await);
         }
-        let stores = [&arena.a, &arena.b].into_iter().cycle();
+        let stores = [&arena.pair.first, &arena.pair.second].into_iter().cycle();
         let leases = stores
             .zip(&workers)
             .map(|(store, it)| arena.lease(store, it));
@@ -237,10 +234,15 @@ async fn each_job_is_leased_once() {
             "each worker has another job"
         );
         for lease in &leased {
-            let job = arena.a.job_history(&arena.own, &lease.job_id).await;
+            let job = arena
+                .pair
+                .first
+                .job_history(&arena.own, &lease.job_id)
+                .await;
             assert_eq!(job.expect("is there").attempts.len(), 1);
             let cancel = arena
-                .b
+                .pair
+                .second
                 .heartbeat(&arena.own, lease, None, LEASE_SECONDS)
                 .await;
             cancel.expect("the lease is current");
@@ -261,16 +263,20 @@ async fn a_model_has_one_trainer() {
         let model = arena.model().await;
         let (first, second) = (arena.train(&model).await, arena.train(&model).await);
         let (one, two) = tokio::join!(
-            arena.lease(&arena.a, &workers[0]),
-            arena.lease(&arena.b, &workers[1]),
+            arena.lease(&arena.pair.first, &workers[0]),
+            arena.lease(&arena.pair.second, &workers[1]),
         );
         assert!(one.is_some() != two.is_some(), "{one:?} {two:?}");
         for job in [first, second] {
-            let cancelled = arena.a.cancel_job(&arena.own, &job, None).await;
+            let cancelled = arena.pair.first.cancel_job(&arena.own, &job, None).await;
             cancelled.expect("is cancelled");
         }
         let lease = one.or(two).expect("one of them");
-        let ended = arena.a.end_job(&arena.own, &lease, Ending::Cancelled).await;
+        let ended = arena
+            .pair
+            .first
+            .end_job(&arena.own, &lease, Ending::Cancelled)
+            .await;
         ended.expect("ends");
     }
 }
@@ -284,24 +290,34 @@ async fn a_cancel_and_a_lease_agree() {
     for _ in 0..ROUNDS {
         let job = arena.train(&arena.model().await).await;
         let (lease, cancelled) = tokio::join!(
-            arena.lease(&arena.a, &worker),
-            arena.b.cancel_job(&arena.own, &job, None),
+            arena.lease(&arena.pair.first, &worker),
+            arena.pair.second.cancel_job(&arena.own, &job, None),
         );
         cancelled.expect("answers");
-        let after = arena.a.job(&arena.own, &job).await.expect("is there");
+        let after = arena
+            .pair
+            .first
+            .job(&arena.own, &job)
+            .await
+            .expect("is there");
         match lease {
             None => assert_eq!(after.state(), job::State::Cancelled),
             Some(lease) => {
                 assert!(after.cancel_requested, "{after:?}");
                 let told = arena
-                    .b
+                    .pair
+                    .second
                     .heartbeat(&arena.own, &lease, None, LEASE_SECONDS)
                     .await;
                 assert!(
                     told.expect("the lease is current"),
                     "the worker learns of it"
                 );
-                let ended = arena.b.end_job(&arena.own, &lease, Ending::Cancelled).await;
+                let ended = arena
+                    .pair
+                    .second
+                    .end_job(&arena.own, &lease, Ending::Cancelled)
+                    .await;
                 ended.expect("ends");
             }
         }
@@ -316,15 +332,18 @@ async fn one_of_two_ends_is_accepted() {
     let worker = arena.worker(&[JobKind::Train]).await;
     for _ in 0..ROUNDS {
         arena.train(&arena.model().await).await;
-        let lease = arena.lease(&arena.a, &worker).await.expect("a job waits");
+        let lease = arena
+            .lease(&arena.pair.first, &worker)
+            .await
+            .expect("a job waits");
         let failed = Ending::Failed(v1::JobError::default());
         let (one, two) = tokio::join!(
             arena.end(
-                &arena.a,
+                &arena.pair.first,
                 &lease,
                 job_result::Kind::Train(TrainResult::default())
             ),
-            arena.b.end_job(&arena.own, &lease, failed),
+            arena.pair.second.end_job(&arena.own, &lease, failed),
         );
         assert!(one.is_ok() != two.is_ok(), "{one:?} {two:?}");
         let refused = one.and(two).expect_err("one of them");
@@ -343,17 +362,25 @@ async fn a_lost_worker_is_counted_once() {
     let job = arena.train(&arena.model().await).await;
     for round in 1..=3 {
         let worker = arena.worker(&[JobKind::Train]).await;
-        arena.lease(&arena.a, &worker).await.expect("the job waits");
+        arena
+            .lease(&arena.pair.first, &worker)
+            .await
+            .expect("the job waits");
         let mut found = 0;
         // In ticks, so that the time is no outage.
         for _ in 0..6 {
             arena.clock.advance(LEASE_SECONDS / 4.0);
             let tick = |store| Store::tick(store, 9, LEASE_SECONDS);
-            let (one, two) = tokio::join!(tick(&arena.a), tick(&arena.b));
+            let (one, two) = tokio::join!(tick(&arena.pair.first), tick(&arena.pair.second));
             found += one.expect("ticks").len() + two.expect("ticks").len();
         }
         assert_eq!(found, 1);
-        let job = arena.a.job(&arena.own, &job).await.expect("is there");
+        let job = arena
+            .pair
+            .first
+            .job(&arena.own, &job)
+            .await
+            .expect("is there");
         assert_eq!((job.state(), job.lost_workers), (job::State::Queued, round));
     }
 }
@@ -366,37 +393,59 @@ async fn each_picture_is_drawn_by_one_worker() {
     const PICTURES: u32 = 64;
     let (subject, model) = (arena.ready().await, arena.model().await);
     let added = arena
-        .a
+        .pair
+        .first
         .add_identity(&arena.own, &model, &subject, None)
         .await;
     added.expect("gets a slot");
     let kinds = [JobKind::Train, JobKind::Render];
     let workers = [arena.worker(&kinds).await, arena.worker(&kinds).await];
     arena.train(&model).await;
-    let lease = arena.lease(&arena.a, &workers[0]).await.expect("it waits");
-    arena.publish(&arena.a, &lease, 1).await.expect("publishes");
+    let lease = arena
+        .lease(&arena.pair.first, &workers[0])
+        .await
+        .expect("it waits");
+    arena
+        .publish(&arena.pair.first, &lease, 1)
+        .await
+        .expect("publishes");
     let result = job_result::Kind::Train(TrainResult::default());
-    arena.end(&arena.a, &lease, result).await.expect("ends");
+    arena
+        .end(&arena.pair.first, &lease, result)
+        .await
+        .expect("ends");
     for _ in 0..ROUNDS.min(4) {
         let job = arena
-            .a
+            .pair
+            .first
             .create_job(&arena.own, render(&model, &subject, ""), None)
             .await;
         job.expect("is queued");
-        let runs = arena.lease(&arena.a, &workers[0]).await.expect("it waits");
+        let runs = arena
+            .lease(&arena.pair.first, &workers[0])
+            .await
+            .expect("it waits");
         let own = &arena.own;
         let take = |store, lease, drawn| Store::take_range(store, own, lease, PICTURES, drawn);
         // A copy of the first call divides the render at the same time.
-        let (one, copy) = tokio::join!(take(&arena.a, &runs, None), take(&arena.b, &runs, None));
+        let (one, copy) = tokio::join!(
+            take(&arena.pair.first, &runs, None),
+            take(&arena.pair.second, &runs, None)
+        );
         let mut first = one.expect("takes").range;
         assert_eq!(
             copy.expect("takes").range,
             first,
             "a copy gets the same range"
         );
-        let helps = arena.lease_or_help(&arena.b, &workers[1], true).await;
+        let helps = arena
+            .lease_or_help(&arena.pair.second, &workers[1], true)
+            .await;
         let helps = helps.expect("there is something to draw");
-        let mut second = take(&arena.b, &helps, None).await.expect("takes").range;
+        let mut second = take(&arena.pair.second, &helps, None)
+            .await
+            .expect("takes")
+            .range;
         let mut drawn = BTreeMap::new();
         while first.is_some() || second.is_some() {
             for range in [&first, &second].into_iter().flatten() {
@@ -404,14 +453,21 @@ async fn each_picture_is_drawn_by_one_worker() {
                 assert_eq!(earlier, None, "{range:?} is drawn twice");
             }
             let (one, two) = tokio::join!(
-                take(&arena.a, &runs, first.as_ref().map(|it| it.first)),
-                take(&arena.b, &helps, second.as_ref().map(|it| it.first)),
+                take(&arena.pair.first, &runs, first.as_ref().map(|it| it.first)),
+                take(
+                    &arena.pair.second,
+                    &helps,
+                    second.as_ref().map(|it| it.first)
+                ),
             );
             (first, second) = (one.expect("takes").range, two.expect("takes").range);
         }
         assert_eq!(drawn.values().sum::<u32>(), PICTURES);
         let result = job_result::Kind::Render(v1::RenderResult::default());
-        arena.end(&arena.a, &runs, result).await.expect("ends");
+        arena
+            .end(&arena.pair.first, &runs, result)
+            .await
+            .expect("ends");
     }
 }
 
@@ -422,24 +478,32 @@ async fn a_checkpoint_that_a_render_uses_is_kept() {
     };
     let (subject, model) = (arena.ready().await, arena.model().await);
     let added = arena
-        .a
+        .pair
+        .first
         .add_identity(&arena.own, &model, &subject, None)
         .await;
     added.expect("gets a slot");
     let worker = arena.worker(&[JobKind::Train]).await;
     arena.train(&model).await;
-    let lease = arena.lease(&arena.a, &worker).await.expect("it waits");
-    arena.publish(&arena.a, &lease, 1).await.expect("publishes");
+    let lease = arena
+        .lease(&arena.pair.first, &worker)
+        .await
+        .expect("it waits");
+    arena
+        .publish(&arena.pair.first, &lease, 1)
+        .await
+        .expect("publishes");
     for step in 1..=ROUNDS {
         let wanted = format!("models/{model}/checkpoints/{step}");
         let (published, queued) = tokio::join!(
-            arena.publish(&arena.a, &lease, step + 1),
+            arena.publish(&arena.pair.first, &lease, step + 1),
             arena
-                .b
+                .pair
+                .second
                 .create_job(&arena.own, render(&model, &subject, &wanted), None),
         );
         published.expect("publishes");
-        let all = arena.a.checkpoints(&arena.own, &model, 99).await;
+        let all = arena.pair.first.checkpoints(&arena.own, &model, 99).await;
         let kept = all.expect("lists").iter().any(|it| it.step == step);
         match queued {
             Ok(_) => assert!(kept, "the render of step {step} has no checkpoint"),
@@ -456,9 +520,13 @@ async fn a_model_is_deleted_or_trained() {
     for _ in 0..ROUNDS {
         let model = arena.model().await;
         let (deleted, queued) = tokio::join!(
-            arena.a.delete(&arena.own, Target::Model(&model), "", None),
             arena
-                .b
+                .pair
+                .first
+                .delete(&arena.own, Target::Model(&model), "", None),
+            arena
+                .pair
+                .second
                 .create_job(&arena.own, Arena::training(&model), None),
         );
         match (deleted, queued) {
@@ -482,9 +550,10 @@ async fn a_person_is_deleted_or_uploaded() {
         };
         let (deleted, opened) = tokio::join!(
             arena
-                .a
+                .pair
+                .first
                 .delete(&arena.own, Target::Subject(&subject), "", None),
-            arena.b.create_upload(&arena.own, new, None),
+            arena.pair.second.create_upload(&arena.own, new, None),
         );
         let captures = deleted.expect("nobody uses it").captures;
         match opened {
@@ -508,8 +577,14 @@ async fn a_repeated_request_is_answered_once() {
             })
         };
         let (one, two) = tokio::join!(
-            arena.a.create_subject(&arena.own, ada(), request()),
-            arena.b.create_subject(&arena.own, ada(), request()),
+            arena
+                .pair
+                .first
+                .create_subject(&arena.own, ada(), request()),
+            arena
+                .pair
+                .second
+                .create_subject(&arena.own, ada(), request()),
         );
         assert_eq!(one.expect("answers"), two.expect("answers"));
     }
@@ -517,7 +592,12 @@ async fn a_repeated_request_is_answered_once() {
         limit: 99,
         after: None,
     };
-    let all = arena.a.subjects(&arena.own, page).await.expect("lists");
+    let all = arena
+        .pair
+        .first
+        .subjects(&arena.own, page)
+        .await
+        .expect("lists");
     assert_eq!(all.len() as u64, ROUNDS);
 }
 
@@ -537,29 +617,35 @@ async fn one_of_two_writers_of_an_upload_is_accepted() {
             subject_id: subject.clone(),
             files: vec![file],
         };
-        let upload = arena.a.create_upload(&arena.own, new, None).await;
+        let upload = arena.pair.first.create_upload(&arena.own, new, None).await;
         let upload = upload.expect("opens");
-        let part = |to| {
-            [CommittedPart {
+        let write = async |store: &Store, to| {
+            let writer = store.take_over_upload(&arena.own, &upload).await;
+            let part = CommittedPart {
                 path: "poses.json".into(),
                 from: 0,
                 to,
-            }]
+            };
+            let writer = writer.expect("is open");
+            store
+                .commit_parts(&arena.own, &upload, writer, &[part])
+                .await
         };
-        let (short, long) = (part(4), part(10));
-        let (one, two) = tokio::join!(
-            arena.a.commit_parts(&arena.own, &upload, &short),
-            arena.b.commit_parts(&arena.own, &upload, &long),
-        );
+        let (one, two) = tokio::join!(write(&arena.pair.first, 4), write(&arena.pair.second, 10));
         let expected = if one.is_ok() { 4 } else { 10 };
         assert!(one.is_ok() != two.is_ok(), "{one:?} {two:?}");
         let refused = one.and(two).expect_err("one of them");
-        assert_eq!(
-            reason(&refused),
-            Some(ErrorReason::UploadOffset),
+        let late = [ErrorReason::UploadOffset, ErrorReason::UploadTakenOver];
+        assert!(
+            reason(&refused).is_some_and(|it| late.contains(&it)),
             "{refused}"
         );
-        let after = arena.b.upload(&arena.own, &upload).await.expect("is open");
+        let after = arena
+            .pair
+            .second
+            .upload(&arena.own, &upload)
+            .await
+            .expect("is open");
         assert_eq!(after.files[0].committed, expected);
     }
 }
@@ -574,9 +660,9 @@ async fn each_person_of_a_model_has_a_slot() {
         let model = arena.model().await;
         let add = |store, person| Store::add_identity(store, &arena.own, &model, person, None);
         let (one, two, again) = tokio::join!(
-            add(&arena.a, &people[0]),
-            add(&arena.b, &people[1]),
-            add(&arena.b, &people[0]),
+            add(&arena.pair.first, &people[0]),
+            add(&arena.pair.second, &people[1]),
+            add(&arena.pair.second, &people[0]),
         );
         let (one, two) = (one.expect("a slot").slot, two.expect("a slot").slot);
         assert_eq!(again.expect("the same slot").slot, one);

@@ -21,6 +21,14 @@ pub struct Staged {
     _database: Option<Database>,
 }
 
+/// Two stores on one database, as two coordinators have them. The database goes with this value.
+pub struct Pair {
+    pub first: Store,
+    pub second: Store,
+    _folder: Option<TempDir>,
+    _database: Option<Database>,
+}
+
 impl Kind {
     /// Whether this machine has it; says so if it has not.
     pub fn is_there(self) -> bool {
@@ -54,13 +62,41 @@ impl Kind {
             }
         }
     }
-}
 
-/// The store of another coordinator on the database of `url`, of which there is none in production yet.
-pub async fn beside(database: &Database, clock: Arc<dyn Clock>) -> Store {
-    let url = database.url().parse().expect("an address");
-    let database = db::Database::open_postgres_beside(&url, clock).await;
-    Store::of(database.expect("opens"))
+    /// Two stores on a new database, which is empty for both.
+    pub async fn pair(self, clock: Arc<dyn Clock>) -> Pair {
+        match self {
+            Self::Sqlite => {
+                let folder = tempfile::tempdir().expect("a folder");
+                let path = folder.path().join("yoto.db");
+                let open = async || {
+                    let opened = Store::open_sqlite(&path, Arc::clone(&clock)).await;
+                    opened.expect("opens")
+                };
+                Pair {
+                    first: open().await,
+                    second: open().await,
+                    _folder: Some(folder),
+                    _database: None,
+                }
+            }
+            Self::Postgres => {
+                let database = Database::create().expect("PostgreSQL");
+                let url = database.url().parse().expect("an address");
+                let open = async || {
+                    let opened = db::Database::open_postgres_beside(&url, Arc::clone(&clock)).await;
+                    Store::of(opened.expect("opens"))
+                };
+                let (first, second) = tokio::join!(open(), open());
+                Pair {
+                    first,
+                    second,
+                    _folder: None,
+                    _database: Some(database),
+                }
+            }
+        }
+    }
 }
 
 /// Makes a test for each kind of database of each function, which takes the kind.

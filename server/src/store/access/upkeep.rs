@@ -3,6 +3,7 @@
 use crate::rules::steps::Reading;
 use crate::store::db::Lock;
 use crate::store::scripts::reaping::Lost;
+use crate::store::scripts::steps::Checks;
 use crate::store::scripts::{attempts, garbage, reaping, requests, steps, uploads, workers};
 use crate::store::transaction::transaction;
 use crate::store::{Horizons, KnownGarbage, Reaped, Reference, Store, StoreError};
@@ -76,6 +77,22 @@ impl Store {
         garbage::references(&mut self.db.read().await?, folders, keep_uploads, now).await
     }
 
+    /// Releases the files of an upload for their removal: no ingest job reads them from now on. Returns whether they are
+    /// garbage still.
+    pub async fn release_upload(
+        &self,
+        capture: &str,
+        keep_uploads: f64,
+    ) -> Result<bool, StoreError> {
+        let now = self.keep_time().await?;
+        transaction!(self, |tx| garbage::release_upload(
+            tx,
+            capture,
+            keep_uploads,
+            now
+        ))
+    }
+
     /// Notes the `new` folders as garbage, and deletes the notes of the `gone` ones.
     pub async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {
         transaction!(self, |tx| garbage::note(tx, new, gone))
@@ -85,29 +102,28 @@ impl Store {
     /// Returns the time. The health check calls it to find whether writes succeed.
     pub async fn keep_time(&self) -> Result<f64, StoreError> {
         // Held until the step is recorded, so that no other call records it again.
-        let mut first = self.first_reading.lock().await;
+        let mut checks = self.checks.lock().await;
         self.db.renew().await?;
         let kept: Result<_, StoreError> = transaction!(self, |tx| async {
             let reading = Reading {
                 now: tx.now(),
                 steady: self.db.clock().steady(),
             };
-            let step = steps::keep_time(tx, *first, reading).await?;
-            Ok((reading, step))
+            let (step, since) = steps::keep_time(tx, *checks, reading).await?;
+            Ok((reading, step, since))
         });
-        let (reading, step) = kept?;
-        if let (Some(step), true) = (step, first.is_some()) {
+        let (reading, step, since) = kept?;
+        if let (Some(step), true) = (step, checks.is_some()) {
             let seconds = step.seconds;
             tracing::warn!(
                 seconds,
                 "the clock was set, or the machine slept: this time does not count for ages"
             );
         }
-        // Small differences add up until they are a step.
-        let since = match (step, *first) {
-            (None, Some(first)) => first,
-            _ => *first.insert(reading),
-        };
+        *checks = Some(Checks {
+            since,
+            last: reading,
+        });
         Ok(since.expected(reading.steady))
     }
 }

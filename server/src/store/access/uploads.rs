@@ -34,24 +34,31 @@ impl Store {
         uploads::get(&mut tx, tenant, id).await
     }
 
-    /// Records parts of an open upload that are on disk: all of them, or none.
+    /// Makes the caller the newest writer of an upload. Returns its number.
+    pub async fn take_over_upload(&self, tenant: &Tenant, id: &str) -> Result<u64, StoreError> {
+        transaction!(self, |tx| uploads::take_over(tx, tenant, id))
+    }
+
+    /// Records parts of an open upload that its newest writer has put on disk: all of them, or none.
     pub async fn commit_parts(
         &self,
         tenant: &Tenant,
         id: &str,
+        writer: u64,
         parts: &[CommittedPart],
     ) -> Result<(), StoreError> {
-        transaction!(self, |tx| uploads::commit(tx, tenant, id, parts))
+        transaction!(self, |tx| uploads::commit(tx, tenant, id, writer, parts))
     }
 
-    /// Forgets the bytes of a file of an open upload.
+    /// Forgets the bytes of a file of an open upload, for its newest writer.
     pub async fn restart_file(
         &self,
         tenant: &Tenant,
         id: &str,
+        writer: u64,
         path: &str,
     ) -> Result<(), StoreError> {
-        transaction!(self, |tx| uploads::restart(tx, tenant, id, path))
+        transaction!(self, |tx| uploads::restart(tx, tenant, id, writer, path))
     }
 
     /// Ends a complete upload: the capture is INGESTING and its ingest job QUEUED, or neither. One that

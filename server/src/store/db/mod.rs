@@ -20,7 +20,7 @@ mod tx;
 
 pub use locks::Lock;
 pub use postgres::{PostgresUrl, UrlError};
-pub use row::{Row, integer, state};
+pub use row::{Row, integer, state, timestamp};
 pub(crate) use statement::claimed;
 pub use statement::{Statement, sql};
 pub use tx::Tx;

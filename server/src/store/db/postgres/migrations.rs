@@ -10,10 +10,15 @@ use sqlx::{Executor, PgPool, Row, SqlSafeStr};
 /// step has its counterpart there.
 pub fn migrations() -> Migrator {
     let init = include_str!("../../../../../migrations/postgres/0021_init.sql").into_sql_str();
+    let shared =
+        include_str!("../../../../../migrations/postgres/0022_shared_state.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
-    Migrator::with_migrations(vec![step(21, "init", init)])
+    Migrator::with_migrations(vec![
+        step(21, "init", init),
+        step(22, "shared state", shared),
+    ])
 }
 
 /// Brings the schema up to date, unless the database is one that this program can't use.
