@@ -3,7 +3,10 @@
 
 use crate::checkpoints::retention::Retention;
 use crate::clock::{Clock, ManualClock};
+use crate::store::db::sql;
+use crate::store::scripts::queue;
 use crate::store::stage::{Kind, Pair};
+use crate::store::transaction::transaction;
 use crate::store::{
     CommittedPart, Ending, JobKind, LeaseKey, NewJob, NewModel, NewSubject, NewUpload, NewWorker,
     Page, RequestKey, Store, StoreError, Target, UploadedFile,
@@ -12,6 +15,8 @@ use crate::tenant::Tenant;
 use futures::future::join_all;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::Barrier;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     self, Checkpoint, ErrorReason, IngestResult, JobResult, JobSpec, ObjectRef, Orbit, RenderSpec,
@@ -251,6 +256,51 @@ async fn each_job_is_leased_once() {
 }
 
 #[tokio::test]
+async fn a_job_that_is_being_leased_is_passed_over() {
+    let Some(arena) = Arena::open().await else {
+        return;
+    };
+    let worker = arena.worker(&[JobKind::Train]).await;
+    let first = arena.train(&arena.model().await).await;
+    let second = arena.train(&arena.model().await).await;
+    let mut tx = arena.pair.first.db.write().await.expect("begins");
+    let claimed = queue::next(&mut tx, &worker).await.expect("reads");
+    assert_eq!(claimed.map(|it| it.id), Some(first));
+    let lease = arena.lease(&arena.pair.second, &worker).await;
+    assert_eq!(lease.map(|it| it.job_id), Some(second));
+}
+
+#[tokio::test]
+async fn a_transaction_that_was_rolled_back_for_another_one_is_run_again() {
+    let Some(arena) = Arena::open().await else {
+        return;
+    };
+    let people = [arena.subject().await, arena.subject().await];
+    let met = Barrier::new(2);
+    let rename = async |store: &Store, order: [&String; 2]| {
+        let first_try = AtomicBool::new(true);
+        let done: Result<(), StoreError> = transaction!(store, |tx| async {
+            for (number, person) in order.iter().enumerate() {
+                sql("UPDATE subjects SET display_name = 'Eve' WHERE id = $1")
+                    .bind(*person)
+                    .execute(tx, "renaming a person")
+                    .await?;
+                if number == 0 && first_try.swap(false, Ordering::Relaxed) {
+                    met.wait().await;
+                }
+            }
+            Ok(())
+        });
+        done.expect("is run again");
+    };
+    let [one, two] = &people;
+    tokio::join!(
+        rename(&arena.pair.first, [one, two]),
+        rename(&arena.pair.second, [two, one]),
+    );
+}
+
+#[tokio::test]
 async fn a_model_has_one_trainer() {
     let Some(arena) = Arena::open().await else {
         return;
@@ -259,6 +309,11 @@ async fn a_model_has_one_trainer() {
         arena.worker(&[JobKind::Train]).await,
         arena.worker(&[JobKind::Train]).await,
     ];
+    // While no lease runs, leases follow each other anyway: each starts the lease clock.
+    arena.train(&arena.model().await).await;
+    let busy = arena.worker(&[JobKind::Train]).await;
+    let other = arena.lease(&arena.pair.first, &busy).await;
+    other.expect("the job waits");
     for _ in 0..ROUNDS {
         let model = arena.model().await;
         let (first, second) = (arena.train(&model).await, arena.train(&model).await);
