@@ -19,7 +19,7 @@ queue, and the process ends, even with connected clients.
 Examples:
   yoto serve
   yoto serve --data /srv/yoto --listen 127.0.0.1:6000
-  yoto serve --database postgres://yoto@db.example/yoto?sslmode=verify-full
+  yoto serve --database 'postgres://yoto@db.example/yoto?sslmode=verify-full'
   grpcurl -plaintext 127.0.0.1:50051 list";
 
 /// Run the service on this machine: API, jobs, storage and a worker.
@@ -108,17 +108,17 @@ impl Serve {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         check_exposure(self.listen, self.insecure)?;
         keep_private();
+        let place = self.place();
         let options = EmbeddedOptions {
-            data: self.data.clone(),
-            database: self.database.clone(),
+            data: self.data,
+            database: self.database,
             listen: Some(self.listen),
             worker: !self.no_worker,
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
-            scratch: self.scratch.clone(),
+            scratch: self.scratch,
         };
-        let place = self.place();
         let mut service = Embedded::start(options)
             .await
             .with_context(|| format!("starting the service in {place}"))?;

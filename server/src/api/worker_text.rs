@@ -6,13 +6,19 @@ use yoto_proto::limits::{
 use yoto_proto::v1::{JobError, JobResult, Progress, WorkerDevice, job_result};
 
 fn cut(text: &mut String) {
-    text.truncate(beginning(text, WORKER_TEXT_BYTES).len());
+    shorten(text, WORKER_TEXT_BYTES);
+}
+
+/// Cuts a text to `bytes` bytes, and removes the zero character, which PostgreSQL can't store.
+fn shorten(text: &mut String, bytes: usize) {
+    text.retain(|it| it != '\0');
+    text.truncate(beginning(text, bytes).len());
 }
 
 /// Cuts short texts, such as the name of a device.
 fn cut_lines<'a>(lines: impl IntoIterator<Item = &'a mut String>) {
     for line in lines {
-        line.truncate(beginning(line, WORKER_LINE_BYTES).len());
+        shorten(line, WORKER_LINE_BYTES);
     }
 }
 

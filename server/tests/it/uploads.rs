@@ -432,6 +432,27 @@ async fn a_rejected_capture_stays_visible_and_a_good_one_heals_the_subject() {
 }
 
 #[tokio::test]
+async fn a_fault_with_a_zero_character_is_told_without_it() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let capture = service.upload_good(&subject.name).await.name;
+    let worker = service.worker(&["ingest"]).await;
+    let lease = service.lease(&worker).await.expect("the ingest job waits");
+    // Names of fields are what a file says.
+    let error = JobError {
+        violations: vec![Violation {
+            field: "po\0se".into(),
+            ..Violation::default()
+        }],
+        ..support::job_error("REJECTED", "a\0b")
+    };
+    let ended = service.end(&lease, Outcome::Failed(error)).await;
+    ended.expect("is recorded");
+    let rejected = service.get_capture(&capture).await;
+    assert_eq!(rejected.violations[0].field, "pose");
+}
+
+#[tokio::test]
 async fn an_ingest_that_failed_for_want_of_the_store_is_tried_again_and_rejects_nothing() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;

@@ -20,13 +20,15 @@ pub struct Next {
     pub trains: Option<String>,
 }
 
-/// Jobs `q` of the tenant of worker `$1` that it may lease at time `$2`.
+/// Jobs `q` of the tenant of worker `$1` that it may lease at time `$2`. The kinds depend on the worker alone, so that a database
+/// finds them once and not for each job.
 macro_rules! waiting {
     () => {
         "q.state = 'QUEUED' AND q.tenant = (SELECT tenant FROM workers WHERE id = $1)
            AND (q.not_before IS NULL OR q.not_before <= $2)
            AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = $1
-                          EXCEPT SELECT kind FROM paused_kinds WHERE tenant = q.tenant)
+                          EXCEPT SELECT kind FROM paused_kinds
+                          WHERE tenant = (SELECT tenant FROM workers WHERE id = $1))
            AND q.order_level <= (SELECT order_level FROM workers WHERE id = $1)
            AND NOT (q.kind = 'train' AND EXISTS (
                SELECT 1 FROM jobs r
@@ -88,7 +90,8 @@ pub async fn to_help(
          WHERE j.state = 'RUNNING' AND j.tenant = (SELECT tenant FROM workers WHERE id = $1)
              AND j.kind = 'render' AND j.cancel_requested = 0
              AND j.kind IN (SELECT kind FROM worker_kinds WHERE worker = $1
-                            EXCEPT SELECT kind FROM paused_kinds WHERE tenant = j.tenant)
+                            EXCEPT SELECT kind FROM paused_kinds
+                            WHERE tenant = (SELECT tenant FROM workers WHERE id = $1))
              AND j.order_level <= (SELECT order_level FROM workers WHERE id = $1)
              AND j.priority > coalesce($2, -1) AND j.lost_workers < $3
              AND EXISTS (SELECT 1 FROM render_ranges r

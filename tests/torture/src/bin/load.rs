@@ -11,12 +11,21 @@ struct Arguments {
     /// Keep the rows in PostgreSQL, whose programs this machine has.
     #[arg(long)]
     postgres: bool,
+    /// Workers that ask for jobs.
+    #[arg(long, default_value_t = Plan::default().workers)]
+    workers: usize,
+    /// Jobs in the queue.
+    #[arg(long, default_value_t = Plan::default().queued)]
+    queued: usize,
 }
 
 #[tokio::main]
 async fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
     let plan = Plan {
-        postgres: Arguments::parse().postgres,
+        postgres: arguments.postgres,
+        workers: arguments.workers,
+        queued: arguments.queued,
         ..Plan::default()
     };
     Load::start(plan).await?.run().await

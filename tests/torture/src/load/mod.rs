@@ -136,7 +136,7 @@ impl Load {
             self.plan.queued
         );
         let mut lessees = Vec::new();
-        let leasing = Latencies::new("lease of a job, 20,000 queued");
+        let leasing = Latencies::new("lease of a job");
         for _ in 0..self.plan.running {
             let worker = self.scene.register(JobKind::Render).await?;
             lessees.push(leasing.time(self.scene.lease(&worker)).await?);

@@ -1,12 +1,15 @@
 //! Databases that PostgreSQL's driver brings up to date, and those that it refuses.
 
 use super::migrations::migrations;
-use crate::clock::SystemClock;
-use crate::store::{NewSubject, Store, StoreError};
+use crate::checkpoints::retention::Retention;
+use crate::clock::{ManualClock, SystemClock};
+use crate::store::{Ending, LeaseKey, NewSubject, Store, StoreError};
 use crate::tenant::Tenant;
+use sqlx::postgres::PgConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};
 use std::sync::Arc;
+use yoto_proto::v1::{Checkpoint, job};
 use yoto_test_postgres::{Database, is_there};
 
 async fn open(database: &Database) -> Result<Store, StoreError> {
@@ -98,6 +101,74 @@ async fn a_database_that_is_up_to_date_opens_again() {
     let store = open(&database).await.expect("opens again");
     let id = made.name.trim_start_matches("subjects/");
     assert_eq!(store.subject(&own, id).await.expect("is kept"), made);
+}
+
+/// The first schema, and what a service has while a worker trains: a RUNNING job with its lease and its pins.
+const RUNNING: &str = r"
+    INSERT INTO subjects (id, display_name, consent_note, create_time, tenant) VALUES ('s', 'Ada', '', 1.5, 'default');
+    INSERT INTO captures (id, subject, state, shard_key, shard_bytes, shard_sha256, create_time, idle_since)
+        VALUES ('c', 's', 'READY', 'k', 1, 'x', 1.5, 1.5);
+    INSERT INTO models (id, display_name, tier, variant, create_time, tenant)
+        VALUES ('m', 'm', 'draft', 'yoto', 1.5, 'default');
+    INSERT INTO slots (model, slot, subject) VALUES ('m', 0, 's');
+    INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes, create_time, tenant)
+        VALUES ('w', 'w', 'cpu', 'cpu', 0, 0, 1.5, 'default');
+    INSERT INTO worker_kinds VALUES ('w', 'train');
+    INSERT INTO jobs (id, kind, model, state, spec, lease, last_token, worker, lease_deadline, create_time, tenant)
+        VALUES ('j', 'train', 'm', 'RUNNING', '\x120A0A086D6F64656C732F6D', 77, 77, 'w', 1e10, 1.5, 'default');
+    INSERT INTO job_attempts (job, lease, worker, begin_time) VALUES ('j', 77, 'w', 1.5);
+    INSERT INTO job_captures (job, subject, capture) VALUES ('j', 's', 'c');
+    INSERT INTO lease_clock (id, last_tick) VALUES (1, 1.5);
+";
+
+#[tokio::test]
+async fn a_running_job_goes_on_after_the_upgrade_of_the_first_schema() {
+    if !is_there() {
+        return;
+    }
+    let database = Database::create().expect("PostgreSQL");
+    let options: PgConnectOptions = database.url().parse().expect("an address");
+    let mut connection = options.connect().await.expect("connects");
+    let first = migrations().iter().map(|it| it.version).min();
+    let first = first.expect("a step");
+    let done = migrations().run_to(first, &mut connection).await;
+    done.expect("the first schema");
+    database.run(RUNNING);
+    let url = database.url().parse().expect("an address");
+    let clock = Arc::new(ManualClock::at(2.0));
+    let store = Store::open_postgres(&url, clock).await.expect("upgrades");
+    let own = Tenant::default();
+    let lease = LeaseKey {
+        job_id: "j".into(),
+        worker_id: "w".into(),
+        token: 77,
+    };
+    assert!(store.tick(5, 20.0).await.expect("ticks").is_empty());
+    let cancel = store.heartbeat(&own, &lease, None, 20.0).await;
+    assert!(!cancel.expect("the lease lasts"));
+    let job = store.job_history(&own, "j").await.expect("is kept");
+    assert_eq!((job.state(), job.attempts.len()), (job::State::Running, 1));
+    let checkpoint = Checkpoint {
+        step: 5,
+        ..Checkpoint::default()
+    };
+    let keep = Retention {
+        newest: 1,
+        every: 0,
+    };
+    let published = store
+        .publish_checkpoint(&own, &lease, checkpoint, keep)
+        .await;
+    published.expect("publishes");
+    let ended = store.end_job(&own, &lease, Ending::Returned).await;
+    ended.expect("returns the job");
+    let again = store.lease_job(&own, "w", "", false, 20.0).await;
+    let again = again.expect("answers").leased;
+    assert_eq!(
+        again.map(|it| it.job.name),
+        None,
+        "a worker of before understands no orders"
+    );
 }
 
 #[tokio::test]
