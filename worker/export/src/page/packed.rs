@@ -1,5 +1,5 @@
-//! Splats in 36 bytes each, 9 or 24 more for view-dependent colours, and a bit where some are guessed. In a box of a few metres, 16 bits are exact to
-//! some hundredths of a millimetre.
+//! Splats in 36 bytes each, 9 or 24 more for view-dependent colours, and a bit where some are guessed. In a box of a few
+//! metres, 16 bits are exact to some hundredths of a millimetre.
 
 use yoto_avatar::render::SkinnedSplat;
 use yoto_ops::splat::harmonics::count;

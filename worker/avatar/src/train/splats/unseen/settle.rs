@@ -1,6 +1,7 @@
 //! Guesses before the end of a run. Splats of the back look out around the outline in training frames, so that a
 //! guess changes what those show. The rest of the run learns to do without the old colours, while the guessed ones are held:
-//! their flags are part of the model, so that a resumed training goes on with them, and whoever gets the model knows what is guessed.
+//! their flags are part of the model, so that a resumed training goes on with them, and whoever gets the model knows what is
+//! guessed.
 
 use super::guess_unseen;
 use crate::avatar::Avatar;
