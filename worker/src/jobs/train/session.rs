@@ -175,7 +175,9 @@ impl<'a> Session<'a> {
         let progress = self.trainer.progress();
         let (seconds, steps) = self.spent();
         let (step, bytes) = self.published.unwrap_or((progress.step, 0));
+        let guessed = self.trainer.guessed();
         Ok(TrainResult {
+            guessed: guessed.map_err(|error| failure("reading what is guessed", &error))?,
             psnr_mask_box: finite(progress.psnr_mask_box),
             psnr: finite(progress.psnr),
             held_out: progress.held_out,
