@@ -4,7 +4,6 @@ use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
 use crate::job_feed::JobFeed;
-use crate::jobs::roster::Roster;
 use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;
 use crate::objects::room;
@@ -33,8 +32,6 @@ pub struct Context {
     pub changes: JobChanges,
     /// The changes of all jobs, for those who watch them.
     pub feed: JobFeed,
-    /// The workers that have asked for jobs lately.
-    pub roster: Roster,
     /// When the coordinator started.
     pub started: SystemTime,
     /// Whether the last write of the health check succeeded.
@@ -43,9 +40,7 @@ pub struct Context {
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.
     pub lock: DataDirLock,
-    /// Held during a collection of garbage: one at a time.
-    pub collecting: tokio::sync::Mutex<()>,
-    /// The locks of the uploads.
+    /// The writers of uploads in this process.
     pub upload_locks: UploadLocks,
 }
 

@@ -43,7 +43,6 @@ use context::Context;
 use futures::Stream;
 use job_feed::JobFeed;
 use jobs::reaper;
-use jobs::roster::Roster;
 use lock::DataDirLock;
 use objects::collect;
 use objects::disk::ObjectDisk;
@@ -97,12 +96,10 @@ impl Coordinator {
             disk,
             changes: JobChanges::default(),
             feed: JobFeed::default(),
-            roster: Roster::default(),
             started,
             writable: tokio::sync::watch::Sender::new(true),
             stop: CancellationToken::new(),
             lock,
-            collecting: tokio::sync::Mutex::new(()),
             upload_locks: UploadLocks::default(),
         });
         reaper::take_back_embedded(&context).await?;

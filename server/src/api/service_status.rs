@@ -4,19 +4,16 @@ use super::paging;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::tenant::Tenant;
-use std::collections::HashMap;
 use std::sync::Arc;
-use std::time::SystemTime;
 use tonic::{Request, Response, Status};
 use yoto_proto::checks::SPEC_BYTES;
 use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::limits as contract;
-use yoto_proto::names::Collection;
 use yoto_proto::orders;
 use yoto_proto::v1::status_service_server::StatusService;
 use yoto_proto::v1::{
     GetLimitsRequest, GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceLimits,
-    ServiceStatus, UploadLimits, WorkerStatus,
+    ServiceStatus, UploadLimits,
 };
 
 /// The state of the service as a whole.
@@ -33,17 +30,9 @@ impl StatusService for StatusApi {
     ) -> Result<Response<ServiceStatus>, Status> {
         let tenant = Tenant::of(&request)?;
         let context = &self.context;
-        let lately = context.roster.lately(context.config.clock.time());
-        let ids: Vec<&str> = lately.keys().map(String::as_str).collect();
         let lease_seconds = context.config.lease_seconds;
-        let workers = context
-            .store
-            .active_workers(&tenant, &ids, lease_seconds)
-            .await;
-        let mut workers = workers.map_err(RequestError::from)?;
-        for worker in &mut workers {
-            add_request(worker, &lately);
-        }
+        let workers = context.store.active_workers(&tenant, lease_seconds).await;
+        let workers = workers.map_err(RequestError::from)?;
         let counts = context.store.open_jobs(&tenant).await;
         let (queued, running) = counts.map_err(RequestError::from)?;
         let paused = context.store.paused_kinds(&tenant).await;
@@ -80,11 +69,7 @@ impl StatusService for StatusApi {
         let workers = context
             .store
             .workers(&tenant, page.page(), context.config.lease_seconds);
-        let mut workers = workers.await.map_err(RequestError::from)?;
-        let lately = context.roster.lately(context.config.clock.time());
-        for entry in &mut workers {
-            add_request(&mut entry.item, &lately);
-        }
+        let workers = workers.await.map_err(RequestError::from)?;
         let (workers, next_page_token) = page.cut(workers);
         Ok(Response::new(ListWorkersResponse {
             workers,
@@ -116,20 +101,5 @@ fn limits(context: &Context) -> ServiceLimits {
         consent_note_bytes: contract::CONSENT_NOTE_BYTES as u32,
         owner_characters: contract::OWNER_CHARACTERS as u32,
         request_id_bytes: contract::REQUEST_ID_BYTES as u32,
-    }
-}
-
-/// A worker is seen whenever it asks for a job, and whenever it reports on one.
-fn add_request(worker: &mut WorkerStatus, lately: &HashMap<String, SystemTime>) {
-    let id = Collection::Workers.parse(&worker.name).unwrap_or_default();
-    let Some(asked) = lately.get(id) else { return };
-    let asked = prost_types::Timestamp::from(*asked);
-    let key = |at: &prost_types::Timestamp| (at.seconds, at.nanos);
-    if worker
-        .last_seen
-        .as_ref()
-        .is_none_or(|seen| key(seen) < key(&asked))
-    {
-        worker.last_seen = Some(asked);
     }
 }

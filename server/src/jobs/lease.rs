@@ -64,7 +64,6 @@ pub async fn lease(
         .store
         .lease_job(tenant, worker_id, request_id, help, lease_seconds))
     .await?;
-    context.roster.asked(worker_id, context.config.clock.time());
     for (job, reason) in &outcome.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
         context.changes.announce(job);

@@ -6,6 +6,5 @@ pub mod queue;
 pub mod reaper;
 pub mod report;
 pub mod retry;
-pub mod roster;
 pub mod watch;
 pub mod watch_all;

@@ -11,7 +11,7 @@ use crate::store::{Horizons, KnownGarbage, Reference};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
-use yoto_proto::keys;
+use yoto_proto::keys::{self, FolderOwner};
 
 /// How to collect.
 #[derive(Debug, Clone, Copy, Default)]
@@ -61,12 +61,12 @@ pub async fn run(context: Arc<Context>) {
     }
 }
 
-/// Finds all garbage, and removes what is due.
+/// Finds all garbage, and removes what is due. Several collections may run at once, also of several coordinators: they
+/// find the same folders, and what one has removed is gone for the other.
 ///
 /// # Errors
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
 pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>, RequestError> {
-    let _one_at_a_time = context.collecting.lock().await;
     if !options.dry_run {
         let idle = context.config.upload.expiry.as_secs_f64();
         for upload in context.store.expire_uploads(idle).await? {
@@ -101,6 +101,10 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
             it.due = false;
             continue;
         }
+        if !is_released(context, &it.folder.key).await? {
+            it.due = false;
+            continue;
+        }
         match context.disk.delete_folder(&it.folder.key).await {
             Ok(()) => {
                 let Folder { key, bytes, .. } = &it.folder;
@@ -113,6 +117,17 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
         }
     }
     Ok(found)
+}
+
+/// Whether no row can name the folder `key` from now on. This was true of all folders when their references were read,
+/// but the files of a rejected capture may be read again since then.
+async fn is_released(context: &Context, key: &str) -> Result<bool, RequestError> {
+    match FolderOwner::parse(key) {
+        Some(FolderOwner::Upload { capture }) => {
+            Ok(context.store.release_upload(capture, kept(context)).await?)
+        }
+        _ => Ok(true),
+    }
 }
 
 /// Seconds for which uploads that were read are kept.

@@ -1,5 +1,8 @@
 //! Steps of the clock: it was set, the machine slept, or the service was down. Ages count only the service's running
 //! time, so a step never deletes anything.
+//!
+//! [`outage`](super::outage) answers another question: whether workers could renew their leases. They could not while the
+//! service was up but its database was not, which is running time; and they lose nothing by a step of a few seconds.
 
 /// Smallest difference from the steady clock that is a step, seconds: far above the time between the two readings, and
 /// far below any time after which something is deleted.
@@ -41,6 +44,19 @@ impl Reading {
     }
 }
 
+/// The step between the check at `last` by another coordinator of the same database, which recorded earlier steps, and a
+/// reading, if the `previous` reading of this process was before that check. A step back by less than the time since
+/// `previous` is not found: nothing shows how much of that time has passed since the check.
+pub fn since_another(last: f64, previous: Reading, later: Reading) -> Option<Step> {
+    let most = later.steady - previous.steady;
+    let passed = later.now - last;
+    let seconds = passed - passed.clamp(0.0, most);
+    (seconds.abs() > TOLERANCE).then_some(Step {
+        at: (last + most).min(later.now),
+        seconds,
+    })
+}
+
 /// The step at the start of a process at `now`, if the previous one last checked at `last_tick`. All stamps are older.
 pub fn while_down(last_tick: f64, now: f64) -> Option<Step> {
     let seconds = now - last_tick;
@@ -78,6 +94,26 @@ mod tests {
             seconds: -100.0,
         };
         assert_eq!(step(910.0, 15.0), Some(back));
+    }
+
+    #[test]
+    fn a_step_that_another_coordinator_has_recorded_is_none() {
+        let later = |now| Reading { now, steady: 15.0 };
+        // The clock was set ahead by a day, and the other one's check was 4 s ago.
+        assert_eq!(since_another(87_406.0, FIRST, later(87_410.0)), None);
+        // It was set after that check.
+        let ahead = since_another(1006.0, FIRST, later(87_416.0));
+        let expected = Step {
+            at: 1016.0,
+            seconds: 86_400.0,
+        };
+        assert_eq!(ahead, Some(expected));
+        let back = since_another(1006.0, FIRST, later(906.0));
+        let expected = Step {
+            at: 906.0,
+            seconds: -100.0,
+        };
+        assert_eq!(back, Some(expected));
     }
 
     #[test]

@@ -21,10 +21,10 @@ pub use types::{
 };
 
 use crate::clock::Clock;
-use crate::rules::steps::Reading;
 use crate::tenant::Tenant;
 use db::{Database, Tx};
 use scripts::leases;
+use scripts::steps::Checks;
 use std::path::Path;
 use std::sync::Arc;
 use tokio::sync::Mutex;
@@ -34,8 +34,8 @@ use tokio::sync::Mutex;
 #[derive(Debug)]
 pub struct Store {
     db: Database,
-    /// Reading of both clocks at the first check of this process, or after the last step of the clock.
-    first_reading: Mutex<Option<Reading>>,
+    /// Checks of the clock by this process.
+    checks: Mutex<Option<Checks>>,
 }
 
 impl Store {
@@ -47,7 +47,7 @@ impl Store {
     pub async fn open_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
         Ok(Self {
             db: Database::open_sqlite(path, clock).await?,
-            first_reading: Mutex::default(),
+            checks: Mutex::default(),
         })
     }
 

@@ -3,6 +3,7 @@
 use super::JobKind;
 use prost::Message;
 use thiserror::Error;
+use yoto_proto::names::Collection;
 use yoto_proto::v1::{self, ErrorReason, WorkerDevice};
 
 /// What to change of a subject.
@@ -95,6 +96,25 @@ pub enum StoreError {
 }
 
 impl StoreError {
+    /// A newer call writes to the upload with this id.
+    pub fn taken_over(id: &str) -> Self {
+        Self::Rule {
+            reason: ErrorReason::UploadTakenOver,
+            message: format!("another call goes on with {}", Collection::Uploads.name(id)),
+        }
+    }
+
+    /// The files of the capture with this id can't be read any more.
+    pub fn upload_gone(id: &str) -> Self {
+        Self::Rule {
+            reason: ErrorReason::UploadGone,
+            message: format!(
+                "files of {} are no longer there: upload the capture again",
+                Collection::Captures.name(id)
+            ),
+        }
+    }
+
     /// Whether the database failed, as opposed to a refusal because of its content.
     pub fn is_failure(&self) -> bool {
         matches!(

@@ -3,9 +3,9 @@
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::input_file;
-use crate::store::RequestKey;
+use crate::store::{RequestKey, StoreError};
 use crate::tenant::Tenant;
-use yoto_proto::v1::{Capture, ErrorReason, capture};
+use yoto_proto::v1::{Capture, capture};
 
 /// Queues another ingest job for a capture whose last one failed.
 ///
@@ -20,10 +20,8 @@ pub async fn ingest_again(
     if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
         return Ok(context.store.capture(tenant, &id).await?);
     }
-    // Until the job is queued, no row may refer to the files.
-    let _no_collection = context.collecting.lock().await;
     let capture = context.store.capture(tenant, id).await?;
-    // The store refuses the other states.
+    // The store refuses the other states, and files that a collection of garbage removes at the same time.
     if matches!(
         capture.state(),
         capture::State::Uploaded | capture::State::Rejected
@@ -32,11 +30,12 @@ pub async fn ingest_again(
             let object = input_file(id, &file).object.unwrap_or_default();
             match context.objects.require(&object).await {
                 Err(error) if error.is_torn() => {
-                    let message = format!(
-                        "{} of {} is no longer there: upload the capture again",
-                        file.path, capture.name
+                    tracing::error!(
+                        capture = capture.name,
+                        path = file.path,
+                        "a file of an upload is lost"
                     );
-                    return Err(RequestError::precondition(ErrorReason::UploadGone, message));
+                    return Err(StoreError::upload_gone(id).into());
                 }
                 required => required?,
             }

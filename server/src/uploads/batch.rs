@@ -57,6 +57,7 @@ impl Batch {
         context: &Context,
         tenant: &Tenant,
         id: &str,
+        writer: u64,
     ) -> Result<(), RequestError> {
         let (parts, chunks): (Vec<_>, Vec<_>) = self.parts.into_iter().unzip();
         let pieces = parts.iter().zip(chunks).map(|(part, chunks)| Piece {
@@ -68,10 +69,11 @@ impl Batch {
         if let Err(ObjectsError::Size { key, found, .. }) = &written
             && let Some(part) = parts.iter().find(|it| keys::upload(id, &it.path) == *key)
         {
-            return Err(lost(context, tenant, id, &part.path, *found).await);
+            return Err(lost(context, tenant, id, writer, &part.path, *found).await);
         }
         written?;
-        Ok(context.store.commit_parts(tenant, id, &parts).await?)
+        let recorded = context.store.commit_parts(tenant, id, writer, &parts);
+        Ok(recorded.await?)
     }
 }
 
@@ -80,16 +82,18 @@ pub struct Committer {
     context: Arc<Context>,
     tenant: Tenant,
     id: String,
+    writer: u64,
     running: Option<JoinHandle<Result<(), RequestError>>>,
 }
 
 impl Committer {
-    /// For the upload `id`.
-    pub fn new(context: Arc<Context>, tenant: Tenant, id: &str) -> Self {
+    /// For the `writer` of the upload `id`.
+    pub fn new(context: Arc<Context>, tenant: Tenant, id: &str, writer: u64) -> Self {
         Self {
             context,
             tenant,
             id: id.to_owned(),
+            writer,
             running: None,
         }
     }
@@ -102,8 +106,8 @@ impl Committer {
         self.wait().await?;
         if !batch.is_empty() {
             let (context, tenant) = (Arc::clone(&self.context), self.tenant.clone());
-            let id = self.id.clone();
-            let work = async move { batch.commit(&context, &tenant, &id).await };
+            let (id, writer) = (self.id.clone(), self.writer);
+            let work = async move { batch.commit(&context, &tenant, &id, writer).await };
             self.running = Some(tokio::spawn(work));
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
-use super::{lock, lost};
+use super::{lost, take_over};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, UploadFile};
@@ -29,7 +29,7 @@ pub async fn finish(
     if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
         return Ok(context.store.capture(tenant, &id).await?);
     }
-    let _lock = lock(context, tenant, id).await?;
+    let (_lock, writer) = take_over(context, tenant, id).await?;
     let upload = context.store.upload(tenant, id).await?;
     if upload.open {
         if let Some(file) = upload.files.iter().find(|file| file.committed < file.bytes) {
@@ -46,7 +46,7 @@ pub async fn finish(
             ));
         }
         stream::iter(upload.files)
-            .map(|file| verify(context, tenant, id, file))
+            .map(|file| verify(context, tenant, id, writer, file))
             .buffer_unordered(HASHED_AT_ONCE)
             .try_collect::<()>()
             .await?;
@@ -62,6 +62,7 @@ async fn verify(
     context: &Context,
     tenant: &Tenant,
     id: &str,
+    writer: u64,
     file: UploadFile,
 ) -> Result<(), RequestError> {
     let key = keys::upload(id, &file.path);
@@ -70,14 +71,16 @@ async fn verify(
     }
     let found = match context.disk.sha256(&key, file.bytes).await {
         Err(ObjectsError::Size { found, .. }) => {
-            return Err(lost(context, tenant, id, &file.path, found).await);
+            return Err(lost(context, tenant, id, writer, &file.path, found).await);
         }
         hashed => hashed?,
     };
     if found == file.sha256 {
         return Ok(());
     }
-    context.store.restart_file(tenant, id, &file.path).await?;
+    (context.store)
+        .restart_file(tenant, id, writer, &file.path)
+        .await?;
     let message = format!(
         "{}: the received bytes have {found}, not {}; the file has to be sent again",
         file.path, file.sha256

@@ -1,5 +1,8 @@
-//! One writer of an upload at a time: the newest. A connection may be lost long before the service
+//! One writer of an upload at a time in this process: the newest. A connection may be lost long before the service
 //! notices, and a client that reconnects must not wait for that.
+//!
+//! This lets the older call commit what has arrived before the newer one begins. That only the newest commits, whichever
+//! coordinator it calls, is decided by the number of the writer in the upload's row.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};

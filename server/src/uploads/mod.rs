@@ -27,14 +27,21 @@ use yoto_proto::v1::ErrorReason;
 
 /// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
 /// the call that found this. Otherwise each later write would fail until the upload expires.
-async fn lost(context: &Context, tenant: &Tenant, id: &str, path: &str, left: u64) -> RequestError {
+async fn lost(
+    context: &Context,
+    tenant: &Tenant,
+    id: &str,
+    writer: u64,
+    path: &str,
+    left: u64,
+) -> RequestError {
     tracing::error!(
         upload = id,
         path,
         left,
         "acknowledged bytes of an upload are lost"
     );
-    if let Err(error) = context.store.restart_file(tenant, id, path).await {
+    if let Err(error) = context.store.restart_file(tenant, id, writer, path).await {
         return error.into();
     }
     let message =
@@ -42,13 +49,21 @@ async fn lost(context: &Context, tenant: &Tenant, id: &str, path: &str, left: u6
     RequestError::precondition(ErrorReason::UploadIncomplete, message)
 }
 
-/// The lock of an upload, after the call that holds it has stopped. Only calls of the upload's tenant stop it.
+/// Takes over an upload: calls of this process that write to it stop after they have committed what has arrived, and those
+/// of other coordinators commit nothing more. Returns the lock of this process, and the number of the new writer. Only calls
+/// of the upload's tenant stop others.
 ///
 /// # Errors
 /// When there is no such upload.
-async fn lock(context: &Context, tenant: &Tenant, id: &str) -> Result<UploadLock, RequestError> {
+async fn take_over(
+    context: &Context,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<(UploadLock, u64), RequestError> {
     context.store.require_upload(tenant, id).await?;
-    Ok(context.upload_locks.acquire(id).await)
+    let lock = context.upload_locks.acquire(id).await;
+    let writer = context.store.take_over_upload(tenant, id).await?;
+    Ok((lock, writer))
 }
 
 /// The open upload with this id.
@@ -78,7 +93,7 @@ pub async fn get(
     stop_writer: bool,
 ) -> Result<Upload, RequestError> {
     let _lock = match stop_writer {
-        true => Some(lock(context, tenant, id).await?),
+        true => Some(take_over(context, tenant, id).await?),
         false => None,
     };
     Ok(context.store.upload(tenant, id).await?)

@@ -2,9 +2,10 @@
 
 use super::batch::{Batch, Committer};
 use super::locks::UploadLock;
-use super::{lock, open};
+use super::{open, take_over};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::store::StoreError;
 use crate::tenant::Tenant;
 use futures::{Stream, StreamExt};
 use std::collections::HashMap;
@@ -35,13 +36,13 @@ where
         .parse(&first.upload)
         .map_err(|error| RequestError::invalid("upload", error.to_string()))?
         .to_owned();
-    let lock = lock(&context, &tenant, &id).await?;
+    let (lock, number) = take_over(&context, &tenant, &id).await?;
     let upload = open(&context, &tenant, &id).await?;
     let mut writer = Writer {
         name: first.upload.clone(),
         files: HashMap::with_capacity(upload.files.len()),
         batch: Batch::default(),
-        committer: Committer::new(Arc::clone(&context), tenant, &id),
+        committer: Committer::new(Arc::clone(&context), tenant, &id, number),
         part_bytes: context.config.upload.part_bytes,
         bytes: upload.files.iter().map(|file| file.committed).sum(),
     };
@@ -108,8 +109,8 @@ impl Writer {
                 biased;
                 () = context.stop.cancelled() => return Err(RequestError::ShuttingDown),
                 () = lock.wanted() => {
-                    let message = format!("another call goes on with {}", self.name);
-                    return Err(RequestError::precondition(ErrorReason::UploadTakenOver, message));
+                    let id = Collection::Uploads.parse(&self.name).unwrap_or_default();
+                    return Err(StoreError::taken_over(id).into());
                 }
                 next = within(context, chunks.next()) => next?,
             };

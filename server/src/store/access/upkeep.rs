@@ -2,6 +2,7 @@
 
 use crate::rules::steps::Reading;
 use crate::store::scripts::reaping::Lost;
+use crate::store::scripts::steps::Checks;
 use crate::store::scripts::{attempts, garbage, reaping, requests, steps, uploads, workers};
 use crate::store::{Horizons, KnownGarbage, Reaped, Reference, Store, StoreError};
 
@@ -72,6 +73,20 @@ impl Store {
         garbage::references(&mut self.db.read().await?, folders, keep_uploads, now).await
     }
 
+    /// Releases the files of an upload for their removal: no ingest job reads them from now on. Returns whether they are
+    /// garbage still.
+    pub async fn release_upload(
+        &self,
+        capture: &str,
+        keep_uploads: f64,
+    ) -> Result<bool, StoreError> {
+        let now = self.keep_time().await?;
+        let mut tx = self.db.write().await?;
+        let released = garbage::release_upload(&mut tx, capture, keep_uploads, now).await?;
+        tx.commit().await?;
+        Ok(released)
+    }
+
     /// Notes the `new` folders as garbage, and deletes the notes of the `gone` ones.
     pub async fn note_garbage(&self, new: &[String], gone: &[String]) -> Result<(), StoreError> {
         let mut tx = self.db.write().await?;
@@ -83,26 +98,25 @@ impl Store {
     /// Returns the time. The health check calls it to find whether writes succeed.
     pub async fn keep_time(&self) -> Result<f64, StoreError> {
         // Held until the step is recorded, so that no other call records it again.
-        let mut first = self.first_reading.lock().await;
+        let mut checks = self.checks.lock().await;
         let mut tx = self.db.write().await?;
         let reading = Reading {
             now: tx.now(),
             steady: self.db.clock().steady(),
         };
-        let step = steps::keep_time(&mut tx, *first, reading).await?;
+        let (step, since) = steps::keep_time(&mut tx, *checks, reading).await?;
         tx.commit().await?;
-        if let (Some(step), true) = (step, first.is_some()) {
+        if let (Some(step), true) = (step, checks.is_some()) {
             let seconds = step.seconds;
             tracing::warn!(
                 seconds,
                 "the clock was set, or the machine slept: this time does not count for ages"
             );
         }
-        // Small differences add up until they are a step.
-        let since = match (step, *first) {
-            (None, Some(first)) => first,
-            _ => *first.insert(reading),
-        };
+        *checks = Some(Checks {
+            since,
+            last: reading,
+        });
         Ok(since.expected(reading.steady))
     }
 }

@@ -31,27 +31,37 @@ impl Store {
         uploads::get(&mut tx, tenant, id).await
     }
 
-    /// Records parts of an open upload that are on disk: all of them, or none.
+    /// Makes the caller the newest writer of an upload. Returns its number.
+    pub async fn take_over_upload(&self, tenant: &Tenant, id: &str) -> Result<u64, StoreError> {
+        let mut tx = self.db.write().await?;
+        let writer = uploads::take_over(&mut tx, tenant, id).await?;
+        tx.commit().await?;
+        Ok(writer)
+    }
+
+    /// Records parts of an open upload that its newest writer has put on disk: all of them, or none.
     pub async fn commit_parts(
         &self,
         tenant: &Tenant,
         id: &str,
+        writer: u64,
         parts: &[CommittedPart],
     ) -> Result<(), StoreError> {
         let mut tx = self.db.write().await?;
-        uploads::commit(&mut tx, tenant, id, parts).await?;
+        uploads::commit(&mut tx, tenant, id, writer, parts).await?;
         tx.commit().await
     }
 
-    /// Forgets the bytes of a file of an open upload.
+    /// Forgets the bytes of a file of an open upload, for its newest writer.
     pub async fn restart_file(
         &self,
         tenant: &Tenant,
         id: &str,
+        writer: u64,
         path: &str,
     ) -> Result<(), StoreError> {
         let mut tx = self.db.write().await?;
-        uploads::restart(&mut tx, tenant, id, path).await?;
+        uploads::restart(&mut tx, tenant, id, writer, path).await?;
         tx.commit().await
     }
 

@@ -22,15 +22,14 @@ impl Store {
         Ok(id)
     }
 
-    /// The workers with `ids`, and those with a RUNNING job. The time of their last report is `lease_seconds`
-    /// before the deadline of the lease.
+    /// The workers with a RUNNING job, and those that have asked for one lately. The time of a report is
+    /// `lease_seconds` before the deadline of the lease.
     pub async fn active_workers(
         &self,
         tenant: &Tenant,
-        ids: &[&str],
         lease_seconds: f64,
     ) -> Result<Vec<WorkerStatus>, StoreError> {
-        workers::active(&mut self.db.read().await?, tenant, ids, lease_seconds).await
+        workers::active(&mut self.db.read().await?, tenant, lease_seconds).await
     }
 
     /// All workers, newest first.
@@ -55,16 +54,22 @@ impl Store {
     ) -> Result<LeaseOutcome, StoreError> {
         let mut reader = self.db.read().await?;
         workers::require(&mut reader, tenant, worker_id).await?;
+        let noted = workers::has_asked(&mut reader, worker_id).await?;
         let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
             || queue::any(&mut reader, worker_id).await?
             || help
                 && queue::to_help(&mut reader, worker_id, None)
                     .await?
                     .is_some();
+        drop(reader);
+        if !noted {
+            let mut tx = self.db.write().await?;
+            workers::note_request(&mut tx, worker_id).await?;
+            tx.commit().await?;
+        }
         if !work {
             return Ok(LeaseOutcome::default());
         }
-        drop(reader);
         let ask = leases::Ask {
             tenant,
             worker_id,

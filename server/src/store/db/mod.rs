@@ -17,7 +17,7 @@ mod statement;
 mod tx;
 
 pub use locks::Lock;
-pub use row::{Row, integer, state};
+pub use row::{Row, integer, state, timestamp};
 pub use statement::{Statement, sql};
 pub use tx::Tx;
 

@@ -35,6 +35,15 @@ pub fn integer(field: &'static str, value: u64) -> Result<i64, StoreError> {
     i64::try_from(value).map_err(|_| StoreError::TooLarge { field, value })
 }
 
+/// A time of the database, seconds since 1970.
+pub fn timestamp(seconds: f64) -> Timestamp {
+    Timestamp {
+        seconds: seconds.floor() as i64,
+        // Below 1e9 for every fraction, so the cast is exact enough and in range.
+        nanos: ((seconds - seconds.floor()) * 1e9) as i32,
+    }
+}
+
 impl Row {
     fn get<'r, T>(&'r self, column: &'static str) -> Result<T, StoreError>
     where
@@ -105,11 +114,7 @@ impl Row {
     /// # Errors
     /// When the column holds something else.
     pub fn time(&self, column: &'static str) -> Result<Option<Timestamp>, StoreError> {
-        Ok(self.real(column)?.map(|seconds| Timestamp {
-            seconds: seconds.floor() as i64,
-            // Below 1e9 for every fraction, so the cast is exact enough and in range.
-            nanos: ((seconds - seconds.floor()) * 1e9) as i32,
-        }))
+        Ok(self.real(column)?.map(timestamp))
     }
 
     /// An encoded message that may be NULL.

@@ -1,11 +1,12 @@
 //! Folders of the object store that nothing refers to.
 //!
 //! A folder without a reference never gets one again: new rows name only folders of a running lease, and tokens
-//! only grow. The files of a rejected capture are the exception, so a second ingest is never queued during a
-//! collection. A folder that was noted as deleted is never named again either.
+//! only grow. The files of a rejected capture are the exception: they are released, under the lock of the capture,
+//! before they are removed, and are not read again after that. A folder that was noted as deleted is never named again
+//! either.
 
 use super::steps::age;
-use crate::store::db::{Tx, sql};
+use crate::store::db::{Lock, Tx, sql};
 use crate::store::{KnownGarbage, Reference, StoreError};
 use yoto_proto::keys::{FolderOwner, Lease};
 
@@ -98,6 +99,27 @@ pub async fn references(
         references.push(reference);
     }
     Ok(references)
+}
+
+/// Notes that the files of an upload are removed now. Returns `false` if a row has named them since they were found to be
+/// garbage; they are kept then.
+pub async fn release_upload(
+    tx: &mut Tx,
+    capture: &str,
+    keep_uploads: f64,
+    at: f64,
+) -> Result<bool, StoreError> {
+    tx.lock(Lock::Capture(capture)).await?;
+    let key = format!("uploads/{capture}");
+    let owner = FolderOwner::Upload { capture };
+    if named(tx, &key, owner, keep_uploads, at).await? {
+        return Ok(false);
+    }
+    sql("UPDATE captures SET files_removed = 1 WHERE id = $1")
+        .bind(capture)
+        .execute(tx, "releasing the files of an upload")
+        .await?;
+    Ok(true)
 }
 
 /// Whether a row names objects of the folder `key`. The files of an upload are needed until an ingest job has

@@ -27,6 +27,8 @@ pub mod queue;
 pub mod ranges;
 pub mod reaping;
 pub mod requests;
+#[cfg(test)]
+mod shared_tests;
 pub mod steps;
 pub mod subjects;
 pub mod ticks;

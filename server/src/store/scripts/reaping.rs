@@ -77,6 +77,7 @@ fn lost(row: &Row) -> Result<Lost, StoreError> {
 /// Moves deadlines by the time in which the service checked no leases.
 async fn forgive(tx: &mut Tx, lease_seconds: f64) -> Result<(), StoreError> {
     let now = tx.now();
+    Ticks::Leases.lock(tx).await?;
     let last_tick = Ticks::Leases.last(tx).await?;
     let Some(shift) = last_tick.and_then(|last| outage::shift(last, now, lease_seconds)) else {
         return Ok(());

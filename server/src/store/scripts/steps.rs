@@ -2,7 +2,7 @@
 
 use super::ticks::Ticks;
 use crate::rules::retries;
-use crate::rules::steps::{Reading, Step, while_down};
+use crate::rules::steps::{Reading, Step, since_another, while_down};
 use crate::store::StoreError;
 use crate::store::db::{Tx, sql};
 
@@ -23,27 +23,45 @@ macro_rules! age {
 }
 pub(super) use age;
 
-/// Records the time of `reading`, and a step of the clock since the `first` reading of this process, or since the last time
-/// that an earlier process recorded. Returns the step.
+/// The checks of the clock that a process has made.
+#[derive(Debug, Clone, Copy)]
+pub struct Checks {
+    /// Since when the clock has had no step: small differences add up from there until they are one.
+    pub since: Reading,
+    /// The last check.
+    pub last: Reading,
+}
+
+/// Records the time of `reading`, and a step of the clock since the last check of this process, or of another one that has
+/// checked after it. Returns the step, and the reading since which there was none.
 pub async fn keep_time(
     tx: &mut Tx,
-    first: Option<Reading>,
+    checks: Option<Checks>,
     reading: Reading,
-) -> Result<Option<Step>, StoreError> {
-    let step = match first {
-        Some(first) => first.step_to(reading),
-        None => (Ticks::Clock.last(tx).await?).and_then(|it| while_down(it, reading.now)),
+) -> Result<(Option<Step>, Reading), StoreError> {
+    // Checks of several coordinators follow each other: each step is recorded once.
+    Ticks::Clock.lock(tx).await?;
+    let last = Ticks::Clock.last(tx).await?;
+    let (step, since) = match (checks, last) {
+        (Some(own), Some(last)) if last != own.last.now => {
+            (since_another(last, own.last, reading), reading)
+        }
+        (Some(own), _) => match own.since.step_to(reading) {
+            None => (None, own.since),
+            step => (step, reading),
+        },
+        (None, last) => (last.and_then(|it| while_down(it, reading.now)), reading),
     };
     if let Some(step) = step {
         record(tx, step).await?;
         // Waits go on while the service is down, so they move only if it ran, or if the clock was set back.
-        if first.is_some() || step.seconds < 0.0 {
+        if checks.is_some() || step.seconds < 0.0 {
             let latest = reading.now + retries::LONGEST_WAIT;
             move_waits(tx, step.seconds, latest).await?;
         }
     }
     Ticks::Clock.record(tx).await?;
-    Ok(step)
+    Ok((step, since))
 }
 
 /// End of the names of columns with time stamps on which deletions depend. Users do not see these stamps.

@@ -25,6 +25,17 @@ impl Ticks {
         row.map_or(Ok(None), |row| row.real("last_tick"))
     }
 
+    /// Waits until no other transaction checks, and keeps others waiting until this one ends.
+    pub async fn lock(self, tx: &mut Tx) -> Result<(), StoreError> {
+        // A write of the row is a lock of it on every database.
+        let statement = match self {
+            Self::Leases => "UPDATE lease_clock SET last_tick = last_tick WHERE id = 1",
+            Self::Clock => "UPDATE service_clock SET last_tick = last_tick WHERE id = 1",
+        };
+        sql(statement).execute(tx, "waiting for a check").await?;
+        Ok(())
+    }
+
     /// Records a check.
     pub async fn record(self, tx: &mut Tx) -> Result<(), StoreError> {
         let statement = match self {

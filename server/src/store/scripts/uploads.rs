@@ -113,25 +113,43 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, Store
     })
 }
 
-/// Records what is on disk. Each part begins where the committed bytes of its file end.
+/// Makes the caller the newest writer of an upload, so that earlier ones commit nothing more, wherever they run. Returns
+/// the writer's number.
+pub async fn take_over(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<u64, StoreError> {
+    tx.lock(Lock::Capture(id)).await?;
+    let row = sql("UPDATE captures SET writer = writer + 1 WHERE id = $1
+             AND subject IN (SELECT id FROM subjects WHERE tenant = $2) RETURNING writer")
+    .bind(id)
+    .bind(tenant.id())
+    .row(tx, "taking over an upload")
+    .await?;
+    row.ok_or_else(|| not_found(id))?.number("writer")
+}
+
+/// Records what `writer` has put on disk. Each part begins where the committed bytes of its file end.
 pub async fn commit(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
+    writer: u64,
     parts: &[CommittedPart],
 ) -> Result<(), StoreError> {
     tx.lock(Lock::Capture(id)).await?;
     let done = sql(
-        "UPDATE captures SET idle_since = $2 WHERE id = $1 AND state = 'UPLOADING'
+        "UPDATE captures SET idle_since = $2 WHERE id = $1 AND state = 'UPLOADING' AND writer = $4
              AND subject IN (SELECT id FROM subjects WHERE tenant = $3)",
     )
     .bind(id)
     .bind(tx.now())
     .bind(tenant.id())
+    .bind(integer("writer", writer)?)
     .execute(tx, "noting the write of an upload")
     .await?;
     if done == 0 {
-        return Err(not_found(id));
+        return match get(tx, tenant, id).await?.open {
+            true => Err(StoreError::taken_over(id)),
+            false => Err(not_found(id)),
+        };
     }
     for part in parts {
         let done = sql("UPDATE capture_files SET committed = $4
@@ -155,15 +173,27 @@ pub async fn commit(
     Ok(())
 }
 
-/// Forgets the bytes of a file whose checksum differs from the announced one.
-pub async fn restart(tx: &mut Tx, tenant: &Tenant, id: &str, path: &str) -> Result<(), StoreError> {
+/// Forgets the bytes of a file that `writer` found to be lost, or to differ from the announced ones. If another writer has
+/// taken over, it finds that itself, and nothing changes.
+pub async fn restart(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    writer: u64,
+    path: &str,
+) -> Result<(), StoreError> {
     tx.lock(Lock::Capture(id)).await?;
-    sql("UPDATE capture_files SET committed = 0 WHERE capture = $1 AND path = $2
-             AND capture IN (SELECT c.id FROM captures c JOIN subjects s ON s.id = c.subject WHERE s.tenant = $3)")
-        .bind(id)
-        .bind(path)
-        .bind(tenant.id())
-        .execute(tx, "starting a file of an upload anew").await?;
+    sql(
+        "UPDATE capture_files SET committed = 0 WHERE capture = $1 AND path = $2
+             AND capture IN (SELECT c.id FROM captures c JOIN subjects s ON s.id = c.subject
+                             WHERE s.tenant = $3 AND c.writer = $4)",
+    )
+    .bind(id)
+    .bind(path)
+    .bind(tenant.id())
+    .bind(integer("writer", writer)?)
+    .execute(tx, "starting a file of an upload anew")
+    .await?;
     Ok(())
 }
 
@@ -229,6 +259,9 @@ pub async fn ingest_again(
     }
     tx.lock(Lock::Capture(id)).await?;
     let before = captures::get(tx, tenant, id).await?;
+    if files_removed(tx, id).await? {
+        return Err(StoreError::upload_gone(id));
+    }
     let done = sql(
         "UPDATE captures SET state = 'INGESTING' WHERE id = $1 AND state IN ('UPLOADED', 'REJECTED')",
     )
@@ -251,6 +284,15 @@ pub async fn ingest_again(
     ingest(tx, tenant, id).await?;
     requests::remember(tx, tenant, request.as_ref(), id).await?;
     captures::get(tx, tenant, id).await
+}
+
+/// Whether the files of the capture were removed, or are being removed.
+async fn files_removed(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
+    sql("SELECT EXISTS (SELECT 1 FROM captures WHERE id = $1 AND files_removed = 1) AS found")
+        .bind(id)
+        .one(tx, "looking for the files of an upload")
+        .await?
+        .flag("found")
 }
 
 /// Ends the uploads without a write for `idle` seconds. Returns their ids.

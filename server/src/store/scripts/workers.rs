@@ -2,7 +2,7 @@
 
 use super::page;
 use super::steps::age;
-use crate::store::db::{Row, Tx, sql};
+use crate::store::db::{Row, Tx, sql, timestamp};
 use crate::store::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
@@ -56,6 +56,34 @@ pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), Store
     }
 }
 
+/// Interval of recorded requests of a worker, seconds. Workers ask every second: a write each time would keep the disk busy.
+const NOTE_EVERY: f64 = 30.0;
+/// Silence after which a worker is no longer active, seconds.
+const ACTIVE: f64 = 600.0;
+
+/// Whether a request of the worker is noted that is younger than [`NOTE_EVERY`].
+pub async fn has_asked(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
+    sql(
+        "SELECT EXISTS (SELECT 1 FROM workers WHERE id = $1 AND asked_time BETWEEN $2 AND $3) AS found",
+    )
+    .bind(id)
+    .bind(tx.now() - NOTE_EVERY)
+    .bind(tx.now())
+    .one(tx, "looking for a worker's last request")
+    .await?
+    .flag("found")
+}
+
+/// Notes that the worker asks for a job now.
+pub async fn note_request(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+    sql("UPDATE workers SET asked_time = $2 WHERE id = $1")
+        .bind(id)
+        .bind(tx.now())
+        .execute(tx, "noting a worker's request")
+        .await?;
+    Ok(())
+}
+
 /// Selects workers with the job that each runs or helps with, and when it last reported on it: `$1` seconds
 /// before its lease ends.
 macro_rules! select_workers {
@@ -70,26 +98,22 @@ macro_rules! select_workers {
     };
 }
 
-/// The workers with `ids`, and those with a job, by their names: two lanes of one process register
-/// in either order.
+/// The workers with a job, and those that have asked for one lately, by their names: two lanes of one process
+/// register in either order. After a clock was set back, a request in the future counts as late as well.
 pub async fn active(
     tx: &mut Tx,
     tenant: &Tenant,
-    ids: &[&str],
     lease_seconds: f64,
 ) -> Result<Vec<WorkerStatus>, StoreError> {
-    let mut query = sql(select_workers!(
-        "WHERE w.tenant = $2 AND (l.job IS NOT NULL"
+    let rows = sql(select_workers!(
+        "WHERE w.tenant = $2 AND (l.job IS NOT NULL OR w.asked_time > $3)
+         ORDER BY w.display_name, w.ord"
     ))
     .bind(lease_seconds)
-    .bind(tenant.id());
-    if !ids.is_empty() {
-        query.push(" OR w.id IN (");
-        query.push_all(ids.iter().copied());
-        query.push(")");
-    }
-    query.push(") ORDER BY w.display_name, w.ord");
-    let rows = query.rows(tx, "listing active workers").await?;
+    .bind(tenant.id())
+    .bind(tx.now() - ACTIVE)
+    .rows(tx, "listing active workers")
+    .await?;
     rows.iter().map(read).collect()
 }
 
@@ -112,11 +136,12 @@ pub async fn list(
     page::entries(&rows, read)
 }
 
-/// Forgets workers that registered more than `keep` seconds ago and that neither a job nor its history names.
+/// Forgets workers that registered, and last asked for a job, more than `keep` seconds ago, and that neither a job nor its
+/// history names.
 pub async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
     let done = sql(concat!(
         "DELETE FROM workers WHERE ",
-        age!("create_time"),
+        age!("coalesce(asked_time, create_time)"),
         " > $2
              AND NOT EXISTS (SELECT 1 FROM jobs j WHERE j.worker = workers.id)
              AND NOT EXISTS (SELECT 1 FROM job_attempts a WHERE a.worker = workers.id)"
@@ -133,6 +158,11 @@ fn read(row: &Row) -> Result<WorkerStatus, StoreError> {
     let kinds = kinds.split(' ').filter(|kind| !kind.is_empty());
     let kinds = kinds.map(|kind| Ok(JobKind::of_column(kind)?.to_proto() as i32));
     let job = row.maybe_text("job")?;
+    // A worker is seen whenever it asks for a job, and whenever it reports on one.
+    let seen = match (row.real("reported")?, row.real("asked_time")?) {
+        (Some(reported), Some(asked)) => Some(reported.max(asked)),
+        (reported, asked) => reported.or(asked),
+    };
     Ok(WorkerStatus {
         name: Collection::Workers.name(&row.text("id")?),
         display_name: row.text("display_name")?,
@@ -143,7 +173,7 @@ fn read(row: &Row) -> Result<WorkerStatus, StoreError> {
             memory_bytes: row.number("memory_bytes")?,
         }),
         kinds: kinds.collect::<Result<_, StoreError>>()?,
-        last_seen: row.time("reported")?,
+        last_seen: seen.map(timestamp),
         job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
         version: row.text("version")?,
         order_level: row.number("order_level")?,

@@ -38,6 +38,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/sqlite/0019_capture_objects.sql").into_sql_str();
     let turns =
         include_str!("../../../../../migrations/sqlite/0021_turns_of_tenants.sql").into_sql_str();
+    let shared =
+        include_str!("../../../../../migrations/sqlite/0022_shared_state.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -63,5 +65,6 @@ pub fn migrations() -> Migrator {
         step(18, "order levels", levels, false),
         step(19, "capture objects", files, false),
         step(21, "turns of tenants", turns, false),
+        step(22, "shared state", shared, false),
     ])
 }
