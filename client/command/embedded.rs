@@ -212,9 +212,9 @@ impl Embedded {
         self.address
     }
 
-    /// The object store, for workers in other processes.
-    pub fn objects_url(&self) -> &Url {
-        &self.objects
+    /// The object store, for workers in other processes, without credentials.
+    pub fn shown_objects_url(&self) -> Url {
+        yoto_server::shown(&self.objects)
     }
 
     /// The worker's device.

@@ -127,10 +127,11 @@ async fn running(client: &YotoClient) -> Result<Option<String>, ClientError> {
     let titles = Titles::load(client).await?;
     let one = |job: &Job| {
         let progress = job.progress.as_ref();
-        let left = match progress {
-            Some(it) if it.seconds_left > 0.0 => format!("{} left", duration(it.seconds_left)),
-            Some(it) => format!("{:.0} % done", 100.0 * it.fraction),
-            None => "just begun".to_owned(),
+        let seconds_left = progress.and_then(|it| it.seconds_left);
+        let left = match (seconds_left, progress) {
+            (Some(left), _) if left > 0.0 => format!("{} left", duration(left)),
+            (_, Some(it)) => format!("{:.0} % done", 100.0 * it.fraction),
+            (_, None) => "just begun".to_owned(),
         };
         format!("{} of {}, {left}", kind(job), titles.of(job))
     };

@@ -64,6 +64,9 @@ pub enum RequestError {
         /// Human-readable.
         message: String,
     },
+    /// Several things are wrong with the request, or not possible now: at least two, of the other kinds.
+    #[error("{}", listed(.0))]
+    Several(Vec<RequestError>),
     /// A chunk of an upload was altered on its way.
     #[error(
         "{path}: the chunk at {offset} has the CRC-32C {found:08x}, not {told:08x} as was sent"
@@ -109,6 +112,11 @@ pub enum RequestError {
     Objects(#[from] ObjectsError),
 }
 
+fn listed(errors: &[RequestError]) -> String {
+    let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
+    texts.join("; ")
+}
+
 impl RequestError {
     /// A malformed `field`.
     pub fn invalid(field: impl Into<String>, message: impl Into<String>) -> Self {
@@ -120,6 +128,21 @@ impl RequestError {
         Self::Precondition {
             reason,
             message: message.into(),
+        }
+    }
+
+    /// Whether it is a fault of the request, or of what it names, as opposed to one of the service: such faults are told
+    /// together.
+    pub fn is_fault(&self) -> bool {
+        match self {
+            Self::NotFound { .. }
+            | Self::Invalid(_)
+            | Self::Precondition { .. }
+            | Self::Several(_) => true,
+            Self::Store(error) => {
+                matches!(error, StoreError::NotFound { .. } | StoreError::Rule { .. })
+            }
+            _ => false,
         }
     }
 

@@ -1,4 +1,4 @@
-//! Faults of a request's fields: all of them are answered at once, as far as there is room.
+//! Faults of a request: all of them are answered at once, as far as there is room.
 
 use crate::error::RequestError;
 use std::fmt;
@@ -53,7 +53,46 @@ impl fmt::Display for FieldFaults {
     }
 }
 
-/// Both values, or the faults of both. An error of another kind comes first.
+/// One error with the faults of both: those of fields come first, since no change of the catalogue mends them. An error of the
+/// service comes alone.
+fn joined(first: RequestError, second: RequestError) -> RequestError {
+    if !first.is_fault() {
+        return first;
+    }
+    if !second.is_fault() {
+        return second;
+    }
+    let mut fields: Option<FieldFaults> = None;
+    let mut others: Vec<RequestError> = Vec::new();
+    for error in parts(first).into_iter().chain(parts(second)) {
+        match (error, &mut fields) {
+            (RequestError::Invalid(more), Some(fields)) => fields.extend(more),
+            (RequestError::Invalid(more), None) => fields = Some(more),
+            // One person without a capture may be needed in many places.
+            (error, _) => {
+                let text = error.to_string();
+                if others.len() < VIOLATIONS && others.iter().all(|it| it.to_string() != text) {
+                    others.push(error);
+                }
+            }
+        }
+    }
+    let fields = fields.map(RequestError::Invalid);
+    let all: Vec<_> = fields.into_iter().chain(others).collect();
+    match <[RequestError; 1]>::try_from(all) {
+        Ok([one]) => one,
+        Err(several) => RequestError::Several(several),
+    }
+}
+
+fn parts(error: RequestError) -> Vec<RequestError> {
+    match error {
+        RequestError::Several(errors) => errors,
+        error => vec![error],
+    }
+}
+
+/// Both values, or the faults of both. An error of the service comes first.
 ///
 /// # Errors
 /// Those of the two results.
@@ -63,17 +102,12 @@ pub fn both<A, B>(
 ) -> Result<(A, B), RequestError> {
     match (first, second) {
         (Ok(first), Ok(second)) => Ok((first, second)),
-        (Err(RequestError::Invalid(mut faults)), Err(RequestError::Invalid(others))) => {
-            faults.extend(others);
-            Err(RequestError::Invalid(faults))
-        }
-        (Err(RequestError::Invalid(_)), Err(other)) | (Ok(_), Err(other)) | (Err(other), _) => {
-            Err(other)
-        }
+        (Ok(_), Err(error)) | (Err(error), Ok(_)) => Err(error),
+        (Err(first), Err(second)) => Err(joined(first, second)),
     }
 }
 
-/// All values, or the faults of all. The first error of another kind ends the search.
+/// All values, or the faults of all. The first error of the service ends the search.
 ///
 /// # Errors
 /// Those of the results.
@@ -81,17 +115,20 @@ pub fn all<T>(
     results: impl IntoIterator<Item = Result<T, RequestError>>,
 ) -> Result<Vec<T>, RequestError> {
     let mut values = Vec::new();
-    let mut faults: Option<FieldFaults> = None;
+    let mut found = None;
     for result in results {
-        match (result, &mut faults) {
-            (Ok(value), _) => values.push(value),
-            (Err(RequestError::Invalid(others)), Some(faults)) => faults.extend(others),
-            (Err(RequestError::Invalid(others)), None) => faults = Some(others),
-            (Err(other), _) => return Err(other),
+        match (result, found.take()) {
+            (Ok(value), before) => {
+                values.push(value);
+                found = before;
+            }
+            (Err(error), _) if !error.is_fault() => return Err(error),
+            (Err(error), None) => found = Some(error),
+            (Err(error), Some(before)) => found = Some(joined(before, error)),
         }
     }
-    match faults {
-        Some(faults) => Err(RequestError::Invalid(faults)),
+    match found {
+        Some(error) => Err(error),
         None => Ok(values),
     }
 }
@@ -113,6 +150,17 @@ mod tests {
         assert_eq!((faults.count, faults.kept.len()), (501, VIOLATIONS));
         assert_eq!(faults.to_string(), "a: is bad; and 500 more faults");
         assert_eq!(both(Ok(1), Ok(2)).expect("is good"), (1, 2));
+        let gone = |name: &str| {
+            Err::<u8, _>(RequestError::NotFound {
+                name: name.to_owned(),
+            })
+        };
+        let found = both(both(gone("a"), bad::<u8>("b")), all([gone("c"), gone("a")]));
+        let Err(RequestError::Several(errors)) = found else {
+            panic!("{found:?}");
+        };
+        let texts: Vec<_> = errors.iter().map(ToString::to_string).collect();
+        assert_eq!(texts, ["b: is bad", "a does not exist", "c does not exist"]);
         let other = both::<u8, u8>(bad("a"), Err(RequestError::ShuttingDown));
         assert!(matches!(other, Err(RequestError::ShuttingDown)));
     }

@@ -36,7 +36,7 @@ pub use listen::tcp;
 pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use traffic::TrafficLimits;
-pub use yoto_objects::ObjectsError;
+pub use yoto_objects::{ObjectsError, shown};
 
 use changes::JobChanges;
 use context::Context;

@@ -3,13 +3,21 @@
 
 use prost::Message;
 use prost_types::{FileDescriptorProto, FileDescriptorSet, ServiceDescriptorProto};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
 /// All services of the contract by their full names.
 static SERVICES: LazyLock<Vec<(String, ServiceDescriptorProto)>> = LazyLock::new(described);
 /// Paths of all unary methods.
 static UNARY: LazyLock<HashSet<String>> = LazyLock::new(unary_paths);
+
+/// The requests of all methods by their paths.
+static REQUESTS: LazyLock<HashMap<String, String>> = LazyLock::new(requests);
+
+/// Full name of the request of the method at `path`, with a leading dot; `None` for services that are not of the contract.
+pub fn request(path: &str) -> Option<&'static str> {
+    REQUESTS.get(path).map(String::as_str)
+}
 
 /// Whether `path`, such as `/yoto.v1.JobService/GetJob`, is that of a unary method: one request, one response.
 pub fn is_unary(path: &str) -> bool {
@@ -41,6 +49,15 @@ fn unary_paths() -> HashSet<String> {
     paths
 }
 
+fn requests() -> HashMap<String, String> {
+    let all = SERVICES.iter().flat_map(|(name, service)| {
+        let path = move |method: &str| format!("/{name}/{method}");
+        let methods = service.method.iter();
+        methods.map(move |it| (path(it.name()), it.input_type().to_owned()))
+    });
+    all.collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -53,6 +70,13 @@ mod tests {
         );
         assert!(!is_unary("/yoto.v1.JobService/WatchJob"), "{UNARY:?}");
         assert!(!is_unary("/yoto.v1.ObjectService/DownloadObject"));
+    }
+
+    #[test]
+    fn all_methods_have_requests() {
+        let found = request("/yoto.v1.JobService/GetJob");
+        assert_eq!(found, Some(".yoto.v1.GetJobRequest"));
+        assert_eq!(request("/grpc.health.v1.Health/Check"), None);
     }
 
     #[test]

@@ -128,11 +128,9 @@ async fn hides(stage: &Stage, near: &Value, far: &Value) -> anyhow::Result<()> {
     let (front, back) = (alone(near)?, alone(far)?);
     let both = stage.picture("duo", &[near, far], &[])?;
     let depth = stage.picture("duo", &[near, far], &["--layer", "depth"])?;
-    let RenderResult {
-        depth_near,
-        depth_far,
-        ..
-    } = stage.result().await?;
+    let result = stage.result().await?;
+    let depth_near = result.depth_near.context("a nearest depth")?;
+    let depth_far = result.depth_far.context("a farthest depth")?;
     let (mut hidden, mut free) = (0, 0);
     for (x, y, seen) in both.enumerate_pixels() {
         let (front, back) = (front.get_pixel(x, y).0, back.get_pixel(x, y).0);

@@ -1,7 +1,8 @@
 "use strict";
 // Runs before the script of an exported page, in a window of a phone's size. Frames are drawn when `pass` says so, so
 // nothing depends on the speed of this machine. Leaves what it found in the surrounding document, as base64 of JSON:
-// `faults`, in words, and `picture`, of the frame that HOLD tells the page to draw.
+// `faults`, in words, and `picture`, of the frame that HOLD tells the page to draw. GUESSED says whether half of the splats are
+// guessed, or none.
 (() => {
   // Few pixels: a software renderer draws them.
   Object.defineProperty(window, "devicePixelRatio", { value: 0.25 });
@@ -47,7 +48,7 @@
     check(document.documentElement.scrollWidth <= innerWidth, `wider than the window ${state}`);
     check(document.documentElement.scrollHeight <= innerHeight, `higher than the window ${state}`);
     check(element("view").clientHeight > innerHeight / 3, `the person has little room ${state}`);
-    for (const control of document.querySelectorAll("button, select, summary, #speed")) {
+    for (const control of document.querySelectorAll("button, select, summary, #speed, #tint")) {
       check(inside(control), `${control.id || control.tagName} is outside of the window ${state}`);
     }
   }
@@ -81,7 +82,7 @@
     const still = after("x");
     for (const [control, key] of [
       [element("speed"), "ArrowLeft"], [element("clip"), "ArrowDown"], [element("clip"), " "],
-      [element("reset"), " "], [document.querySelector("summary"), " "],
+      [element("reset"), " "], [element("tint"), " "], [document.querySelector("summary"), " "],
     ]) {
       control.focus();
       check(document.activeElement === control, `${control.id || control.tagName} can not have the focus`);
@@ -119,14 +120,43 @@
     check(same(pixels(), still), "a reset does not bring the pose back");
   }
 
+  /** The page of somebody of whose splats none is guessed. */
+  function without() {
+    check(element("guess").hidden && !inside(element("tint")), "what nobody guessed can be tinted");
+    pass(20);
+    check(covered(pixels()) > 0, "nobody is drawn without guesses");
+  }
+
+  /** The page of somebody of whose splats half are guessed. */
+  function tint() {
+    const still = pixels();
+    check(!element("guess").hidden, "what is guessed can not be tinted");
+    check(element("share").textContent === "(50 %)", `a share of ${element("share").textContent}`);
+    element("tint").click();
+    pass(20);
+    const tinted = pixels();
+    // By the green of the pixels, which the tint has little of. What is seen keeps its colour.
+    const changed = tinted.filter((value, i) => i % 4 === 1 && value !== still[i]).length;
+    const all = covered(still);
+    check(changed > all / 10 && changed < all, `a tint changes ${changed} of ${all} pixels`);
+    element("tint").click();
+    pass(20);
+    check(same(pixels(), still), "without a tint the person looks otherwise than before");
+  }
+
   addEventListener("load", () => {
     let picture = "";
     try {
       check(innerWidth === 390 && innerHeight === 844, `a window of ${innerWidth} x ${innerHeight}`);
-      layout("at first");
-      keys();
-      focus();
-      sliders();
+      if (GUESSED) {
+        layout("at first");
+        keys();
+        focus();
+        sliders();
+        tint();
+      } else {
+        without();
+      }
       yoto.hold(...HOLD);
       picture = element("view").toDataURL();
     } catch (error) {

@@ -121,6 +121,16 @@ impl fmt::Display for Refusal {
                 write!(f, "\n  {}", shown(&line))?;
             }
         }
+        for violation in details
+            .precondition_failure()
+            .map(|failed| failed.violations.as_slice())
+            .unwrap_or_default()
+        {
+            if !self.status.message().contains(&violation.description) {
+                let line = format!("{} [{}]", violation.description, violation.r#type);
+                write!(f, "\n  {}", shown(&line))?;
+            }
+        }
         // An answer with a reason comes from the service itself.
         if self.status.code() == Code::Unavailable && reason.is_none() {
             write!(f, "\n  is the service still running?")?;

@@ -34,6 +34,7 @@ impl YotoClient {
             variant: variant.to_owned(),
             request_id: request_id(),
             retention: None,
+            validate_only: false,
         };
         let create = || {
             let (mut service, request) = (self.model_service(), request.clone());

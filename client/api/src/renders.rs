@@ -22,6 +22,7 @@ impl YotoClient {
             request_id: request_id(),
             priority: self.queue.priority.into(),
             owner: self.queue.owner.clone(),
+            validate_only: false,
         };
         let create = || {
             let (mut service, request) = (self.render_service(), request.clone());

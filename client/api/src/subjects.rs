@@ -28,6 +28,7 @@ impl YotoClient {
             display_name: display_name.to_owned(),
             consent_note: consent_note.to_owned(),
             request_id: request_id(),
+            validate_only: false,
         };
         let create = || {
             let (mut service, request) = (self.subject_service(), request.clone());

@@ -2,10 +2,11 @@
 
 use crate::args::MattingArgs;
 use crate::args::frame_range::FrameRange;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{FfmpegArg, Format, Options, PointSet, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, TrackForm, to_folder};
+use yoto_media::video::Hdr;
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
 #[derive(Debug, Args)]
@@ -21,6 +22,15 @@ impl ClipMasks {
     pub fn path(&self) -> Option<&Path> {
         self.masks.as_deref()
     }
+}
+
+/// The light of a clip's levels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HdrArg {
+    Auto,
+    Off,
+    Hlg,
+    Pq,
 }
 
 /// Inputs that an importer can't find in the files.
@@ -45,6 +55,12 @@ pub(crate) struct ImportOptions {
     /// The set of key points, if the file doesn't tell.
     #[arg(long, value_name = "SET")]
     points: Option<PointSet>,
+    /// Turn key points back: their detector saw the clip turned clockwise by these degrees.
+    #[arg(long, value_name = "DEG")]
+    turn_points: Option<PointTurn>,
+    /// Mirror key points, left for right: their detector saw the clip mirrored.
+    #[arg(long)]
+    mirror_points: bool,
     /// Focal length of the clip's camera, pixels [default: found, or the pose tool's].
     #[arg(long, value_name = "PX", value_parser = focal)]
     focal: Option<f64>,
@@ -61,6 +77,10 @@ pub(crate) struct ImportOptions {
     /// Frames per second, if no file has it.
     #[arg(long, value_name = "RATE", value_parser = rate)]
     fps: Option<f64>,
+    /// What the clip's levels are: as its file declares, ordinary video (off), HLG or PQ. All but auto write the capture's pictures
+    /// anew.
+    #[arg(long, value_enum, value_name = "KIND", default_value = "auto")]
+    hdr: HdrArg,
     /// Keep the N frames that differ most in pose and view, and are sharp; decodes all pictures.
     #[arg(long, value_name = "N", value_parser = frame_count)]
     best: Option<NonZeroUsize>,
@@ -113,9 +133,12 @@ impl ImportOptions {
             || self.fps.is_some()
             || self.person.is_some()
             || self.points.is_some()
+            || self.turn_points.is_some()
+            || self.mirror_points
             || self.focal.is_some()
             || self.height.is_some()
             || self.keep_skeleton
+            || self.hdr != HdrArg::Auto
             || self.best.is_some()
             || self.matting.model().is_some()
     }
@@ -146,11 +169,19 @@ impl ImportOptions {
             matting: self.matting.model(),
             person: self.person.clone(),
             points: self.points,
+            turn_points: self.turn_points,
+            mirror_points: self.mirror_points,
             focal: self.focal,
             height: self.height,
             keep_skeleton: self.keep_skeleton,
             pose_model: self.pose_model.clone(),
             best: self.best,
+            hdr: match self.hdr {
+                HdrArg::Auto => Hdr::Auto,
+                HdrArg::Off => Hdr::Off,
+                HdrArg::Hlg => Hdr::Hlg,
+                HdrArg::Pq => Hdr::Pq,
+            },
             ffmpeg: self.ffmpeg.program().map(Path::to_owned),
         }
     }

@@ -68,6 +68,13 @@ fn figures(report: &Report) -> String {
             },
         );
         rows.push(("Quality", quality));
+        if let Some(share) = training.guessed {
+            let percent = 100.0 * share;
+            let told = format!(
+                "{percent:.0} % of the surface is in no frame: its colours are guessed; the player can tint it"
+            );
+            rows.push(("Guessed", told));
+        }
         rows.push((
             "Training",
             format!(

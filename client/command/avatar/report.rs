@@ -56,6 +56,8 @@ pub struct Training {
     pub psnr: Option<f64>,
     /// Number of those frames.
     pub held_out: u32,
+    /// Share of the surface that no frame shows, whose colours are guessed, 0 to 1; absent if nothing is.
+    pub guessed: Option<f64>,
     /// Weights of the model.
     pub parameters: u64,
     /// Where it was computed.
@@ -121,6 +123,7 @@ impl Report {
             psnr_box: result.psnr_mask_box,
             psnr: result.psnr,
             held_out: result.held_out,
+            guessed: result.guessed,
             parameters: result.parameters,
             device: result.device,
             notes: result.notes,

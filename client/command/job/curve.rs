@@ -29,7 +29,8 @@ fn curve(points: &[MetricPoint]) -> String {
         return "no figures yet: trainings report them".to_owned();
     };
     let steps = |it: &MetricPoint| it.step as f64;
-    let loss: Vec<_> = points.iter().map(|it| (steps(it), it.loss)).collect();
+    let loss = points.iter().filter_map(|it| Some((steps(it), it.loss?)));
+    let loss: Vec<(f64, f64)> = loss.collect();
     let measured = points.iter().filter_map(|it| Some((steps(it), it.psnr?)));
     let psnr: Vec<(f64, f64)> = measured.collect();
     let mut parts = Vec::new();
@@ -49,11 +50,13 @@ fn curve(points: &[MetricPoint]) -> String {
     let best = best.map_or_else(String::new, |(step, psnr)| {
         format!("; best {psnr:.2} dB at step {step}")
     });
+    let loss = last
+        .loss
+        .map_or_else(String::new, |it| format!("; loss {it:.4}"));
     parts.push(format!(
-        "steps {first} to {} in {}; loss {:.4}{best}",
+        "steps {first} to {} in {}{loss}{best}",
         last.step,
-        duration(last.seconds),
-        last.loss
+        duration(last.seconds)
     ));
     parts.join("\n")
 }
@@ -67,7 +70,7 @@ mod tests {
         let point = |step: u64, psnr| MetricPoint {
             step,
             seconds: step as f64,
-            loss: 1.0 / step as f64,
+            loss: Some(1.0 / step as f64),
             psnr,
             ssim: None,
         };

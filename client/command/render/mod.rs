@@ -220,8 +220,7 @@ impl Render {
             false => count(paths.len(), "file"),
         };
         display.finish(&format!("{written} in {}", self.folder.out.display()));
-        if result.depth_far > 0.0 {
-            let (near, far) = (result.depth_near, result.depth_far);
+        if let (Some(near), Some(far)) = (result.depth_near, result.depth_far) {
             tell!("depth: 255 is {near:.3} m, 1 is {far:.3} m, and 0 is the background");
         }
         if let Some(choice) = &result.choice {

@@ -124,7 +124,7 @@ impl Serve {
             .with_context(|| format!("starting the service in {place}"))?;
         if let Some(address) = service.address() {
             tell!("yoto serves http://{address} from {place}");
-            tell!("objects at {}", service.objects_url());
+            tell!("objects at {}", service.shown_objects_url());
         }
         if !self.no_worker {
             tell!("computing on {}", service.device());

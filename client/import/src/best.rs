@@ -45,7 +45,7 @@ pub fn choose(
     keep(&mut imported.track.frames, &taken);
     match &mut imported.pictures {
         Pictures::Files(files) => keep(files, &taken),
-        Pictures::Video { masks, .. } => keep(masks, &taken),
+        Pictures::Video { masks, .. } | Pictures::Decoded { masks, .. } => keep(masks, &taken),
         Pictures::Capture(frames) => keep(&mut frames.positions, &taken),
     }
     imported.notes.push(format!(

@@ -16,27 +16,42 @@ pub(crate) trait Track {
     fn ends(&self) -> Option<[usize; 2]>;
     /// How far the beginning of `next` is from the end of this one, `gap` frames earlier; 1 and more is too far.
     fn distance(&self, next: &Self, gap: usize) -> f64;
+    /// How unlike the colours at this end and at the beginning of `next` are; 1 and more is another person. `None` where colours are not
+    /// compared.
+    fn looks(&self, _next: &Self) -> Option<f64> {
+        None
+    }
     /// Appends the frames of `next`.
     fn append(&mut self, next: Self);
     /// Number of frames.
     fn frames(&self) -> usize;
 }
 
+/// How far the beginning of `next` is from the end of `one`, if it is soon after and near.
+pub(crate) fn follows<T: Track>(one: &T, next: &T) -> Option<f64> {
+    let ([_, end], [start, _]) = (one.ends()?, next.ends()?);
+    let gap = start
+        .checked_sub(end)
+        .filter(|gap| (1..=SOON).contains(gap))?;
+    Some(one.distance(next, gap)).filter(|far| *far < 1.0)
+}
+
 /// Joins tracks of one person, under the first one's name; each with a note.
 pub(crate) fn joined<T: Track>(mut tracks: Vec<T>, notes: &mut Vec<String>) -> Vec<T> {
     loop {
-        let fits = |one: &T, next: &T| -> Option<f64> {
-            let ([_, end], [start, _]) = (one.ends()?, next.ends()?);
-            let gap = start
-                .checked_sub(end)
-                .filter(|gap| (1..=SOON).contains(gap))?;
-            Some(one.distance(next, gap)).filter(|far| *far < 1.0)
-        };
-        let mut pairs = Vec::new();
+        let (mut pairs, mut others) = (Vec::new(), Vec::new());
         for (a, one) in tracks.iter().enumerate() {
             for (b, next) in tracks.iter().enumerate() {
-                if let Some(far) = fits(one, next).filter(|_| a != b) {
-                    pairs.push((far, a, b));
+                let Some(far) = follows(one, next).filter(|_| a != b) else {
+                    continue;
+                };
+                match one.looks(next) {
+                    Some(unlike) if unlike >= 1.0 => others.push(format!(
+                        "person {} begins where person {} ends, in other colours: they are taken for two people",
+                        next.name(),
+                        one.name()
+                    )),
+                    _ => pairs.push((far, a, b)),
                 }
             }
         }
@@ -46,7 +61,13 @@ pub(crate) fn joined<T: Track>(mut tracks: Vec<T>, notes: &mut Vec<String>) -> V
             rivals.count() == 1
         };
         let Some(&(_, a, b)) = pairs.iter().find(is_only) else {
+            notes.extend(others);
             return tracks;
+        };
+        let alike = tracks.get(a).zip(tracks.get(b));
+        let alike = match alike.and_then(|(one, next)| one.looks(next)) {
+            Some(_) => ", in the same colours",
+            None => "",
         };
         let next = tracks.remove(b);
         let at = a - usize::from(b < a);
@@ -55,7 +76,7 @@ pub(crate) fn joined<T: Track>(mut tracks: Vec<T>, notes: &mut Vec<String>) -> V
         };
         if let (Some([_, end]), Some([start, _])) = (one.ends(), next.ends()) {
             notes.push(format!(
-                "person {} goes on as {} ({} later, at the same place): both are taken for person {} ({})",
+                "person {} goes on as {} ({} later, at the same place{alike}): both are taken for person {} ({})",
                 one.name(),
                 next.name(),
                 count(start - end, "frame"),

@@ -54,11 +54,11 @@ pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use ffmpeg_arg::FfmpegArg;
 pub use imported::{Found, Imported, PoseFit};
-pub use keypoints::PointSet;
+pub use keypoints::{PointSet, PointTurn};
 pub use matting_model::{Levels, MattingModel};
 pub use motion_file::read_motion;
 pub use options::Options;
-pub use pictures::{Mask, MaskKind, PictureFiles, Pictures};
+pub use pictures::{DecodedClip, Mask, MaskKind, PictureFiles, Pictures};
 #[cfg(feature = "hdf5")]
 pub use source::hdf5::MaskStack;
 pub use to_folder::to_folder;

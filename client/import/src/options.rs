@@ -1,11 +1,12 @@
 //! Inputs that an importer can't find in the files, and which frames are taken.
 
 use crate::MattingModel;
-use crate::PointSet;
 use crate::source::Source;
+use crate::{PointSet, PointTurn};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_client::ClientError;
+use yoto_media::video::Hdr;
 use yoto_proto::pose_track::MAX_FRAMES;
 
 /// Frames per second where neither the files nor the user give them.
@@ -34,6 +35,10 @@ pub struct Options {
     pub person: Option<String>,
     /// The set of key points, if the files don't tell.
     pub points: Option<PointSet>,
+    /// By how much the pictures were turned that a detector of key points saw.
+    pub turn_points: Option<PointTurn>,
+    /// Whether the pictures were mirrored that a detector of key points saw.
+    pub mirror_points: bool,
     /// Focal length of the clip's camera, pixels.
     pub focal: Option<f64>,
     /// The person's height, metres.
@@ -44,6 +49,8 @@ pub struct Options {
     pub best: Option<NonZeroUsize>,
     /// Whether the tool's own tree of joints is kept, in place of SMPL's.
     pub keep_skeleton: bool,
+    /// What the clip's levels are taken for.
+    pub hdr: Hdr,
     /// The ffmpeg for videos other than H.264 in MP4 or MOV; the one in PATH if absent.
     pub ffmpeg: Option<PathBuf>,
 }

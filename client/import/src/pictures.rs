@@ -9,6 +9,7 @@ use std::sync::Arc;
 use yoto_client::ClientError;
 use yoto_formats::npy;
 use yoto_formats::rle::RunLengths;
+use yoto_media::video::{Ffmpeg, Hdr};
 use yoto_proto::pose_track::{MAX_SIDE, violation};
 
 /// Largest allocation of a decoder, bytes: a 16-bit image with alpha of the largest size.
@@ -26,8 +27,24 @@ pub enum Pictures {
         /// In the track's order.
         masks: Vec<Vec<Mask>>,
     },
+    /// Frames of a video whose declaration of its light is not believed: they are decoded here, as nothing in the file tells others.
+    Decoded {
+        /// The video.
+        clip: DecodedClip,
+        /// In the track's order.
+        masks: Vec<Vec<Mask>>,
+    },
     /// Frames of a capture, with their masks.
     Capture(CaptureFrames),
+}
+
+/// A video that is decoded for a capture.
+#[derive(Clone, Debug)]
+pub struct DecodedClip {
+    pub(crate) path: PathBuf,
+    pub(crate) ffmpeg: Ffmpeg,
+    /// What its levels are taken for.
+    pub(crate) hdr: Hdr,
 }
 
 /// The files of a frame.

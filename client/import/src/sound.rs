@@ -39,7 +39,7 @@ fn leave_out_empty(imported: &mut Imported) -> Result<(), ClientError> {
     let size = imported.track.image_size;
     let masks: Vec<&Vec<Mask>> = match &imported.pictures {
         Pictures::Files(files) => files.iter().map(|files| &files.masks).collect(),
-        Pictures::Video { masks, .. } => masks.iter().collect(),
+        Pictures::Video { masks, .. } | Pictures::Decoded { masks, .. } => masks.iter().collect(),
         Pictures::Capture(_) => return Ok(()),
     };
     let (mut keep, mut empty, mut whole) = (Vec::new(), Vec::new(), Vec::new());
@@ -80,7 +80,7 @@ fn leave_out_empty(imported: &mut Imported) -> Result<(), ClientError> {
     retain(&mut imported.track.frames, &keep);
     match &mut imported.pictures {
         Pictures::Files(files) => retain(files, &keep),
-        Pictures::Video { masks, .. } => retain(masks, &keep),
+        Pictures::Video { masks, .. } | Pictures::Decoded { masks, .. } => retain(masks, &keep),
         Pictures::Capture(_) => {}
     }
     Ok(())

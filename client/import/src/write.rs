@@ -5,7 +5,8 @@
 //! in the pose track. The pose track is written last: a folder with one is complete.
 
 use crate::Imported;
-use crate::pictures::{PictureFiles, Pictures, read_image, read_masks};
+use crate::clip::{Clip, for_each};
+use crate::pictures::{Mask, PictureFiles, Pictures, read_image, read_masks};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
 use std::fs::File;
@@ -67,6 +68,21 @@ pub fn write(
                     bytes += write_mask(out, frame.index, &mask)?;
                 }
             }
+        }
+        Pictures::Decoded { clip, masks } => {
+            let wanted: Vec<usize> = track.frames.iter().map(|it| it.index as usize).collect();
+            let mut each = track.frames.iter().zip(masks).enumerate();
+            for_each(&Clip::again(clip)?, &wanted, |_, rgb| {
+                let (Some(image), Some((done, (frame, masks)))) = (
+                    RgbImage::from_raw(size[0], size[1], rgb.to_vec()),
+                    each.next(),
+                ) else {
+                    return Ok(());
+                };
+                progress(done, total, bytes);
+                bytes += write_picture(out, frame, image, masks, false, size)?;
+                Ok(())
+            })?;
         }
         Pictures::Capture(frames) => {
             let mut indices = track.frames.iter().map(|frame| frame.index);
@@ -157,12 +173,24 @@ fn write_frame(
     files: &PictureFiles,
     size: [u32; 2],
 ) -> Result<u64, ClientError> {
-    let mut image = read_image(&files.image, size, frame.index)?;
+    let image = read_image(&files.image, size, frame.index)?;
+    write_picture(out, frame, image, &files.masks, files.over_black, size)
+}
+
+/// Writes a picture with the union of its masks; their bytes.
+fn write_picture(
+    out: &Path,
+    frame: &Frame,
+    mut image: RgbImage,
+    masks: &[Mask],
+    is_over_black: bool,
+    size: [u32; 2],
+) -> Result<u64, ClientError> {
     let mut written = 0;
     // Without masks the picture stays as it is: the capture gets them from elsewhere.
-    if !files.masks.is_empty() {
-        let mask = read_masks(&files.masks, size, frame.index)?;
-        if !files.over_black {
+    if !masks.is_empty() {
+        let mask = read_masks(masks, size, frame.index)?;
+        if !is_over_black {
             over_black(&mut image, &mask);
         }
         written += write_mask(out, frame.index, &mask)?;
@@ -208,6 +236,59 @@ fn encode(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Found, Options};
+    use yoto_media::video::Hdr;
+
+    /// Frames 1 and 3 of a clip that declares HLG, as they come out of a capture: none, if its video is copied.
+    fn written(hdr: Hdr) -> Option<[Vec<u8>; 2]> {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let path = here.join("../../worker/media/tests/clips/hlg.mp4");
+        let options = Options {
+            hdr,
+            ..Options::default()
+        };
+        let clip = Clip::open(&path, &options).expect("a clip");
+        let mut track = crate::track::empty_track(
+            crate::track::smpl_skeleton(vec![[0.0; 3]; 24]),
+            clip.size,
+            30.0,
+        );
+        track.frames = [1, 3]
+            .map(|index| Frame {
+                index,
+                pose: vec![0.0; 72],
+                translation: [0.0; 3],
+                k: [[1.0; 3]; 3],
+                e: [[0.0; 4]; 4],
+            })
+            .to_vec();
+        let imported = Imported {
+            track,
+            pictures: clip.pictures(&[1, 3], vec![Vec::new(); 2]),
+            available: 4,
+            notes: Vec::new(),
+            found: Found::default(),
+        };
+        let out = tempfile::tempdir().expect("a folder");
+        write(&imported, out.path(), TrackForm::Json, |_, _, _| {}).expect("writes");
+        if out.path().join(VIDEO).exists() {
+            return None;
+        }
+        let picture = |index: u32| {
+            let path = out.path().join(format!("frames/{index:06}.png"));
+            let read = read_image(&path, clip.size, index);
+            read.expect("a picture").into_raw()
+        };
+        Some([picture(1), picture(3)])
+    }
+
+    #[test]
+    fn a_video_whose_declaration_is_not_believed_is_decoded() {
+        assert_eq!(written(Hdr::Auto), None);
+        let [off, hlg] = [Hdr::Off, Hdr::Hlg].map(|hdr| written(hdr).expect("pictures"));
+        assert_ne!(off, hlg);
+        assert_ne!(off[0], off[1]);
+    }
 
     #[test]
     fn colour_fades_with_coverage() {

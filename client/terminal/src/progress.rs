@@ -204,8 +204,8 @@ pub fn describe(progress: &Progress) -> String {
     if progress.steps_per_second > 0.0 {
         parts.push(format!("{:.1} steps/s", progress.steps_per_second));
     }
-    if progress.loss > 0.0 {
-        parts.push(format!("loss {:.5}", progress.loss));
+    if let Some(loss) = progress.loss {
+        parts.push(format!("loss {loss:.5}"));
     }
     if let Some(psnr) = progress.psnr {
         parts.push(format!("held-out {psnr:.2} dB"));
@@ -214,8 +214,8 @@ pub fn describe(progress: &Progress) -> String {
     if progress.skipped_steps > 0 {
         parts.push(format!("{} steps skipped", progress.skipped_steps));
     }
-    if progress.seconds_left > 0.0 {
-        parts.push(format!("{} left", duration(progress.seconds_left)));
+    if let Some(left) = progress.seconds_left.filter(|it| *it > 0.0) {
+        parts.push(format!("{} left", duration(left)));
     }
     parts.join(" · ")
 }
@@ -267,9 +267,9 @@ mod tests {
         progress.active_parts.clear();
         progress.total_steps = 400;
         progress.steps_per_second = 9.31;
-        progress.loss = 0.0123;
+        progress.loss = Some(0.0123);
         progress.psnr = Some(24.118);
-        progress.seconds_left = 83.2;
+        progress.seconds_left = Some(83.2);
         assert_eq!(
             describe(&progress),
             "training · step 120/400 · 9.3 steps/s · loss 0.01230 · held-out 24.12 dB · 1:23 left"

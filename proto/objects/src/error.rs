@@ -12,7 +12,7 @@ pub enum ObjectsError {
     /// The URL names no supported store.
     #[error("the object store {url} can't be opened: {reason}")]
     Url {
-        /// The URL.
+        /// The URL, without credentials.
         url: Url,
         /// The fault.
         reason: String,
@@ -104,10 +104,10 @@ impl ObjectsError {
     }
 
     pub(crate) fn url(url: &Url, reason: impl ToString) -> Self {
-        Self::Url {
-            url: url.clone(),
-            reason: reason.to_string(),
-        }
+        let shown = crate::shown(url);
+        // Errors of stores quote the URL.
+        let reason = reason.to_string().replace(url.as_str(), shown.as_str());
+        Self::Url { url: shown, reason }
     }
 
     pub(crate) fn of_store(action: &'static str, key: &str, cause: object_store::Error) -> Self {

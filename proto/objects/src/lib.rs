@@ -133,6 +133,17 @@ pub fn folder(url: &Url) -> Result<PathBuf, ObjectsError> {
     path.map_err(|()| ObjectsError::url(url, "names no folder of this machine"))
 }
 
+/// `url` as people may see it: without user, password and parameters, in which credentials may be.
+pub fn shown(url: &Url) -> Url {
+    let mut shown = url.clone();
+    // Both fail for URLs that can't have a user at all.
+    let _ = shown.set_username("");
+    let _ = shown.set_password(None);
+    shown.set_query(None);
+    shown.set_fragment(None);
+    shown
+}
+
 fn parse(key: &str) -> Result<Key, ObjectsError> {
     Key::parse(key).map_err(|cause| ObjectsError::Key {
         key: key.to_owned(),

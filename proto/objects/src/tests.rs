@@ -229,3 +229,23 @@ fn a_useless_url_says_which() {
         assert!(error.to_string().contains(url), "{error}");
     }
 }
+
+#[test]
+fn credentials_are_not_shown() {
+    for (url, expected) in [
+        (
+            "s3://KEY:SECRET@bucket/a?token=SECRET#SECRET",
+            "s3://bucket/a",
+        ),
+        (
+            "file:///var/lib/yoto/objects",
+            "file:///var/lib/yoto/objects",
+        ),
+    ] {
+        let url = Url::parse(url).expect("a URL");
+        assert_eq!(shown(&url).as_str(), expected);
+    }
+    let url = Url::parse("none://KEY:SECRET@bucket/a").expect("a URL");
+    let refused = Objects::open(&url).expect_err("is no store");
+    assert!(!refused.to_string().contains("SECRET"), "{refused}");
+}

@@ -54,7 +54,11 @@ pub fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError
 /// Kinds of jobs. An unknown kind is refused: it would match no job.
 pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
     let known = |number: &i32| job_kind(field, *number);
-    all(numbers.iter().map(known))
+    let mut kinds = all(numbers.iter().map(known))?;
+    // Each is a parameter of a statement, of which databases take a limited number.
+    kinds.sort_unstable();
+    kinds.dedup();
+    Ok(kinds)
 }
 
 /// A kind of jobs.

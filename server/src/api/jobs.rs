@@ -31,7 +31,11 @@ fn states(numbers: &[i32]) -> Result<Vec<job::State>, RequestError> {
         let state = state.filter(|state| *state != job::State::Unspecified);
         state.ok_or_else(|| RequestError::invalid("states", format!("{number} is not a state")))
     };
-    all(numbers.iter().map(known))
+    let mut states = all(numbers.iter().map(known))?;
+    // Each is a parameter of a statement, of which databases take a limited number.
+    states.sort_unstable();
+    states.dedup();
+    Ok(states)
 }
 
 /// The jobs of these kinds, of this model and of this owner; an empty value: of all.

@@ -78,7 +78,7 @@ impl ModelService for ModelApi {
         let store = &self.context.store;
         // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
-            .answered(&tenant, key.as_ref())
+            .answered(&tenant, key.as_ref().filter(|_| !request.validate_only))
             .await
             .map_err(RequestError::from)?
         {
@@ -99,6 +99,15 @@ impl ModelService for ModelApi {
         let retention = retention("retention", request.retention);
         let of_training = both(tier, variant);
         let ((display_name, _), retention) = both(both(display_name, of_training), retention)?;
+        if request.validate_only {
+            return Ok(Response::new(Model {
+                display_name,
+                tier: request.tier,
+                variant: request.variant,
+                retention: Some(retention),
+                ..Model::default()
+            }));
+        }
         let new = NewModel {
             display_name,
             tier: request.tier,

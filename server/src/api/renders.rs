@@ -28,6 +28,11 @@ impl RenderService for RenderApi {
             kind: request.spec.map(job_spec::Kind::Render),
         };
         let new = fields::new_job(spec, request.priority, &request.owner)?;
+        if request.validate_only {
+            let priority = request.priority;
+            let job = queue::validate(&self.context, &tenant, new).await?;
+            return Ok(Response::new(Job { priority, ..job }));
+        }
         let job = queue::create(&self.context, &tenant, new, key).await?;
         Ok(Response::new(public::job(job)))
     }

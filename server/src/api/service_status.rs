@@ -44,7 +44,7 @@ impl StatusService for StatusApi {
             workers,
             queued,
             running,
-            objects: context.objects_url.to_string(),
+            objects: context.objects_url.scheme().to_owned(),
             disk_free: disk.map(|disk| disk.free),
             disk_total: disk.map(|disk| disk.total),
             paused: paused.map_err(RequestError::from)?,

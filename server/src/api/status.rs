@@ -7,8 +7,8 @@ use crate::error::RequestError;
 use crate::field_faults::{FieldFault, FieldFaults};
 use crate::store::StoreError;
 use std::collections::HashMap;
-use tonic::Status;
-use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, FieldViolation, PreconditionViolation, StatusExt};
 use yoto_objects::ObjectsError;
 use yoto_proto::limits::beginning;
 use yoto_proto::reasons::{DOMAIN, code};
@@ -31,6 +31,7 @@ impl From<RequestError> for Status {
         match error {
             RequestError::NotFound { name } => status(Reason::NotFound, text, &[("name", name)]),
             RequestError::Invalid(faults) => invalid(&faults),
+            RequestError::Several(errors) => several(errors),
             RequestError::Precondition { reason, .. } => status(reason, text, &[]),
             RequestError::DiskFull { free, needed } => {
                 let metadata = [("free", free.to_string()), ("needed", needed.to_string())];
@@ -116,7 +117,7 @@ fn invalid(faults: &FieldFaults) -> Status {
         .first()
         .map_or_else(String::new, |it| it.field.clone());
     let mut text = match faults.kept.first() {
-        Some(FieldFault { field, message }) => brief(&format!("{field}: {message}"), longest),
+        Some(fault) => brief(&told(fault), longest),
         None => String::new(),
     };
     // A client shows the further faults that are named, and this the others.
@@ -133,6 +134,62 @@ fn invalid(faults: &FieldFaults) -> Status {
     let mut details = ErrorDetails::with_error_info(reason.as_str_name(), DOMAIN, metadata);
     details.set_bad_request(named);
     Status::with_error_details(code(reason), text, details)
+}
+
+/// The number of faults that an error is about.
+fn count(error: &RequestError) -> usize {
+    match error {
+        RequestError::Invalid(faults) => faults.count,
+        _ => 1,
+    }
+}
+
+fn told(FieldFault { field, message }: &FieldFault) -> String {
+    format!("{field}: {message}")
+}
+
+/// The answer to a request with faults of several kinds, as far as there is room for them: the code and the reason are the
+/// first one's. Faults of fields are named in a `BadRequest`, and all others in a `PreconditionFailure`, each with its reason.
+fn several(errors: Vec<RequestError>) -> Status {
+    let count: usize = errors.iter().map(count).sum();
+    let text = match errors.first() {
+        Some(RequestError::Invalid(faults)) => faults.kept.first().map_or_else(String::new, told),
+        first => first.map_or_else(String::new, ToString::to_string),
+    };
+    let text = format!(
+        "{}; {count} faults in all",
+        brief(&text, TEXT_OF_SEVERAL_BYTES)
+    );
+    let statuses: Vec<Status> = errors.into_iter().map(Status::from).collect();
+    // The two lists together have the room of one.
+    let mut room = SEVERAL_BYTES;
+    let mut fits = |name: &str, message: &str| {
+        let left = room.checked_sub(name.len() + message.len() + 8);
+        room = left.unwrap_or(room);
+        left.is_some()
+    };
+    let (mut fields, mut others) = (Vec::new(), Vec::new());
+    for status in &statuses {
+        let details = status.get_error_details();
+        let reason = details.error_info().map_or("", |it| it.reason.as_str());
+        let message = brief(status.message(), TEXT_OF_SEVERAL_BYTES);
+        match details.bad_request() {
+            Some(bad) => fields.extend(bad.field_violations.iter().cloned()),
+            None if fits(reason, &message) => {
+                others.push(PreconditionViolation::new(reason, "", message));
+            }
+            None => {}
+        }
+    }
+    fields.retain(|it: &FieldViolation| fits(&it.field, &it.description));
+    let first = statuses.first();
+    let code = first.map_or(Code::InvalidArgument, Status::code);
+    let info = first.and_then(|it| it.get_error_details().error_info().cloned());
+    let reason = info.map_or_else(String::new, |it| it.reason);
+    let mut details = ErrorDetails::with_error_info(reason, DOMAIN, HashMap::new());
+    details.set_bad_request(fields);
+    details.set_precondition_failure(others);
+    Status::with_error_details(code, text, details)
 }
 
 /// An object that differs from its entry in the catalogue. Only the operator sees its key, in the log.
@@ -175,6 +232,14 @@ mod tests {
             RequestError::NotFound { name: marks() },
             all::<()>((0..200).map(|_| Err(RequestError::invalid(marks(), marks()))))
                 .expect_err("is refused"),
+            all::<()>((0..400).map(|number| {
+                let text = format!("{number}{}", marks());
+                Err(match number % 2 {
+                    0 => RequestError::invalid(marks(), text),
+                    _ => RequestError::precondition(Reason::NoSlot, text),
+                })
+            }))
+            .expect_err("is refused"),
         ] {
             let response = Status::from(error).into_http::<()>();
             let headers = response.headers().iter();

@@ -62,7 +62,7 @@ impl SubjectService for SubjectApi {
         let store = &self.context.store;
         // Comes before every check: a repeated request gets its first answer.
         if let Some(id) = store
-            .answered(&tenant, key.as_ref())
+            .answered(&tenant, key.as_ref().filter(|_| !request.validate_only))
             .await
             .map_err(RequestError::from)?
         {
@@ -73,6 +73,13 @@ impl SubjectService for SubjectApi {
         let display_name = fields::display_name(&request.display_name);
         let note = fields::lines("consent_note", note, limits::CONSENT_NOTE_BYTES);
         let (display_name, ()) = both(display_name, note)?;
+        if request.validate_only {
+            return Ok(Response::new(Subject {
+                display_name,
+                consent_note: request.consent_note,
+                ..Subject::default()
+            }));
+        }
         let new = NewSubject {
             display_name,
             consent_note: request.consent_note,

@@ -29,8 +29,13 @@ impl UploadService for UploadApi {
         let request = request.into_inner();
         let key = fields::request_key("CreateUpload", &request.request_id, &request)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
-        let upload = uploads::create(&self.context, &tenant, subject, request.files, key).await?;
         let limits = &self.context.config.upload;
+        if request.validate_only {
+            let files = request.files;
+            let upload = uploads::validate(&self.context, &tenant, subject, files).await?;
+            return Ok(Response::new(upload));
+        }
+        let upload = uploads::create(&self.context, &tenant, subject, request.files, key).await?;
         Ok(Response::new(describe(limits, &upload)))
     }
 

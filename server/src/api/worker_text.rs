@@ -68,8 +68,6 @@ pub fn progress(mut progress: Progress) -> Progress {
     for figure in [
         &mut progress.fraction,
         &mut progress.steps_per_second,
-        &mut progress.loss,
-        &mut progress.seconds_left,
         &mut progress.live_fraction,
         &mut progress.train_seconds,
     ] {
@@ -77,7 +75,12 @@ pub fn progress(mut progress: Progress) -> Progress {
             *figure = 0.0;
         }
     }
-    for figure in [&mut progress.psnr, &mut progress.ssim] {
+    for figure in [
+        &mut progress.loss,
+        &mut progress.psnr,
+        &mut progress.ssim,
+        &mut progress.seconds_left,
+    ] {
         *figure = figure.filter(|it| it.is_finite());
     }
     progress
@@ -136,13 +139,16 @@ mod tests {
         let told = progress(Progress {
             phase: "y".repeat(1 << 20),
             active_parts: many(),
-            seconds_left: f64::NAN,
+            seconds_left: Some(f64::NAN),
+            steps_per_second: f64::INFINITY,
             psnr: Some(f64::INFINITY),
-            loss: 0.5,
+            loss: Some(0.5),
             ..Progress::default()
         });
         assert!(told.encoded_len() < 64 << 10);
-        assert_eq!((told.seconds_left, told.psnr, told.loss), (0.0, None, 0.5));
+        let figures = (told.seconds_left, told.psnr, told.loss);
+        assert_eq!(figures, (None, None, Some(0.5)));
+        assert_eq!(told.steps_per_second, 0.0);
         assert_eq!(progress(told.clone()), told);
         let told = result(JobResult {
             kind: Some(job_result::Kind::Train(TrainResult {

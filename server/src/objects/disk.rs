@@ -22,7 +22,7 @@ impl ObjectDisk {
     pub fn open(url: &Url) -> Result<(Self, Objects), ObjectsError> {
         if url.scheme() != "file" {
             return Err(ObjectsError::Url {
-                url: url.clone(),
+                url: yoto_objects::shown(url),
                 reason: "only file:/// is supported".into(),
             });
         }

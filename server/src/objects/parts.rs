@@ -11,6 +11,7 @@ use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Weak};
 use yoto_objects::ObjectsError;
 use yoto_proto::hex;
 
@@ -39,14 +40,17 @@ impl ObjectDisk {
         blocking(move || write_all(&root, &pieces)).await
     }
 
-    /// SHA-256 of the file `key`, which has `bytes` bytes.
+    /// SHA-256 of the file `key`, which has `bytes` bytes. The reading ends when this future is dropped: a client that
+    /// repeats a call with a short deadline must not start one after another.
     ///
     /// # Errors
     /// [`ObjectsError::Size`] when it has another size, 0 if it is missing; another error when the disk fails.
     pub async fn sha256(&self, key: &str, bytes: u64) -> Result<String, ObjectsError> {
         let (path, key) = (self.root.join(key), key.to_owned());
-        blocking(move || {
-            let (found, sha256) = match hash(&path) {
+        let wanted = Arc::new(());
+        let still = Arc::downgrade(&wanted);
+        let hashed = blocking(move || {
+            let (found, sha256) = match hash(&path, &still) {
                 Err(error) if error.kind() == ErrorKind::NotFound => (0, String::new()),
                 hashed => hashed.map_err(|error| failed("reading", &path, error))?,
             };
@@ -59,7 +63,9 @@ impl ObjectDisk {
             }
             Ok(sha256)
         })
-        .await
+        .await;
+        drop(wanted);
+        hashed
     }
 }
 
@@ -156,11 +162,14 @@ fn sync_folder(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Bytes and SHA-256 of a file.
-fn hash(path: &Path) -> io::Result<(u64, String)> {
+/// Bytes and SHA-256 of a file; an error once nothing is `wanted` any more.
+fn hash(path: &Path, wanted: &Weak<()>) -> io::Result<(u64, String)> {
     let (mut file, mut buffer) = (File::open(path)?, vec![0; READ_BYTES]);
     let (mut bytes, mut hash) = (0, Sha256::new());
     loop {
+        if wanted.strong_count() == 0 {
+            return Err(ErrorKind::Interrupted.into());
+        }
         match file.read(&mut buffer)? {
             0 => return Ok((bytes, hex(&hash.finalize()))),
             read => {
@@ -206,6 +215,9 @@ mod tests {
         let sha256 = objects.sha256(&key, 7).await.expect("reads");
         assert_eq!(sha256, yoto_proto::sha256_hex(b"0123abc"));
         assert!(objects.sha256(&key, 8).await.is_err());
+        let path = dir.path().join(&key);
+        let unwanted = hash(&path, &Weak::new()).expect_err("nobody waits for it");
+        assert_eq!(unwanted.kind(), ErrorKind::Interrupted);
         let missing = Piece {
             key: "uploads/c/none".into(),
             ..piece(3, b"x")

@@ -9,7 +9,7 @@ use yoto_proto::v1::{
 use yoto_proto::worker::v1::{Inputs, PictureRange};
 
 /// Kind of a job.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum JobKind {
     /// Makes a training shard of a capture.
     Ingest,

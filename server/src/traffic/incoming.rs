@@ -3,7 +3,7 @@
 //! A gRPC message begins with its length, and tonic reserves that much memory at once. This buffer grows only with the
 //! received bytes. They count towards the client's limit until the call is answered or asks for the next message.
 
-use super::{Client, Traffic, busy};
+use super::{Client, Traffic, busy, decoded};
 use crate::error::RequestError;
 use bytes::{Buf, Bytes, BytesMut};
 use futures::{Stream, stream};
@@ -54,6 +54,8 @@ pub(super) struct Incoming {
     pub(super) held: Arc<Held>,
     /// Whether the call is unary: the bytes of its message count until it is answered.
     pub(super) single: bool,
+    /// Full name of the messages' type; `None` if it is not of the contract.
+    kind: Option<&'static str>,
     arrived: BytesMut,
     /// Bytes at the front of `arrived` that are complete messages.
     whole: usize,
@@ -68,6 +70,7 @@ impl Incoming {
         client: Option<Arc<Client>>,
         held: Arc<Held>,
         single: bool,
+        kind: Option<&'static str>,
     ) -> Self {
         Self {
             body,
@@ -75,6 +78,7 @@ impl Incoming {
             client,
             held,
             single,
+            kind,
             arrived: BytesMut::new(),
             whole: 0,
             begun: None,
@@ -164,9 +168,27 @@ impl Incoming {
             if rest.len() < length {
                 return Ok(());
             }
+            self.weigh(&rest[..length])?;
             self.whole += HEADER_BYTES + length;
             self.begun = None;
         }
+    }
+
+    /// Counts the bytes that a complete message takes once it is decoded.
+    fn weigh(&self, message: &[u8]) -> Result<(), Status> {
+        let Some(kind) = self.kind else {
+            return Ok(());
+        };
+        let most = self.traffic.limits.decoded_bytes;
+        let bytes = decoded::bytes(kind, message, most);
+        if bytes > most {
+            let message = format!(
+                "a message of {} bytes takes more than {most} bytes once it is decoded: it has too many entries",
+                message.len()
+            );
+            return Err(Status::out_of_range(message));
+        }
+        Ok(self.count(0, bytes)?)
     }
 
     /// Counts the next `coming` bytes, after `before` bytes that were counted.
@@ -221,7 +243,7 @@ mod tests {
         let body = Body::new(StreamBody::new(receiver));
         let client = Some(Arc::clone(client));
         let held = Arc::default();
-        let incoming = Incoming::new(body, Arc::clone(traffic), client, held, single);
+        let incoming = Incoming::new(body, Arc::clone(traffic), client, held, single, None);
         (Sender(sender), Box::pin(incoming.frames()))
     }
 
@@ -262,7 +284,7 @@ mod tests {
     async fn an_announced_length_takes_no_memory() {
         let traffic = Traffic::new(&TrafficLimits::default());
         let body = Body::new(StreamBody::new(stream::pending::<Result<_, Status>>()));
-        let mut incoming = Incoming::new(body, traffic, None, Arc::default(), true);
+        let mut incoming = Incoming::new(body, traffic, None, Arc::default(), true, None);
         let length = u32::try_from(incoming.traffic.limits.message_bytes).expect("fits");
         incoming.keep(&[0]).expect("is kept");
         incoming.keep(&length.to_be_bytes()).expect("is kept");

@@ -3,7 +3,7 @@
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
-use crate::methods::is_unary;
+use crate::methods::{self, is_unary};
 use futures::future::BoxFuture;
 use http_body_util::BodyExt;
 use std::sync::atomic::Ordering;
@@ -94,7 +94,8 @@ where
         let unary = is_unary(request.uri().path());
         let held = Arc::<Held>::default();
         let (parts, body) = request.into_parts();
-        let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary);
+        let kind = methods::request(parts.uri.path());
+        let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary, kind);
         let request = Request::from_parts(parts, incoming.into_body());
         let answer = self.inner.call(request);
         Box::pin(async move {

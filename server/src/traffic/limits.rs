@@ -12,7 +12,7 @@ pub struct TrafficLimits {
     pub calls: usize,
     /// Concurrent calls on one connection.
     pub connection_calls: u32,
-    /// Bytes of requests that are being received or answered, on all connections.
+    /// Bytes of requests that are being received or answered, before and after decoding, on all connections.
     pub bytes: u32,
     /// The same on one connection.
     pub connection_bytes: u32,
@@ -20,6 +20,9 @@ pub struct TrafficLimits {
     pub free_bytes: usize,
     /// Maximum length of a message, bytes.
     pub message_bytes: usize,
+    /// Maximum size of a decoded message, bytes: a message of a capture's files or of poses takes up to three times its length,
+    /// one of empty entries a hundred times. Together with its own bytes it is within those of a connection.
+    pub decoded_bytes: usize,
     /// Maximum wait for the next bytes of a message.
     pub stalled: Duration,
     /// Maximum time from the first byte of a message to its last. The default allows the longest message at 56 kB/s.
@@ -42,6 +45,7 @@ impl Default for TrafficLimits {
             connection_bytes: 4 * limits::MESSAGE_BYTES as u32,
             free_bytes: 64 << 10,
             message_bytes: limits::MESSAGE_BYTES,
+            decoded_bytes: 3 * limits::MESSAGE_BYTES,
             stalled: Duration::from_secs(60),
             message: Duration::from_secs(300),
             call: Duration::from_secs(900),

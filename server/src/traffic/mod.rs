@@ -11,6 +11,7 @@
 //! connections have a maximum age but no idle timeout, and the decoder reserves memory by the announced length.
 
 mod connection;
+mod decoded;
 mod incoming;
 mod layer;
 mod limits;

@@ -1,5 +1,6 @@
 //! Another attempt to ingest an upload: a fault of the machine must not cost the user a second upload.
 
+use super::answered;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::objects::upload::input_file;
@@ -17,8 +18,8 @@ pub async fn ingest_again(
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Capture, RequestError> {
-    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
-        return Ok(context.store.capture(tenant, &id).await?);
+    if let Some(done) = answered(context, tenant, request.as_ref()).await? {
+        return Ok(done);
     }
     let capture = context.store.capture(tenant, id).await?;
     // The store refuses the other states, and files that a collection of garbage removes at the same time.

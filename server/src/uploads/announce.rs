@@ -4,7 +4,7 @@ use super::paths::CapturePaths;
 use crate::config::UploadLimits;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::field_faults::all;
+use crate::field_faults::{all, both};
 use crate::objects::upload::{input_file, is_sha256};
 use crate::store::{NewUpload, RequestKey, Upload, UploadedFile, new_id};
 use crate::tenant::Tenant;
@@ -31,12 +31,42 @@ pub async fn create(
     }
     let files = check(&context.config.upload, files)?;
     let bytes = files.iter().map(|file| file.bytes).sum();
-    context.ensure_room(bytes)?;
+    ensure_room(context, bytes).await?;
     let new = NewUpload { subject_id, files };
     let count = new.files.len();
     let id = context.store.create_upload(tenant, new, request).await?;
     tracing::info!(upload = id, files = count, bytes, "upload opened");
     Ok(context.store.upload(tenant, &id).await?)
+}
+
+/// The upload of `files` that [`create`] would open, without a name, after the same checks.
+///
+/// # Errors
+/// As [`create`].
+pub async fn validate(
+    context: &Context,
+    tenant: &Tenant,
+    subject_id: String,
+    files: Vec<FileHeader>,
+) -> Result<v1::Upload, RequestError> {
+    let subject = context.store.subject(tenant, &subject_id).await;
+    let files = check(&context.config.upload, files);
+    let (subject, files) = both(subject.map_err(RequestError::from), files)?;
+    let bytes = files.iter().map(|file| file.bytes).sum();
+    ensure_room(context, bytes).await?;
+    Ok(v1::Upload {
+        subject: subject.name,
+        state: upload::State::Open.into(),
+        bytes,
+        part_bytes: context.config.upload.part_bytes,
+        ..v1::Upload::default()
+    })
+}
+
+/// Refuses `bytes` more, if there is no room for them beside what open uploads still send.
+async fn ensure_room(context: &Context, bytes: u64) -> Result<(), RequestError> {
+    let coming = context.store.coming_bytes().await?;
+    context.ensure_room(bytes.saturating_add(coming))
 }
 
 /// Checks that the files can be a capture together.

@@ -1,6 +1,6 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
-use super::{lost, take_over};
+use super::{answered, lost, take_over};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, UploadFile};
@@ -26,8 +26,8 @@ pub async fn finish(
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Capture, RequestError> {
-    if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
-        return Ok(context.store.capture(tenant, &id).await?);
+    if let Some(done) = answered(context, tenant, request.as_ref()).await? {
+        return Ok(done);
     }
     let (_lock, writer) = take_over(context, tenant, id).await?;
     let upload = context.store.upload(tenant, id).await?;

@@ -13,7 +13,7 @@ mod paths;
 mod write;
 
 pub use again::ingest_again;
-pub use announce::{create, describe};
+pub use announce::{create, describe, validate};
 pub use finish::finish;
 use locks::UploadLock;
 pub use locks::UploadLocks;
@@ -21,9 +21,9 @@ pub use write::receive;
 
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::Upload;
+use crate::store::{RequestKey, Upload};
 use crate::tenant::Tenant;
-use yoto_proto::v1::ErrorReason;
+use yoto_proto::v1::{Capture, ErrorReason};
 
 /// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
 /// the call that found this. Otherwise each later write would fail until the upload expires.
@@ -64,6 +64,18 @@ async fn take_over(
     let lock = context.upload_locks.acquire(id).await;
     let writer = context.store.take_over_upload(tenant, id).await?;
     Ok((lock, writer))
+}
+
+/// The capture in the earlier answer to the same request, if there was one. Comes before every check.
+async fn answered(
+    context: &Context,
+    tenant: &Tenant,
+    request: Option<&RequestKey>,
+) -> Result<Option<Capture>, RequestError> {
+    match context.store.answered(tenant, request).await? {
+        Some(id) => Ok(Some(context.store.capture(tenant, &id).await?)),
+        None => Ok(None),
+    }
 }
 
 /// The open upload with this id.

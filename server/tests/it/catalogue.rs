@@ -17,6 +17,7 @@ async fn a_request_id_gets_one_answer_and_serves_one_body() {
         display_name: "Ada".into(),
         consent_note: "signed".into(),
         request_id: "r-1".into(),
+        validate_only: false,
     };
     let mut client = service.subjects();
     let first = client
@@ -311,6 +312,7 @@ async fn fifty_writers_at_once_all_get_through_and_a_shared_request_id_creates_o
             display_name: "Ada".into(),
             consent_note: String::new(),
             request_id,
+            validate_only: false,
         };
         let mut client = service.subjects();
         async move {

@@ -269,10 +269,34 @@ async fn an_upload_that_would_fill_the_disk_is_refused_before_its_first_byte() {
         subject: ada.name.clone(),
         files,
         request_id: String::new(),
+        validate_only: false,
     };
     let answer = service.uploads().create_upload(request).await;
     assert_refused(answer, Code::ResourceExhausted, "DISK_FULL");
     assert!(service.get_subject(&ada.name).await.captures.is_empty());
+}
+
+#[tokio::test]
+async fn open_uploads_share_the_room_on_the_disk() {
+    let dir = tempfile::TempDir::new().expect("a folder");
+    let free = fs4::available_space(dir.path()).expect("has a disk");
+    let large = 2 << 30;
+    // One fits, with room for other programs that use the same disk meanwhile.
+    let min_free = free.saturating_sub(large + large / 2);
+    let service = Service::start_in(dir, |config| config.storage.min_free_bytes = min_free).await;
+    let ada = service.subject("Ada").await;
+    let open = async || {
+        let mut files = headers(&[file("poses.json", b"{}"), file("video.mp4", b"")]);
+        files[1].bytes = large;
+        let request = CreateUploadRequest {
+            subject: ada.name.clone(),
+            files,
+            ..CreateUploadRequest::default()
+        };
+        service.uploads().create_upload(request).await
+    };
+    open().await.expect("fits");
+    assert_refused(open().await, Code::ResourceExhausted, "DISK_FULL");
 }
 
 #[tokio::test]
@@ -289,6 +313,7 @@ async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
             subject: ada.name.clone(),
             files: headers(&files),
             request_id: "the files".into(),
+            validate_only: false,
         };
         let opened = service.uploads().create_upload(request).await;
         opened.expect("is opened").into_inner()

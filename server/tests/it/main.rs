@@ -11,6 +11,7 @@ mod faults;
 mod faulty_fields;
 mod garbage;
 mod helpers;
+mod ingests;
 mod leases;
 mod metrics;
 mod postgres;

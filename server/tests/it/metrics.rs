@@ -17,7 +17,7 @@ async fn report(service: &Service, lease: &Lease, progress: Progress) {
 fn at(step: u64, psnr: Option<f64>) -> Progress {
     Progress {
         step,
-        loss: 1.0 / step as f64,
+        loss: Some(1.0 / step as f64),
         train_seconds: step as f64 / 10.0,
         psnr,
         ssim: psnr.map(|_| 0.9),
@@ -67,7 +67,7 @@ async fn heartbeats_leave_a_curve_with_each_measurement_once() {
         (4, None, None),
     ];
     assert_eq!(figures, expected);
-    assert_eq!((seen[1].loss, seen[1].seconds), (0.5, 0.2));
+    assert_eq!((seen[1].loss, seen[1].seconds), (Some(0.5), 0.2));
 
     // Another worker resumes from a checkpoint at step 2.
     report(&service, &lease, at(3, None)).await;

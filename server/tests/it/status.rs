@@ -58,6 +58,13 @@ async fn the_status_counts_jobs_and_knows_who_asks_for_them() {
     assert_eq!(named(&[job::State::Running]).await, 1);
     assert_eq!(named(&[job::State::Running, job::State::Queued]).await, 2);
     assert_eq!(named(&[job::State::Failed]).await, 0);
+    let many = ListJobsRequest {
+        states: vec![job::State::Queued.into(); 40_000],
+        kinds: vec![JobKind::Train.into(); 40_000],
+        ..ListJobsRequest::default()
+    };
+    let listed = service.jobs().list_jobs(many).await;
+    assert_eq!(listed.expect("lists").into_inner().jobs.len(), 1);
     let request = ListJobsRequest {
         states: vec![99],
         ..ListJobsRequest::default()
@@ -69,7 +76,7 @@ async fn the_status_counts_jobs_and_knows_who_asks_for_them() {
     let checkpoint = service.publish(&lease, 40).await.expect("publishes");
     let progress = Progress {
         fraction: 0.7,
-        seconds_left: 3.0,
+        seconds_left: Some(3.0),
         step: 40,
         ..Progress::default()
     };
@@ -87,7 +94,7 @@ async fn the_status_counts_jobs_and_knows_who_asks_for_them() {
     let ended = service.get_job(&first.name).await.progress.expect("some");
     assert_eq!(
         (ended.fraction, ended.seconds_left, ended.step),
-        (1.0, 0.0, 40)
+        (1.0, Some(0.0), 40)
     );
 }
 

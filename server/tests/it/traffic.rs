@@ -4,7 +4,7 @@ use crate::support::{Service, assert_refused, eventually};
 use tonic::Code;
 use tonic::transport::Channel;
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
-use yoto_proto::v1::{ListSubjectsRequest, WatchJobRequest};
+use yoto_proto::v1::{ListJobsRequest, ListSubjectsRequest, WatchJobRequest};
 
 async fn lists(channel: &Channel) -> Result<(), tonic::Status> {
     let listed = SubjectServiceClient::new(channel.clone())
@@ -51,6 +51,19 @@ async fn connections_beyond_the_limit_are_refused_until_another_ends() {
     } = service;
     drop(channel);
     eventually("a free place", || async { lists(&other).await.ok() }).await;
+}
+
+#[tokio::test]
+async fn a_message_of_too_many_entries_is_refused_before_it_is_decoded() {
+    let service = Service::start_with(|config| config.traffic.decoded_bytes = 1000).await;
+    let states = |count| ListJobsRequest {
+        states: vec![1; count],
+        ..ListJobsRequest::default()
+    };
+    let few = service.jobs().list_jobs(states(50)).await;
+    few.expect("is answered");
+    let many = service.jobs().list_jobs(states(500)).await;
+    assert_eq!(many.expect_err("is refused").code(), Code::OutOfRange);
 }
 
 #[tokio::test]

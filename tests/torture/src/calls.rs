@@ -115,6 +115,7 @@ impl Calls {
             display_name: display_name.to_owned(),
             consent_note: "made up".to_owned(),
             request_id: uuid::Uuid::new_v4().to_string(),
+            validate_only: false,
         };
         let call = || {
             let (mut service, request) = (self.subjects(), request.clone());
@@ -134,6 +135,7 @@ impl Calls {
             variant: "yoto".to_owned(),
             request_id: uuid::Uuid::new_v4().to_string(),
             retention: None,
+            validate_only: false,
         };
         let call = || {
             let (mut service, request) = (self.models(), request.clone());

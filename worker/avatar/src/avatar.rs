@@ -20,6 +20,7 @@ use yoto_ops::hash::HashGrid;
 use yoto_ops::warp;
 
 mod appearance;
+mod guesses;
 
 pub use appearance::{AvatarAppearance, AvatarField, AvatarSplats};
 
@@ -331,23 +332,6 @@ impl Avatar {
         self.change_splats(slot, |init, splats| splats.paint(init, slot, colours, anew))
     }
 
-    /// Holds the guessed colours of the splats `held` `[N]` of the identity in `slot`; with `None`, all learn.
-    pub(crate) fn hold_splats(
-        &mut self,
-        slot: usize,
-        held: Option<&[bool]>,
-    ) -> Result<(), ReadError> {
-        self.change_splats(slot, |init, splats| {
-            splats.hold(init, slot, held);
-            Ok(())
-        })
-    }
-
-    /// Whether guessed colours of the splats of the identity in `slot` are held.
-    pub(crate) fn holds_splats(&self, slot: usize) -> bool {
-        self.splats.get(slot).is_some_and(|it| it.held.is_some())
-    }
-
     /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.
     pub(crate) fn reach_harmonics(&mut self, degree: usize) -> Result<(), ReadError> {
         let device = self.device();
@@ -411,7 +395,7 @@ impl Avatar {
                 "canonical",
                 self.canonical.as_ref().map_or(0, Module::num_params),
             ),
-            ("splats", self.splats.num_params()),
+            ("splats", self.splats.num_params() - self.flags()),
         ];
         parts
             .into_iter()

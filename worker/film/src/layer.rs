@@ -32,11 +32,11 @@ impl Layer {
         }
     }
 
-    /// The nearest and the farthest depth, metres; 0 for other layers.
-    pub fn range(&self) -> [f64; 2] {
+    /// The nearest and the farthest depth, metres; `None` for other layers.
+    pub fn range(&self) -> Option<[f64; 2]> {
         match self {
-            Self::Depth(range) => [range.start, range.end],
-            Self::Colours | Self::Opacity => [0.0; 2],
+            Self::Depth(range) => Some([range.start, range.end]),
+            Self::Colours | Self::Opacity => None,
         }
     }
 }

@@ -9,7 +9,6 @@
 //! [`plan()`] is a pure function. It knows no network, no files and no tensors: captures come from the caller,
 //! and of the models it sees skeletons only. What the pictures look like is up to the renderer.
 
-mod backdrop;
 mod bodies;
 mod captures;
 mod clip;

@@ -1,34 +1,25 @@
 //! What is behind the people of a scene.
 
-use crate::backdrop;
-use crate::error::PlanError;
-use image::DynamicImage;
+use image::RgbImage;
 use yoto_proto::v1::Scene;
 
 /// A backdrop, or the ground that a shadow falls on.
 #[derive(Debug)]
 pub struct Surroundings {
-    /// The picture behind everybody.
-    pub backdrop: Option<DynamicImage>,
+    /// The picture behind everybody. A plan has none: its caller decodes it, within limits.
+    pub backdrop: Option<RgbImage>,
     /// The colour where there is no backdrop, linear rgb in [0, 1].
     pub colour: [f32; 3],
 }
 
 impl Surroundings {
-    /// The surroundings of `scene`; `None` if the `colour` alone is behind everybody.
-    ///
-    /// # Errors
-    /// If the backdrop is no picture, or too large.
-    pub(crate) fn new(scene: &Scene, colour: [f32; 3]) -> Result<Option<Self>, PlanError> {
-        let backdrop = match scene.backdrop.as_slice() {
-            [] => None,
-            bytes => Some(
-                backdrop::decode(bytes)
-                    .map_err(|message| PlanError::invalid("scene.backdrop", message))?,
-            ),
-        };
-        let any = backdrop.is_some() || scene.shadow;
-        Ok(any.then_some(Self { backdrop, colour }))
+    /// The surroundings of `scene`, still without its backdrop; `None` if the `colour` alone is behind everybody.
+    pub(crate) fn new(scene: &Scene, colour: [f32; 3]) -> Option<Self> {
+        let any = !scene.backdrop.is_empty() || scene.shadow;
+        any.then_some(Self {
+            backdrop: None,
+            colour,
+        })
     }
 }
 
@@ -37,18 +28,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_backdrop_that_is_no_picture_is_refused() {
-        let scene = |backdrop: &[u8], shadow| Scene {
-            backdrop: backdrop.to_vec(),
-            shadow,
-            ..Scene::default()
+    fn a_scene_with_a_backdrop_or_a_shadow_has_surroundings() {
+        let new = |backdrop: &[u8], shadow| {
+            let scene = Scene {
+                backdrop: backdrop.to_vec(),
+                shadow,
+                ..Scene::default()
+            };
+            Surroundings::new(&scene, [1.0; 3])
         };
-        let new = |scene: &Scene| Surroundings::new(scene, [1.0; 3]);
-        assert!(new(&scene(&[], false)).is_ok_and(|it| it.is_none()));
-        assert!(new(&scene(&[], true)).is_ok_and(|it| it.is_some()));
-        let Err(PlanError::Invalid(violations)) = new(&scene(&[1, 2, 3], false)) else {
-            panic!("no picture");
-        };
-        assert_eq!(violations[0].field, "scene.backdrop");
+        assert!(new(&[], false).is_none());
+        assert!(new(&[], true).is_some_and(|it| it.colour == [1.0; 3]));
+        assert!(new(&[1], false).is_some());
     }
 }

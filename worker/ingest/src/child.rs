@@ -1,7 +1,8 @@
 //! The child's side: set the limits, carry out the order, report the outcome.
 
+use super::backdrop;
 use super::failure::ReadFailure;
-use super::order::{Line, Order, Outcome};
+use super::order::{Line, Order, Outcome, Task};
 use super::prepare::prepare;
 use nix::sys::resource::{Resource, setrlimit};
 use std::ffi::OsString;
@@ -44,8 +45,12 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
     if let Err(error) = confine(memory, seconds, order.limits.unpacked_bytes) {
         return Outcome::Machine(format!("limiting the child: {error}"));
     }
-    let ffmpeg = Ffmpeg::find(order.ffmpeg.as_deref());
-    match prepare(&order, &ffmpeg, &mut |progress| say(&Line::At(progress))) {
+    let tell = &mut |progress| say(&Line::At(progress));
+    let prepared = match order.task {
+        Task::Capture => prepare(&order, &Ffmpeg::find(order.ffmpeg.as_deref()), tell),
+        Task::Backdrop => backdrop::prepare(&order, tell),
+    };
+    match prepared {
         Ok(prepared) => Outcome::Done(prepared),
         Err(ReadFailure::Rejected(mut found)) => {
             // Only this function knows the limit.

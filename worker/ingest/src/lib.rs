@@ -2,12 +2,13 @@
 //!
 //! Uploads are decoded in a child process: this program, started again, with limits on memory and
 //! time, so that a file that makes a decoder crash, hang or use too much memory ends only that
-//! process ([`ingest`], [`become_ingest_child_if_asked`]). The user's own captures are read in this
-//! process ([`LocalCapture`]), by the same code.
+//! process ([`ingest`], [`become_ingest_child_if_asked`]). So is the picture behind a scene ([`read_backdrop`]), which
+//! comes with an order. The user's own captures are read in this process ([`LocalCapture`]), by the same code.
 //!
 //! Faults of a capture are reported with file, frame and field. An exceeded limit is a fault of the
 //! capture, and is named; a fault of this machine never rejects a capture.
 
+mod backdrop;
 mod capture;
 mod child;
 mod edges;
@@ -22,6 +23,7 @@ mod unpack;
 mod upload;
 mod video_end;
 
+pub use backdrop::read_backdrop;
 pub use child::become_ingest_child_if_asked;
 pub use failure::{IngestError, ReadFailure};
 pub use local::LocalCapture;

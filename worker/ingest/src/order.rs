@@ -5,9 +5,20 @@ use std::path::{Path, PathBuf};
 use yoto_media::{Limits, archive::Files};
 use yoto_proto::v1::Violation;
 
+/// What a child reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Task {
+    /// The files of a capture.
+    Capture,
+    /// The picture behind a scene, the only file.
+    Backdrop,
+}
+
 /// The child's order.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Order {
+    /// What it reads.
+    pub(super) task: Task,
     /// The child's own folder.
     pub(super) folder: PathBuf,
     /// The uploaded files: path in the capture to path on this disk.
@@ -21,6 +32,7 @@ pub(super) struct Order {
 impl Order {
     pub(super) fn new(folder: &Path, limits: &Limits) -> Self {
         Self {
+            task: Task::Capture,
             folder: folder.to_owned(),
             files: Files::new(),
             limits: limits.clone(),
@@ -31,6 +43,11 @@ impl Order {
     /// Path of the shard to write.
     pub(super) fn shard(&self) -> PathBuf {
         self.folder.join("shard.bin")
+    }
+
+    /// Path of the decoded backdrop to write.
+    pub(super) fn backdrop(&self) -> PathBuf {
+        self.folder.join("backdrop.rgb")
     }
 
     /// Path of the check's report to write.

@@ -9,7 +9,7 @@ use nix::unistd::Pid;
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 use yoto_proto::pose_track::violation;
 
@@ -17,6 +17,17 @@ use yoto_proto::pose_track::violation;
 const LOOK: Duration = Duration::from_millis(100);
 /// Longest line of a child, bytes.
 const MAX_LINE: u64 = 1 << 20;
+/// Lines of a child that wait to be read: one that prints without end waits, instead of filling memory.
+const LINES: usize = 256;
+/// Variables of the environment that a child gets, those that a program needs to run: others may hold credentials.
+const ENVIRONMENT: [&str; 6] = [
+    "PATH",
+    "LD_LIBRARY_PATH",
+    "HOME",
+    "TMPDIR",
+    "LANG",
+    "YOTO_CPU",
+];
 /// Bytes kept of its standard error.
 const COMPLAINTS: usize = 8 << 10;
 
@@ -45,6 +56,12 @@ pub(super) fn run<E>(
         .arg(&file)
         .args([settings.memory_bytes, settings.seconds].map(|limit| limit.to_string()))
         .current_dir(&order.folder)
+        .env_clear()
+        .envs(
+            ENVIRONMENT
+                .iter()
+                .filter_map(|name| Some((name, std::env::var_os(name)?))),
+        )
         // Allocators reserve much address space in advance, which counts towards the limit: glibc for
         // each thread's arena, mimalloc (this figure is in KiB) for each of its own.
         .env("MALLOC_ARENA_MAX", "1")
@@ -149,7 +166,7 @@ impl Ended<'_> {
         let (code, message) = match signal {
             _ if self.late || signal == Some(Signal::SIGXCPU) => (
                 "TIME_LIMIT",
-                format!("reading the upload took more than {} seconds", self.seconds),
+                format!("reading it took more than {} seconds", self.seconds),
             ),
             _ if out_of_memory => (
                 "MEMORY_LIMIT",
@@ -201,7 +218,7 @@ struct Running {
 
 impl Running {
     fn new(mut child: Child) -> Self {
-        let (send, lines) = channel();
+        let (send, lines) = sync_channel(LINES);
         if let Some(stdout) = child.stdout.take() {
             std::thread::spawn(move || {
                 let mut stdout = BufReader::new(stdout);
@@ -280,6 +297,29 @@ mod tests {
             Reason::Upload(code, message) => (code, message),
             Reason::Outside(signal) => ("outside", signal.to_string()),
         }
+    }
+
+    #[test]
+    fn a_child_gets_no_other_variables() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let program = folder.path().join("program");
+        std::fs::write(&program, "#!/bin/sh\nenv > variables\n").expect("writes");
+        let runs = std::fs::Permissions::from_mode(0o700);
+        std::fs::set_permissions(&program, runs).expect("is a program");
+        let settings = IngestSettings {
+            program: Some(program),
+            ..IngestSettings::default()
+        };
+        let order = Order::new(folder.path(), &settings.limits);
+        let outcome = run(&settings, &order, &mut |_| Ok::<_, ()>(()));
+        assert!(outcome.is_ok(), "it ended without an outcome: {outcome:?}");
+        let variables = std::fs::read_to_string(folder.path().join("variables"));
+        let variables = variables.expect("is written");
+        assert!(variables.contains("MALLOC_ARENA_MAX=1"), "{variables}");
+        // Cargo sets some for tests.
+        assert!(std::env::var_os("CARGO_PKG_NAME").is_some());
+        assert!(!variables.contains("CARGO"), "{variables}");
     }
 
     #[test]

@@ -76,9 +76,9 @@ pub(crate) fn shown(progress: &TrainProgress, phase: &str, psnr: Option<f64>) ->
         step: progress.step,
         fraction: progress.fraction,
         steps_per_second: progress.steps_per_second,
-        loss: progress.loss,
+        loss: Some(progress.loss),
         psnr,
-        seconds_left: progress.seconds_left,
+        seconds_left: Some(progress.seconds_left),
         skipped_steps: progress.skipped_steps,
         ..Progress::default()
     }

@@ -11,6 +11,7 @@
 //!           the next picture's region
 //! ```
 
+pub mod colours;
 mod detector;
 mod error;
 mod landmarks;

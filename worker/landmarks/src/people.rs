@@ -3,6 +3,8 @@
 //! Whoever is looked for from picture to picture may be somebody else after they were lost. So the figures that were found are cut
 //! where one is too far from the one before to be the same body, and the parts are joined again where place or colours allow it.
 
+use crate::colours::{OTHER_COLOURS, difference};
+
 /// Colours of torso and legs as lightness and two differences of red, green and blue; `None` where they are not seen.
 pub(crate) type Colours = [Option<[f32; 3]>; 2];
 
@@ -32,12 +34,10 @@ const FARTHEST: f32 = 1.5;
 const SOON: usize = 30;
 /// Largest change of size, natural logarithm.
 const GROWTH: f32 = 0.6;
-/// Levels that colours of one person differ by in different light and poses: lightness, and differences of channels.
-const SPREAD: [f32; 3] = [32.0, 14.0, 14.0];
-/// Difference of colours, in spreads, above which a figure is somebody else.
-const OTHER_COLOURS: f32 = 3.0;
 /// Difference of colours below which figures that were lost in between are one person's.
 const SAME_COLOURS: f32 = 1.5;
+/// Pictures without the person, in those that follow each other, after which colours tell whether a figure is the same person.
+const LOST: usize = 3;
 /// By how much a figure must resemble another person more before it is taken for them, spreads.
 const CLEARLY: f32 = 0.5;
 /// Fewest pictures in which somebody is seen who is told from the person: others may be shadows.
@@ -65,8 +65,7 @@ impl Figure {
         let (mut sum, mut count) = (0.0, 0.0);
         for (one, other) in parts.filter_map(|(one, other)| Some((one.as_ref()?, other.as_ref()?)))
         {
-            let off = |at: usize| (one[at] - other[at]) / SPREAD[at];
-            sum += off(0).hypot(off(1)).hypot(off(2));
+            sum += difference(one, other);
             count += 1.0;
         }
         (count > 0.0).then(|| sum / count)
@@ -113,6 +112,12 @@ impl Person {
         })
     }
 
+    /// Whether the figure's colours are none of the person's.
+    fn is_unlike(&self, figure: &Figure) -> bool {
+        let difference = self.difference(figure);
+        difference.is_some_and(|difference| difference > OTHER_COLOURS)
+    }
+
     /// Whether the figure in the picture `at`, after the last cut at `cut`, can be the person, who was lost before.
     fn comes_back(&self, at: usize, figure: &Figure, cut: usize) -> bool {
         let Some((last, before)) = self.seen.last() else {
@@ -120,7 +125,7 @@ impl Person {
         };
         let is_cut = *last < cut;
         if !is_cut && figure.is_reached(before, at - last) {
-            return true;
+            return !self.is_unlike(figure);
         }
         let colours = self.difference(figure).unwrap_or(0.0);
         (is_cut || at - last > SOON) && colours < SAME_COLOURS
@@ -144,11 +149,21 @@ pub fn people(sightings: &[Sighting]) -> Vec<Person> {
     let mut current = None;
     let mut last_cut = 0;
     let mut before: Option<(usize, Figure)> = None;
+    // Of pictures that follow each other.
+    let steps = sightings.windows(2).map(|pair| pair[1].at - pair[0].at);
+    let lost = LOST * steps.min().unwrap_or(1).max(1);
     for &Sighting { at, figure, is_cut } in sightings {
         if is_cut {
             last_cut = at;
         }
-        let is_same_body = |(last, before): &(usize, Figure)| figure.is_reached(before, at - last);
+        // Somebody else may come to where a body was lost; one that is followed keeps its place in odd light.
+        let is_other = |last: usize| {
+            let person = current.and_then(|index| people.get(index));
+            at - last > lost && person.is_some_and(|person: &Person| person.is_unlike(&figure))
+        };
+        let is_same_body = |(last, before): &(usize, Figure)| {
+            figure.is_reached(before, at - last) && !is_other(*last)
+        };
         if is_cut || !before.as_ref().is_some_and(is_same_body) {
             current = people
                 .iter()
@@ -315,6 +330,23 @@ mod tests {
         assert_eq!(seen(people(&twice)), [2]);
         twice[1] = sighting(60, figure(1200.0, BLUE));
         assert_eq!(seen(people(&twice)), [1, 1]);
+    }
+
+    #[test]
+    fn who_comes_to_where_somebody_was_lost_is_told_by_colours() {
+        // In red up to picture 40, then, after some without anybody, at the same place; the camera sees one picture in `step`.
+        let back = |gap: usize, step: usize, torso: [f32; 3]| -> Vec<usize> {
+            let red = (0..=40).map(|at| sighting(step * at, figure(300.0, RED)));
+            let after = (40 + gap..60).map(|at| sighting(step * at, figure(310.0, torso)));
+            let found = people(&red.chain(after).collect::<Vec<_>>());
+            found.iter().map(|person| person.seen.len()).collect()
+        };
+        for step in [1, 3] {
+            assert_eq!(back(8, step, RED), [53]);
+            assert_eq!(back(8, step, BLUE), [41, 12]);
+            // A body that is followed stays the same in other light.
+            assert_eq!(back(1, step, BLUE), [60]);
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Follows one person from picture to picture.
 
+use crate::colours::opponent;
 use crate::people::{Colours, Figure, Target};
 use crate::region::{Region, View};
 use crate::{LandmarkError, Outline, PoseModel};
@@ -201,12 +202,7 @@ fn mean(view: View, places: impl Iterator<Item = [f32; 2]>) -> Option<[f32; 3]> 
         let pixel = pixels.get(y as usize * view.width + x as usize);
         if let Some(pixel) = pixel.filter(|_| is_inside) {
             inside += 1;
-            let [red, green, blue] = pixel.map(f32::from);
-            let own = [
-                (red + green + blue) / 3.0,
-                red - green,
-                (red + green) / 2.0 - blue,
-            ];
+            let own = opponent(pixel.map(f32::from));
             sum = [0, 1, 2].map(|at| sum[at] + own[at]);
         }
     }

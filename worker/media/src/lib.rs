@@ -13,6 +13,7 @@
 //! runs this code in a child process.
 
 pub mod archive;
+pub mod backdrop;
 pub mod compose;
 pub mod edge;
 mod fault;

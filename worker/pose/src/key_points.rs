@@ -1,5 +1,7 @@
 //! Key points of one person in the pictures of one camera.
 
+use crate::markers::Markers;
+
 /// The body points of a detector, in its order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyPointSet {
@@ -30,6 +32,11 @@ impl KeyPointSet {
             Self::OpenPose25Hands => 31,
             Self::Joints24 => 24,
         }
+    }
+
+    /// Each point's counterpart on the body's other side; a point in the middle is its own.
+    pub fn other_sides(self) -> Vec<usize> {
+        Markers::of(self).mirror
     }
 }
 

@@ -106,10 +106,11 @@ impl JobContext {
         });
     }
 
-    /// Seconds until all of `total` pieces are finished, as fast as the first `done` were.
-    fn seconds_left(&self, done: usize, total: usize) -> f64 {
+    /// Seconds until all of `total` pieces are finished, as fast as the first `done` were; `None` before the first one.
+    fn seconds_left(&self, done: usize, total: usize) -> Option<f64> {
         let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
-        pace.seconds_left(Instant::now(), done, total)
+        let left = pace.seconds_left(Instant::now(), done, total);
+        (left > 0.0 || done >= total).then_some(left)
     }
 
     /// An object's bytes, verified.

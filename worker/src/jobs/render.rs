@@ -6,6 +6,7 @@
 //! (checks)   └─── downloads ───┘   (pure)                        (with other workers)
 //! ```
 
+mod backdrop;
 mod captures;
 mod committed;
 mod draw;
@@ -41,7 +42,8 @@ pub fn run(
     let mut models = Models::load(context, &request, inputs)?;
     let bodies = models.bodies(&request, inputs);
     let captures = captures::fetch(context, inputs, &models, &needs(spec, &bodies))?;
-    let plan = plan(spec, &bodies, &captures)?;
+    let mut plan = plan(spec, &bodies, &captures)?;
+    backdrop::add(context, spec, &mut plan)?;
     let choice = match &spec.quality {
         Some(quality) => QualityChoice::new(context, quality, &models, &plan)?,
         None => None,
@@ -52,11 +54,11 @@ pub fn run(
     models.prepare(&plan.views)?;
     let renderer = PictureRenderer::new(context, spec, &plan, &models);
     let drawn = draw::draw(&renderer, inputs, helps)?;
-    let [depth_near, depth_far] = plan.layer.range();
+    let depth = plan.layer.range();
     let mut checkpoints = models.all().map(|model| model.checkpoint());
     Ok(RenderResult {
-        depth_near,
-        depth_far,
+        depth_near: depth.map(|it| it[0]),
+        depth_far: depth.map(|it| it[1]),
         choice: choice.map(|choice| choice.outcome(drawn.seconds_per_frame, &drawn.psnr)),
         files: drawn.files,
         seconds_per_frame: drawn.seconds_per_frame,

@@ -98,6 +98,7 @@ impl YotoClient {
             subject: subject.to_owned(),
             files,
             request_id: String::new(),
+            validate_only: false,
         };
         // After a crash, the same files find the upload that has some of their bytes.
         request.request_id = yoto_proto::sha256_hex(&request.encode_to_vec());

@@ -1,6 +1,7 @@
 //! The pictures of a clip, one at a time, and their sharpness.
 
 use super::sharpness;
+use crate::clip::{Clip, for_each};
 use crate::pictures::{Mask, read_image, read_masks};
 use crate::{Imported, Pictures};
 use image::{GrayImage, RgbImage};
@@ -46,6 +47,18 @@ pub(super) fn sharpness(
                 let picture = film.picture(index, size)?;
                 sharp.push(sharpness::of(&picture, &inside(masks, size, index)?));
             }
+        }
+        Pictures::Decoded { clip, masks } => {
+            let wanted: Vec<usize> = indices.iter().map(|index| *index as usize).collect();
+            let mut masks = masks.iter();
+            for_each(&Clip::again(clip)?, &wanted, |frame, rgb| {
+                progress(sharp.len(), total);
+                let picture = RgbImage::from_raw(size[0], size[1], rgb.to_vec());
+                let masks = masks.next().map(Vec::as_slice).unwrap_or_default();
+                let inside = inside(masks, size, frame as u32)?;
+                sharp.push(sharpness::of(&picture.unwrap_or_default(), &inside));
+                Ok(())
+            })?;
         }
         Pictures::Capture(frames) => frames.for_each(|frame| {
             progress(sharp.len(), total);

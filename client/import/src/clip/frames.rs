@@ -23,7 +23,7 @@ pub(crate) fn for_each(
         }
         return Ok(());
     }
-    let (mut video, _) = clip.video(path)?;
+    let mut video = clip.own_video()?;
     let mut next = 0;
     for &frame in wanted {
         while next < frame {
@@ -50,11 +50,12 @@ pub(crate) fn for_each(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Options;
     use std::path::Path;
 
     /// Brightness of each frame in `wanted` of the clip at `path`.
     fn sums(path: &Path, wanted: &[usize]) -> Result<Vec<(usize, u64)>, ClientError> {
-        let clip = Clip::open(path, None)?;
+        let clip = Clip::open(path, &Options::default())?;
         let mut sums = Vec::new();
         for_each(&clip, wanted, |frame, rgb| {
             sums.push((frame, rgb.iter().map(|level| u64::from(*level)).sum()));

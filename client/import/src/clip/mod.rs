@@ -11,18 +11,27 @@ pub(crate) use frames::for_each;
 pub(crate) use numbers::{left_out, number_in};
 
 use crate::Options;
-use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
+use crate::pictures::{DecodedClip, Mask, PictureFiles, Pictures, image_size};
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use yoto_client::ClientError;
-use yoto_media::video::{Ffmpeg, Video};
-use yoto_media::{Fault, Limits, MediaError, sniff};
+use yoto_media::video::{Ffmpeg, Hdr, Video};
+use yoto_media::{Fault, Limits, MediaError, Orientation, sniff};
 use yoto_proto::pose_track::violation;
 use yoto_terminal::progress::count;
 
 /// Endings of pictures, lower case.
 pub(crate) const PICTURES: [&str; 3] = [".png", ".jpg", ".jpeg"];
+
+/// How a video's file has its pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stored {
+    /// The rotation from there to the pictures as shown.
+    pub orientation: Orientation,
+    /// Width and height of a pixel of the file in pixels of the pictures as shown.
+    pub pixel: [f64; 2],
+}
 
 /// A clip.
 #[derive(Clone, Debug)]
@@ -34,8 +43,12 @@ pub(crate) struct Clip {
     names: HashMap<OsString, usize>,
     /// Decodes videos that are not decoded in this process.
     ffmpeg: Ffmpeg,
+    /// What a video's levels are taken for.
+    hdr: Hdr,
     /// Width and height, as shown: after the rotation that a phone's video asks for.
     pub size: [u32; 2],
+    /// How its file has the pictures.
+    pub stored: Stored,
     /// Number of frames.
     pub frames: usize,
     /// Frames per second, if the file has times.
@@ -50,12 +63,24 @@ impl Clip {
     ///
     /// # Errors
     /// When there is no video and no picture, or the first can't be decoded.
-    pub fn open(path: &Path, ffmpeg: Option<&Path>) -> Result<Self, ClientError> {
-        let ffmpeg = Ffmpeg::find(ffmpeg);
+    pub fn open(path: &Path, options: &Options) -> Result<Self, ClientError> {
+        let ffmpeg = Ffmpeg::find(options.ffmpeg.as_deref());
         if path.is_dir() {
             return Self::pictures_in(path, ffmpeg);
         }
-        let (mut video, frames) = open_video(path, &ffmpeg)?;
+        Self::video_at(path, ffmpeg, options.hdr)
+    }
+
+    /// Opens a clip again whose pictures a capture gets.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`].
+    pub fn again(clip: &DecodedClip) -> Result<Self, ClientError> {
+        Self::video_at(&clip.path, clip.ffmpeg.clone(), clip.hdr)
+    }
+
+    fn video_at(path: &Path, ffmpeg: Ffmpeg, hdr: Hdr) -> Result<Self, ClientError> {
+        let (mut video, frames) = open_video(path, &ffmpeg, hdr)?;
         let times = video.times();
         let span = times.last().copied().unwrap_or_default();
         let fps = (frames > 1 && span > 0.0).then(|| (frames - 1) as f64 / span);
@@ -67,7 +92,12 @@ impl Clip {
             files: Vec::new(),
             names: HashMap::new(),
             ffmpeg,
+            hdr,
             size: [first.width as u32, first.height as u32],
+            stored: Stored {
+                orientation: video.orientation(),
+                pixel: video.pixel(),
+            },
             frames,
             fps,
             notes: video.notes().to_vec(),
@@ -85,10 +115,15 @@ impl Clip {
         let names = files.iter().enumerate().filter_map(stem);
         Ok(Self {
             size: image_size(first, 0)?,
+            stored: Stored {
+                orientation: Orientation::AsStored,
+                pixel: [1.0; 2],
+            },
             frames: files.len(),
             path: path.to_owned(),
             names: names.collect(),
             ffmpeg,
+            hdr: Hdr::Auto,
             files,
             fps: None,
             notes: Vec::new(),
@@ -113,9 +148,14 @@ impl Clip {
         Ok(selected)
     }
 
-    /// The video at `path`, of this clip or of masks for it, and the number of its frames.
+    /// The clip's own video, from its start.
+    pub fn own_video(&self) -> Result<Video, ClientError> {
+        Ok(open_video(&self.path, &self.ffmpeg, self.hdr)?.0)
+    }
+
+    /// A video of masks for the clip, and the number of its frames.
     pub fn video(&self, path: &Path) -> Result<(Video, usize), ClientError> {
-        open_video(path, &self.ffmpeg)
+        open_video(path, &self.ffmpeg, Hdr::Auto)
     }
 
     /// The clip's file or folder.
@@ -130,6 +170,16 @@ impl Clip {
 
     /// The pictures of `frames`, with the masks of each.
     pub fn pictures(&self, frames: &[usize], masks: Vec<Vec<Mask>>) -> Pictures {
+        if self.files.is_empty() && self.hdr != Hdr::Auto {
+            return Pictures::Decoded {
+                clip: DecodedClip {
+                    path: self.path.clone(),
+                    ffmpeg: self.ffmpeg.clone(),
+                    hdr: self.hdr,
+                },
+                masks,
+            };
+        }
         if self.files.is_empty() {
             return Pictures::Video {
                 video: self.path.clone(),
@@ -161,9 +211,10 @@ pub(crate) fn is_video(path: &Path) -> bool {
         )
 }
 
-fn open_video(path: &Path, ffmpeg: &Ffmpeg) -> Result<(Video, usize), ClientError> {
+fn open_video(path: &Path, ffmpeg: &Ffmpeg, hdr: Hdr) -> Result<(Video, usize), ClientError> {
     let limits = Limits::default();
-    let video = Video::open(path, &limits, ffmpeg, true).map_err(|error| unusable(path, error))?;
+    let video =
+        Video::open_as(path, &limits, ffmpeg, true, hdr).map_err(|error| unusable(path, error))?;
     let frames = video.frames().unwrap_or_default();
     Ok((video, frames))
 }

@@ -11,7 +11,7 @@
 use crate::geometry::Vec3;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Faulty, Source, is_number};
+use crate::source::{Data, Faulty, Source, not_finite};
 use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
 use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
@@ -62,13 +62,8 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         let (Some(image), Some(mask)) = (images.get(position), masks.get(position)) else {
             continue;
         };
-        if !poses[at]
-            .iter()
-            .chain(&translations[at])
-            .copied()
-            .all(is_number)
-        {
-            let message = "numbers that are not finite";
+        let moved: [(&str, &[f64]); 1] = [("the translation", &translations[at])];
+        if let Some(message) = not_finite(&poses[at], &moved) {
             let fault = source.fault("NOT_FINITE", &file, Some(position as u32), "", message);
             faulty.keep::<()>(Err(fault))?;
             continue;

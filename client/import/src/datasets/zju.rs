@@ -12,7 +12,7 @@
 use crate::geometry::{Vec3, extrinsics};
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Part, Source};
+use crate::source::{Data, Faulty, Part, Source};
 use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
 use crate::{Found, Imported, Options};
 use std::path::{Component, Path};
@@ -35,21 +35,21 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let view = options.camera.unwrap_or(0);
     let (camera, distortion) = camera(&annots, view)?;
     let ims = annots.root().get("ims")?;
+    let mut notes = Vec::new();
     let (mut bodies, mut pictures) = (Vec::new(), Vec::new());
+    let mut faulty = Faulty::default();
     for position in options.positions(source, ANNOTS, ims.len()?)? {
-        let index = position as u32;
-        let path = ims.at(position)?.of_frame(index).get("ims")?.at(view)?;
-        let image = relative(&path)?;
-        pictures.push(files(source, image, index)?);
-        let number = number_in_name(image).unwrap_or(position);
-        bodies.push(body(source, number, index)?);
+        if let Some((body, files)) = faulty.keep(frame(source, &ims, position, view))? {
+            bodies.push(body);
+            pictures.push(files);
+        }
     }
+    faulty.finish(&mut notes)?;
     let betas: Vec<Vec<f64>> = bodies.iter().map(|body| body.betas.clone()).collect();
     let rest_joints = rest.joints(&mean(&betas));
     let rest_root = rest_joints.first().copied().unwrap_or_default();
     let first = pictures.first().zip(bodies.first());
     let size = first.map(|(files, body)| image_size(&files.image, body.index));
-    let mut notes = Vec::new();
     let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(
         smpl_skeleton(rest_joints),
@@ -76,6 +76,21 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         notes,
         found: Found::default(),
     })
+}
+
+/// The body and the files of the frame at `position`, seen by camera `view`.
+fn frame(
+    source: &Source,
+    ims: &Part<'_>,
+    position: usize,
+    view: usize,
+) -> Result<(Body, PictureFiles), ClientError> {
+    let index = position as u32;
+    let path = ims.at(position)?.of_frame(index).get("ims")?.at(view)?;
+    let image = relative(&path)?;
+    let files = files(source, image, index)?;
+    let number = number_in_name(image).unwrap_or(position);
+    Ok((body(source, number, index)?, files))
 }
 
 /// Camera `view` of the rig, in metres, and its distortion.
@@ -168,7 +183,7 @@ fn body(source: &Source, number: usize, frame: u32) -> Result<Body, ClientError>
     Ok(Body {
         index: frame,
         betas: root.get("shapes")?.vector()?,
-        poses: root.get("poses")?.fixed()?,
+        poses: root.get("poses")?.smpl_pose()?,
         rh: root.get("Rh")?.fixed()?,
         th: root.get("Th")?.fixed()?,
     })

@@ -178,7 +178,7 @@ mod tests {
             let path = folder.join(format!("clip/{frame}.png"));
             std::fs::write(path, square(4)).expect("a picture");
         }
-        let clip = Clip::open(&folder.join("clip"), None).expect("a clip");
+        let clip = Clip::open(&folder.join("clip"), &crate::Options::default()).expect("a clip");
         let watched = |index| Watched {
             index,
             points: FrameKeyPoints::default(),

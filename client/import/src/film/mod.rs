@@ -32,7 +32,7 @@ const MOST_FRAMES: usize = 200;
 /// Finds poses and masks of the person in the clip `source`.
 pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
     let model = open_model(source, options)?;
-    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
+    let clip = Clip::open(source, options)?;
     let mut notes = clip.notes.clone();
     let wanted = wanted(&clip, options, &mut notes)?;
     let started = Instant::now();
@@ -147,7 +147,7 @@ mod tests {
             let path = folder.join(format!("{frame:06}.png"));
             picture.save(path).expect("a picture");
         }
-        Clip::open(folder, None).expect("a clip")
+        Clip::open(folder, &Options::default()).expect("a clip")
     }
 
     #[test]

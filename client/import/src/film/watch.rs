@@ -265,7 +265,7 @@ mod tests {
             let path = folder.join(format!("{frame}.png"));
             picture.save(path).expect("a picture");
         }
-        Clip::open(folder, None).expect("a clip")
+        Clip::open(folder, &crate::Options::default()).expect("a clip")
     }
 
     #[test]

@@ -52,7 +52,9 @@ pub(super) fn read(
     let frames = seen.iter().chain(other.iter().flatten().flatten());
     let frames = frames.map(|(frame, _)| *frame).collect();
     let masks = match (&options.masks, &options.matting) {
-        (Some(given), _) => Some(mask::find(given, clip, &seen, &frames, &mut notes)?),
+        (Some(given), _) => Some(mask::find(
+            given, clip, &seen, &frames, options, &mut notes,
+        )?),
         (None, Some(model)) => Some(mask::made(
             model, clip, &seen, &frames, options, &mut notes,
         )?),
@@ -114,7 +116,7 @@ pub(super) fn read(
 }
 
 /// The frames of `wanted` in which the person is seen, with the points, of detections with these `numbers` of frames.
-fn of_clip<'a>(
+pub(super) fn of_clip<'a>(
     person: &Person<'a>,
     numbers: &[Option<usize>],
     wanted: &[usize],

@@ -1,8 +1,7 @@
-//! Fits detections to the clip before anybody is chosen: numbers that are times, frames beyond its end, and people who got two numbers.
+//! Fits detections to the clip before anybody is chosen: numbers that are times, and frames beyond its end.
 
-use super::detections::{Detection, Detections, FrameDetections};
+use super::detections::{Detections, FrameDetections};
 use crate::clip::{Clip, beyond, too_far};
-use crate::identities::{Track, joined};
 
 /// Changes `found` so that it is of the clip; notes say what was assumed.
 pub(super) fn fit(found: &mut Detections, clip: &Clip) -> Vec<String> {
@@ -16,7 +15,6 @@ pub(super) fn fit(found: &mut Detections, clip: &Clip) -> Vec<String> {
         notes.extend(times(&mut found.frames, clip.frames));
         notes.extend(end(&mut found.frames, clip.frames));
     }
-    join(&mut found.frames, &mut notes);
     notes
 }
 
@@ -85,87 +83,6 @@ fn end(frames: &mut Vec<FrameDetections>, count: usize) -> Option<String> {
     beyond("key points", all - frames.len(), count)
 }
 
-/// A person by the detector's number.
-struct Numbered {
-    name: String,
-    /// All numbers that are the person's.
-    names: Vec<String>,
-    first: (usize, Detection),
-    last: (usize, Detection),
-    frames: usize,
-}
-
-/// Largest motion per frame and at once, as a share of the person's box.
-const MOTION: [f64; 2] = [0.3, 0.1];
-
-impl Track for Numbered {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn ends(&self) -> Option<[usize; 2]> {
-        Some([self.first.0, self.last.0])
-    }
-
-    fn distance(&self, next: &Self, gap: usize) -> f64 {
-        let (Some(a), Some(b)) = (self.last.1.bounds(), next.first.1.bounds()) else {
-            return f64::INFINITY;
-        };
-        let side = |[x0, y0, x1, y1]: [f64; 4]| (x1 - x0).max(y1 - y0);
-        let size = side(a).max(side(b)).max(1.0);
-        let ends = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-        ends.fold(0.0, f64::max) / size / (MOTION[0] + MOTION[1] * gap as f64)
-    }
-
-    fn append(&mut self, next: Self) {
-        self.names.extend(next.names);
-        self.last = next.last;
-        self.frames += next.frames;
-    }
-
-    fn frames(&self) -> usize {
-        self.frames
-    }
-}
-
-/// Gives one number to people whom the detector lost and found again.
-fn join(frames: &mut [FrameDetections], notes: &mut Vec<String>) {
-    let mut people: Vec<Numbered> = Vec::new();
-    for seen in frames.iter() {
-        for detection in &seen.people {
-            let Some(name) = &detection.person else {
-                return;
-            };
-            let here = (seen.number, detection.clone());
-            match people.iter_mut().find(|person| person.name == *name) {
-                Some(person) => {
-                    person.last = here;
-                    person.frames += 1;
-                }
-                None => people.push(Numbered {
-                    name: name.clone(),
-                    names: vec![name.clone()],
-                    first: here.clone(),
-                    last: here,
-                    frames: 1,
-                }),
-            }
-        }
-    }
-    for person in joined(people, notes).iter().filter(|it| it.names.len() > 1) {
-        let all = frames.iter_mut().flat_map(|seen| &mut seen.people);
-        for detection in all {
-            if detection
-                .person
-                .as_ref()
-                .is_some_and(|name| person.names.contains(name))
-            {
-                detection.person = Some(person.name.clone());
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -217,33 +134,5 @@ mod tests {
         assert_eq!(said(1..66), (None, 65), "numbers begin at 1");
         let mut other = frames(0..90);
         assert_eq!((end(&mut other, 65), other.len()), (None, 90));
-    }
-
-    #[test]
-    fn a_person_with_two_numbers_is_one() {
-        let detection = |name: &str, x: f64| Detection {
-            person: Some(name.into()),
-            picture: vec![[x, 10.0, 0.9], [x + 40.0, 110.0, 0.9]],
-            space: Vec::new(),
-            mask: None,
-            own: None,
-        };
-        let mut all = frames((0..20).chain(22..42));
-        for seen in &mut all {
-            let name = if seen.number < 20 { "0" } else { "3" };
-            seen.people = vec![detection(name, 50.0), detection("7", 400.0)];
-        }
-        let mut notes = Vec::new();
-        join(&mut all, &mut notes);
-        assert_eq!(notes.len(), 1, "{notes:?}");
-        assert!(notes[0].starts_with("person 0 goes on as 3"), "{notes:?}");
-        let people = all.iter().flat_map(|seen| &seen.people);
-        assert!(people.clone().all(|it| it.person.as_deref() != Some("3")));
-        assert_eq!(
-            people
-                .filter(|it| it.person.as_deref() == Some("0"))
-                .count(),
-            40
-        );
     }
 }

@@ -2,6 +2,7 @@
 
 use super::detections::Detection;
 use super::misfit;
+use super::seen_as::SeenAs;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
 use crate::proof::Masks;
@@ -23,10 +24,11 @@ pub(super) fn find(
     clip: &Clip,
     seen: &[(usize, &Detection)],
     frames: &BTreeSet<usize>,
+    options: &Options,
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let all = Masks::given(given, clip)?;
-    of_the_person(all, given, clip, seen, frames, notes)
+    of_the_person(all, given, clip, seen, frames, options, notes)
 }
 
 /// The mask of each of the `frames`, made by a matting model.
@@ -42,7 +44,8 @@ pub(super) fn made(
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let masks = Masks::made(model, frames.clone(), clip, options, notes)?;
-    of_the_person(vec![masks], &model.path, clip, seen, frames, notes)
+    let all = vec![masks];
+    of_the_person(all, &model.path, clip, seen, frames, options, notes)
 }
 
 fn of_the_person(
@@ -51,18 +54,19 @@ fn of_the_person(
     clip: &Clip,
     seen: &[(usize, &Detection)],
     frames: &BTreeSet<usize>,
+    options: &Options,
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ClientError> {
     let mut best: Option<(f64, Masks)> = None;
     for masks in all {
-        let share = misfit::share(&masks, clip, seen, 0, |point, _| point)?;
+        let share = misfit::share(&masks, clip, seen, 0, &SeenAs::SHOWN)?;
         if best.as_ref().is_none_or(|(most, _)| share > *most) {
             best = Some((share, masks));
         }
     }
     let (share, masks) = best.ok_or_else(|| fault(given, "MISSING", "there are no masks"))?;
     if share < LEAST {
-        let mut why = misfit::guess(&masks, clip, seen)?;
+        let mut why = misfit::guess(&masks, clip, seen, &SeenAs::of(options))?;
         if why.is_none() {
             why = misfit::shifted(&masks, clip, seen, LEAST)?;
         }

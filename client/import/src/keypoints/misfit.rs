@@ -1,6 +1,8 @@
 //! Why key points don't lie in masks: mirrored or turned pictures, and masks of other frames.
 
 use super::detections::{Detection, SURE};
+use super::point_turn::PointTurn;
+use super::seen_as::SeenAs;
 use crate::clip::Clip;
 use crate::pictures::read_masks;
 use crate::proof::Masks;
@@ -18,27 +20,53 @@ const BETTER: f64 = 0.05;
 /// Frames by which masks and points are tried to be apart.
 const FARTHEST: i64 = 5;
 
-/// A point of a picture of `[width, height]` in another picture of the same scene.
-type Change = fn([f64; 2], [f64; 2]) -> [f64; 2];
-
-/// Changes that are guessed. The points of a picture that was turned by the angle named are turned back.
-const CHANGES: [(&str, Change); 5] = [
-    ("mirrored left to right", |[x, y], [w, _]| [w - x, y]),
-    ("turned by 90° clockwise", |[x, y], [_, h]| [y, h - x]),
-    ("turned by 90° counter-clockwise", |[x, y], [w, _]| {
-        [w - y, x]
-    }),
-    ("turned by 180°", |[x, y], [w, h]| [w - x, h - y]),
-    ("upside down", |[x, y], [_, h]| [x, h - y]),
+/// Changes that are guessed, with words for them and the options that undo them.
+const CHANGES: [(&str, &str, SeenAs); 5] = [
+    (
+        "mirrored left to right",
+        "--mirror-points",
+        SeenAs {
+            mirrored: true,
+            ..SeenAs::SHOWN
+        },
+    ),
+    (
+        "turned by 90° clockwise",
+        "--turn-points 90",
+        turned(PointTurn::Quarter, false),
+    ),
+    (
+        "turned by 90° counter-clockwise",
+        "--turn-points 270",
+        turned(PointTurn::ThreeQuarters, false),
+    ),
+    (
+        "turned by 180°",
+        "--turn-points 180",
+        turned(PointTurn::Half, false),
+    ),
+    (
+        "upside down",
+        "--turn-points 180 --mirror-points",
+        turned(PointTurn::Half, true),
+    ),
 ];
 
-/// The share of sure points that lie inside the masks `shift` frames later, after a change.
+const fn turned(turn: PointTurn, mirrored: bool) -> SeenAs {
+    SeenAs {
+        turn: Some(turn),
+        mirrored,
+        ..SeenAs::SHOWN
+    }
+}
+
+/// The share of sure points that lie inside the masks `shift` frames later, of pictures `seen_as` the detector saw them.
 pub(super) fn share(
     masks: &Masks,
     clip: &Clip,
     seen: &[(usize, &Detection)],
     shift: i64,
-    change: Change,
+    seen_as: &SeenAs,
 ) -> Result<f64, ClientError> {
     let size = clip.size.map(f64::from);
     let (mut inside, mut all) = (0, 0);
@@ -49,7 +77,7 @@ pub(super) fn share(
         };
         let image = read_masks(&[mask], clip.size, *frame as u32)?;
         for &[x, y, sure] in &detection.picture {
-            let [x, y] = change([x, y], size);
+            let [x, y] = seen_as.back([x, y], size);
             if sure > SURE && x >= 0.0 && y >= 0.0 {
                 let level = image.get_pixel_checked(x as u32, y as u32);
                 all += 1;
@@ -60,22 +88,39 @@ pub(super) fn share(
     Ok(f64::from(inside as u32) / f64::from(all.max(1)))
 }
 
-/// Which pictures points outside of the masks may be of; `None` if no guess fits.
+/// Which pictures points outside of the masks may be of, and what makes them those of the clip; `None` if no guess fits. `given` is
+/// what the user said of the pictures, which the points have been through.
 pub(super) fn guess(
     masks: &Masks,
     clip: &Clip,
     seen: &[(usize, &Detection)],
+    given: &SeenAs,
 ) -> Result<Option<String>, ClientError> {
-    let mut best: Option<(f64, &str)> = None;
-    for (words, change) in CHANGES {
-        let share = share(masks, clip, seen, 0, change)?;
-        if share >= GOOD && best.is_none_or(|(most, _)| share > most) {
-            best = Some((share, words));
+    let mut best: Option<(f64, &str, &str)> = None;
+    let [width, height] = clip.size.map(f64::from);
+    for (words, options, change) in CHANGES {
+        // Shares of the picture's sides were multiplied with the clip's sides.
+        let [across, down] = change.size([width, height]);
+        let of_shares = SeenAs {
+            scale: [height / width, width / height],
+            ..change
+        };
+        let is_quarter = [across, down] != [width, height];
+        let changes = [Some(change), is_quarter.then_some(of_shares)];
+        for change in changes.iter().flatten() {
+            let share = share(masks, clip, seen, 0, change)?;
+            if share >= GOOD && best.is_none_or(|(most, ..)| share > most) {
+                best = Some((share, words, options));
+            }
         }
     }
-    Ok(best.map(|(share, words)| {
+    Ok(best.map(|(share, words, options)| {
+        let how = match *given == SeenAs::SHOWN {
+            true => format!("with {options} they become those of the clip as it is shown"),
+            false => "that is after the options that turn and mirror them".to_owned(),
+        };
         format!(
-            "they are those of pictures {words} ({:.0} % lie inside then): let the detector see the clip as it is shown",
+            "they are those of pictures {words} ({:.0} % lie inside then): {how}",
             100.0 * share
         )
     }))
@@ -93,7 +138,7 @@ pub(super) fn shifted(
     }
     let mut best = (found + BETTER, 0);
     for shift in (-FARTHEST..=FARTHEST).filter(|shift| *shift != 0) {
-        let share = share(masks, clip, seen, shift, |point, _| point)?;
+        let share = share(masks, clip, seen, shift, &SeenAs::SHOWN)?;
         if share > best.0 {
             best = (share, shift);
         }

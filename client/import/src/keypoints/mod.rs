@@ -16,6 +16,7 @@ mod clip_frames;
 mod detections;
 mod easy_vitpose;
 mod hands;
+mod lost;
 mod mask;
 mod mediapipe;
 mod mediapipe_json;
@@ -28,16 +29,21 @@ mod own_skeleton;
 mod people;
 mod point_set;
 mod point_table;
+mod point_turn;
 mod recognise;
 mod sam_3d_body;
+mod seen_as;
 mod shapes;
+mod stored;
 mod timing;
 
 pub use point_set::PointSet;
+pub use point_turn::PointTurn;
 pub(crate) use recognise::has_files;
 
 use crate::clip::{Clip, fault};
 use crate::{Imported, Options};
+use seen_as::SeenAs;
 use std::path::Path;
 use yoto_client::ClientError;
 
@@ -55,9 +61,15 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
                        THESE, where CLIP is a video or a folder of pictures";
         return Err(fault(source, "MISSING", message));
     };
-    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
-    let mut detections = recognise::read(at, options.points, clip.size)?;
-    let notes = clip_frames::fit(&mut detections, &clip);
+    let clip = Clip::open(source, options)?;
+    let seen_as = SeenAs::of(options);
+    let size = seen_as.size(clip.size.map(f64::from));
+    let mut detections = recognise::read(at, options.points, size.map(|side| side as u32))?;
+    seen_as.apply_back(&mut detections, clip.size);
+    let mut notes = clip_frames::fit(&mut detections, &clip);
+    notes.extend(seen_as.words());
+    notes.extend(stored::correct(&mut detections, &clip, at, options)?);
+    lost::join(&mut detections, &clip, &mut notes)?;
     let mut imported = capture::read(&clip, &detections, at, options)?;
     imported.found.doubts.extend(notes.iter().cloned());
     imported.notes.splice(1..1, notes);

@@ -41,6 +41,11 @@ pub(super) fn track(
                        --keep-skeleton";
         return Err(fault(at, "UNREAD_OPTION", message));
     }
+    if options.turn_points.is_some() || options.mirror_points {
+        let message = "a skeleton that is kept can't be turned or mirrored: --turn-points and --mirror-points need an import without \
+                       --keep-skeleton";
+        return Err(fault(at, "UNREAD_OPTION", message));
+    }
     let own = |(frame, detection): &(usize, &Detection)| {
         let own = detection.own.clone();
         own.map(|own| (*frame, own)).ok_or_else(|| {

@@ -49,7 +49,9 @@ impl Faulty {
     pub fn finish(self, notes: &mut Vec<String>) -> Result<(), ClientError> {
         let count = self.bad.len();
         if count as f64 > FEW * self.tried as f64 {
-            return self.first.map_or(Ok(()), Err);
+            return self
+                .first
+                .map_or(Ok(()), |first| Err(with_count(first, count, self.tried)));
         }
         if count > 0 {
             let named = self.bad.iter().take(NAMED).cloned().collect::<Vec<_>>();
@@ -62,6 +64,17 @@ impl Faulty {
         }
         Ok(())
     }
+}
+
+/// `first`, a fault of one of `tried` frames, with the number of frames that have one.
+fn with_count(mut first: ClientError, count: usize, tried: usize) -> ClientError {
+    if let ClientError::BadCapture { violations, .. } = &mut first
+        && let Some(violation) = violations.first_mut()
+        && tried > 1
+    {
+        violation.message += &format!(" ({count} of {tried} frames can't be used)");
+    }
+    first
 }
 
 #[cfg(test)]
@@ -92,7 +105,12 @@ mod tests {
             "{notes}"
         );
         let error = of(3, 8).expect_err("many").to_string();
-        assert!(error.contains("pose: NaN"), "{error}");
+        assert!(
+            error.contains("pose: NaN (3 of 8 frames can't be used)"),
+            "{error}"
+        );
+        let alone = of(1, 1).expect_err("the only one").to_string();
+        assert!(alone.ends_with("pose: NaN"), "{alone}");
         let missing = ClientError::Name("no such file".into());
         assert!(Faulty::default().keep::<()>(Err(missing)).is_err());
     }

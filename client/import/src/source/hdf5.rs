@@ -40,8 +40,8 @@ impl<'a> Hdf5<'a> {
         Ok((dataset, shape))
     }
 
-    /// Extents and numbers of a dataset, all finite.
-    pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ClientError> {
+    /// Extents and numbers of a dataset, finite or not.
+    pub fn unchecked(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ClientError> {
         let (dataset, shape) = self.dataset(field)?;
         let count = shape
             .iter()
@@ -49,9 +49,14 @@ impl<'a> Hdf5<'a> {
         if count.is_none_or(|count| count > MAX_NUMBERS) {
             return Err(self.fault("TOO_LARGE", field, format!("shape {shape:?}")));
         }
-        let values = dataset
-            .read_f64()
-            .map_err(|error| self.fault("UNREADABLE", field, error.to_string()))?;
+        let values = dataset.read_f64();
+        let values = values.map_err(|error| self.fault("UNREADABLE", field, error.to_string()))?;
+        Ok((shape, values))
+    }
+
+    /// As [`Self::unchecked`], all finite.
+    pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ClientError> {
+        let (shape, values) = self.unchecked(field)?;
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok((shape, values)),
             Some(at) => {
@@ -61,9 +66,12 @@ impl<'a> Hdf5<'a> {
         }
     }
 
-    /// A dataset of shape `[any, N]`.
-    pub fn rows<const N: usize>(&self, field: &str) -> Result<Vec<[f64; N]>, ClientError> {
-        let (shape, values) = self.numbers(field)?;
+    /// A dataset of shape `[any, N]`, with numbers finite or not.
+    pub fn unchecked_rows<const N: usize>(
+        &self,
+        field: &str,
+    ) -> Result<Vec<[f64; N]>, ClientError> {
+        let (shape, values) = self.unchecked(field)?;
         match shape[..] {
             [_, columns] if columns == N as u64 => Ok(values.as_chunks::<N>().0.to_vec()),
             _ => {

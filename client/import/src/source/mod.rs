@@ -2,12 +2,14 @@
 //! and field.
 
 mod faulty;
+mod finite;
 #[cfg(feature = "hdf5")]
 pub(crate) mod hdf5;
 mod json;
 mod rows;
 
 pub(crate) use faulty::{FEW, Faulty, is_number};
+pub(crate) use finite::not_finite;
 
 use std::path::{Path, PathBuf};
 use yoto_client::ClientError;

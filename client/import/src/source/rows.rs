@@ -11,13 +11,7 @@ impl Part<'_> {
         self.unchecked_rows(None)
     }
 
-    /// As [`Self::flat_rows`], if there are `rows` of them.
-    pub fn same_rows<const N: usize>(&self, rows: usize) -> Result<Vec<[f64; N]>, ClientError> {
-        self.array()?;
-        self.unchecked_rows(Some(rows))
-    }
-
-    /// As [`Self::same_rows`], or of any number of rows, with numbers that are not finite.
+    /// As [`Self::flat_rows`], of exactly `rows` rows if given, with numbers that are not finite.
     pub fn unchecked_rows<const N: usize>(
         &self,
         rows: Option<usize>,

@@ -1,8 +1,8 @@
 //! The motion of the camera in the files of tools that find it.
 
-use crate::geometry::{Mat3, exact_rotation, matvec, scale, transpose};
+use crate::geometry::{Vec3, exact_rotation, matvec, scale, transpose};
 use crate::proof::{CameraPose, Person, moves};
-use crate::source::Part;
+use crate::source::{Faulty, Part, is_number};
 use yoto_client::ClientError;
 
 /// The notes about a world with gravity, and about one without.
@@ -11,25 +11,30 @@ pub(super) const Y_UP: &str = "the camera moves: bodies and cameras stand in the
 pub(super) const FIRST_CAMERA: &str = "the camera moves: bodies and cameras stand in the axes of the \
      first frame's camera, for the file does not say where up is";
 
+const NO_ROTATION: &str = "the camera's matrix is no rotation";
+
+/// A camera of each frame, or what is wrong with it.
+pub(super) type Cameras = Vec<Result<CameraPose, &'static str>>;
+
 /// The cameras of rotations `[F, 3, 3]` and positions `[F, 3]`, camera to world.
 ///
 /// # Errors
-/// When their numbers differ, or a matrix is not a rotation.
+/// When their numbers differ.
 pub(super) fn of_cameras(
     rotations: &Part<'_>,
     positions: &Part<'_>,
-) -> Result<Vec<CameraPose>, ClientError> {
-    let matrices = rotations.flat_rows::<9>()?;
-    let positions = positions.same_rows::<3>(matrices.len())?;
-    let both = matrices.iter().zip(positions).enumerate();
-    both.map(|(frame, (m, shift))| {
-        let rotation = [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
-        Ok(CameraPose {
-            rotation: rotation_of(rotation, &rotations.clone().of_frame(frame as u32))?,
-            position: shift,
-        })
-    })
-    .collect()
+) -> Result<Cameras, ClientError> {
+    let matrices = rotations.unchecked_rows::<9>(None)?;
+    let positions = positions.unchecked_rows::<3>(Some(matrices.len()))?;
+    let camera = |(m, position): (&[f64; 9], Vec3)| {
+        if !m.iter().chain(&position).copied().all(is_number) {
+            return Err("the camera's rotation or position is not finite");
+        }
+        let matrix = [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
+        let rotation = exact_rotation(&matrix).ok_or(NO_ROTATION)?;
+        Ok(CameraPose { rotation, position })
+    };
+    Ok(matrices.iter().zip(positions).map(camera).collect())
 }
 
 /// The camera of a rotation and a translation, world to camera.
@@ -40,42 +45,51 @@ pub(super) fn of_extrinsics(
     rotation: &Part<'_>,
     shift: &Part<'_>,
 ) -> Result<CameraPose, ClientError> {
-    let back = transpose(&rotation_of(rotation.matrix()?, rotation)?);
+    let matrix = exact_rotation(&rotation.matrix()?);
+    let matrix = matrix.ok_or_else(|| rotation.fault("NOT_A_ROTATION", NO_ROTATION))?;
+    let back = transpose(&matrix);
     Ok(CameraPose {
         position: scale(matvec(&back, shift.fixed()?), -1.0),
         rotation: back,
     })
 }
 
-/// `matrix`, if it is a rotation. Errors name `part`, which holds it.
-fn rotation_of(matrix: Mat3, part: &Part<'_>) -> Result<Mat3, ClientError> {
-    exact_rotation(&matrix)
-        .ok_or_else(|| part.fault("NOT_A_ROTATION", "the camera's matrix is no rotation"))
-}
-
 /// Gives every pose of `people` the camera of its frame, if the camera moves, and returns whether it
-/// does. Errors name `part`, which holds the cameras.
+/// does. Poses whose frame has no sound camera are left out, with a note. Errors name `part`, which holds the
+/// cameras.
 ///
 /// # Errors
-/// When a pose's frame has no camera.
+/// When many poses have none.
 pub(super) fn follow(
     people: &mut [Person],
-    cameras: &[CameraPose],
+    cameras: &Cameras,
     part: &Part<'_>,
+    notes: &mut Vec<String>,
 ) -> Result<bool, ClientError> {
-    if !moves(cameras) {
+    let sound: Vec<CameraPose> = cameras.iter().flatten().copied().collect();
+    if !sound.is_empty() && !moves(&sound) {
         return Ok(false);
     }
-    for seen in people.iter_mut().flat_map(|person| &mut person.seen) {
-        let camera = cameras.get(seen.number).ok_or_else(|| {
-            let message = format!(
-                "there is no camera of frame {}, in which a person was seen: there are {}",
-                seen.number,
-                cameras.len()
-            );
-            part.fault("MISSING", message)
-        })?;
-        seen.camera_pose = Some(*camera);
+    let mut faulty = Faulty::default();
+    for person in people {
+        let mut kept = Vec::with_capacity(person.seen.len());
+        for mut seen in std::mem::take(&mut person.seen) {
+            let camera = match cameras.get(seen.number) {
+                Some(camera) => camera.map_err(str::to_owned),
+                None => Err(format!(
+                    "there is no camera of frame {}, in which a person was seen: there are {}",
+                    seen.number,
+                    cameras.len()
+                )),
+            };
+            let number = u32::try_from(seen.number).unwrap_or(u32::MAX);
+            let of_frame = part.clone().of_frame(number);
+            let camera = camera.map_err(|message| of_frame.fault("INVALID", message));
+            seen.camera_pose = faulty.keep(camera)?;
+            kept.extend(seen.camera_pose.is_some().then_some(seen));
+        }
+        person.seen = kept;
     }
+    faulty.finish(notes)?;
     Ok(true)
 }

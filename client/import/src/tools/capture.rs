@@ -28,13 +28,12 @@ pub(crate) fn capture(
     let mut notes = vec![summary(tool, found)];
     let found = &found.joined(&mut notes);
     notes.extend(found.notes.iter().cloned());
-    let ffmpeg = options.ffmpeg.as_deref();
     let clip = if options.poses.is_some() {
-        Clip::open(source, ffmpeg)?
+        Clip::open(source, options)?
     } else {
         let inside = clip_in(source)?;
         notes.push(format!("the clip: {}", inside.display()));
-        Clip::open(&inside, ffmpeg)?
+        Clip::open(&inside, options)?
     };
     notes.extend(clip.notes.iter().cloned());
     ensure_size(found, &clip, at, tool)?;

@@ -50,18 +50,33 @@ fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientE
     for (order, name) in source.list(folder, &[".json"])?.iter().enumerate() {
         let name = name.trim_start_matches('/');
         let number = number_in(name).unwrap_or(order);
-        let data = source.data(name, Some(number as u32))?;
+        let data = source.data(name, Some(number as u32));
+        let counted = data.and_then(|data| {
+            let root = data.root();
+            let count = root.find("annots").unwrap_or(root).len()?;
+            Ok((data, count))
+        });
+        let (data, count) = match counted {
+            Ok(counted) => counted,
+            Err(fault) => {
+                faulty.keep::<()>(Err(fault))?;
+                continue;
+            }
+        };
         let root = data.root();
         let people = root.find("annots").unwrap_or(root);
-        for at in 0..people.len()? {
+        for at in 0..count {
             let part = people.at(at)?;
-            let Some(mut seen) = faulty.keep(person(&part, number))? else {
+            let read = person(&part, number).and_then(|seen| {
+                let id = part.find("id").map_or(Ok(at as f64), |id| id.number());
+                Ok((id?, seen))
+            });
+            let Some((id, mut seen)) = faulty.keep(read)? else {
                 continue;
             };
             if let Some(camera) = &camera {
                 (seen.intrinsics, seen.e) = (Some(camera.intrinsics), camera.e);
             }
-            let id = part.find("id").map_or(Ok(at as f64), |id| id.number())?;
             push(&mut found.people, id.to_string(), seen);
         }
     }

@@ -11,7 +11,8 @@ use super::parts::pose_of_smplx;
 use super::tool::Tool;
 use crate::clip::number_in;
 use crate::proof::{
-    Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation, moves,
+    Body, CameraPose, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation,
+    moves,
 };
 use crate::source::{Faulty, Part, Source};
 use yoto_client::ClientError;
@@ -21,6 +22,12 @@ const OFFSETS: &str = "joint_offset.json";
 const CAMERAS: &str = "cam_params";
 /// Focal length of the made-up camera, pixels.
 const MADE_UP: f64 = 2000.0;
+const NO_CAMERA: Intrinsics = Intrinsics {
+    focal: [MADE_UP; 2],
+    centre: None,
+    size: None,
+    margin: 0.0,
+};
 /// Least offset of a joint that is noted, metres.
 const NOTED: f64 = 0.005;
 
@@ -60,25 +67,19 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
             source.fault("BAD_NAME", name, None, "", message)
         })?;
         let read = source.data(name, Some(number as u32));
-        let read = read.and_then(|data| frame(&data.root(), number, &betas));
-        let Some(mut one) = faulty.keep(read)? else {
-            continue;
-        };
-        if let Some(cameras) = &cameras {
-            let name = format!("{cameras}/{number}.json");
-            let data = source.data(&name, Some(number as u32))?;
-            one.intrinsics = Some(intrinsics(&data.root())?);
-            let (rotation, translation) = (data.root().get("R")?, data.root().get("t")?);
-            cameras_of_frames.push(of_extrinsics(&rotation, &translation)?);
-        } else {
-            one.intrinsics = Some(Intrinsics {
-                focal: [MADE_UP; 2],
-                centre: None,
-                size: None,
-                margin: 0.0,
-            });
+        let read = read.and_then(|data| {
+            let mut one = frame(&data.root(), number, &betas)?;
+            let camera = match &cameras {
+                Some(cameras) => Some(camera(source, cameras, number)?),
+                None => None,
+            };
+            one.intrinsics = Some(camera.map_or(NO_CAMERA, |(intrinsics, _)| intrinsics));
+            Ok((one, camera.map(|(_, pose)| pose)))
+        });
+        if let Some((one, camera)) = faulty.keep(read)? {
+            seen.push(one);
+            cameras_of_frames.extend(camera);
         }
-        seen.push(one);
     }
     faulty.finish(&mut found.notes)?;
     if cameras.is_none() {
@@ -118,6 +119,18 @@ fn frame(root: &Part<'_>, number: usize, betas: &[f64]) -> Result<PoseEstimate, 
     let mut seen = PoseEstimate::new(number, pose, root.get("trans")?.fixed()?, betas.to_vec());
     seen.image = Some(number.to_string());
     Ok(seen)
+}
+
+/// The camera of frame `number`, in the folder `cameras`.
+fn camera(
+    source: &Source,
+    cameras: &str,
+    number: usize,
+) -> Result<(Intrinsics, CameraPose), ClientError> {
+    let data = source.data(&format!("{cameras}/{number}.json"), Some(number as u32))?;
+    let root = data.root();
+    let pose = of_extrinsics(&root.get("R")?, &root.get("t")?)?;
+    Ok((intrinsics(&root)?, pose))
 }
 
 fn intrinsics(root: &Part<'_>) -> Result<Intrinsics, ClientError> {

@@ -60,27 +60,29 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     found.frames = Some(frames.len());
     let (mut ghosts, mut faulty) = (0, Faulty::default());
     for (order, (path, frame)) in frames.iter().enumerate() {
-        let number = match frame.find("time") {
-            Some(time) => time.number()? as usize,
-            None => order,
+        let (number, tids, ages) = match tracks(frame, order) {
+            Ok(tracks) => tracks,
+            Err(fault) => {
+                faulty.keep::<()>(Err(fault))?;
+                continue;
+            }
         };
         let frame = frame.clone().of_frame(number as u32);
-        let (tids, ages) = (frame.get("tid")?.vector()?, frame.find("tracked_time"));
-        let ages = ages.map(|ages| ages.vector()).transpose()?;
         for (at, tid) in tids.iter().enumerate() {
-            let age = ages.as_ref().and_then(|ages| ages.get(at));
+            let age = ages.get(at);
             if age.is_some_and(|age| *age != 0.0) {
                 ghosts += 1;
                 continue;
             }
-            let Some(mut seen) = faulty.keep(person(&frame, at, number))? else {
+            let read = person(&frame, at, number).and_then(|seen| {
+                let size = frame.find("size").map(|size| size.at(at)?.fixed());
+                Ok((seen, size.transpose()?))
+            });
+            let Some((mut seen, size)) = faulty.keep(read)? else {
                 continue;
             };
             seen.image = Some(path.clone());
-            if let Some(size) = frame.find("size") {
-                let [height, width] = size.at(at)?.fixed()?;
-                found.size = Some([width, height]);
-            }
+            found.size = size.map(|[height, width]| [width, height]).or(found.size);
             push(&mut found.people, tid.to_string(), seen);
         }
     }
@@ -92,6 +94,17 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         ));
     }
     Ok(found)
+}
+
+/// The frame's number, its tracks, and the frames for which each has not been seen.
+fn tracks(frame: &Part<'_>, order: usize) -> Result<(usize, Vec<f64>, Vec<f64>), ClientError> {
+    let number = match frame.find("time") {
+        Some(time) => time.number()? as usize,
+        None => order,
+    };
+    let ages = frame.find("tracked_time").map(|ages| ages.vector());
+    let tids = frame.clone().of_frame(number as u32).get("tid")?.vector()?;
+    Ok((number, tids, ages.transpose()?.unwrap_or_default()))
 }
 
 fn person(frame: &Part<'_>, at: usize, number: usize) -> Result<PoseEstimate, ClientError> {

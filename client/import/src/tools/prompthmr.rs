@@ -76,7 +76,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
             }
             None => (FIRST_CAMERA, rotations, motion),
         };
-        if follow(&mut found.people, &cameras, &rotations)? {
+        if follow(&mut found.people, &cameras, &rotations, &mut found.notes)? {
             found.notes.push(note.to_owned());
         }
     }

@@ -43,7 +43,13 @@ fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ClientErr
         for (order, name) in source.list(folder, &[".npz"])?.iter().enumerate() {
             let name = name.trim_start_matches('/');
             let number = number_in(name).unwrap_or(order);
-            let data = source.data(name, Some(number as u32))?;
+            let data = match source.data(name, Some(number as u32)) {
+                Ok(data) => data,
+                Err(fault) => {
+                    faulty.keep::<()>(Err(fault))?;
+                    continue;
+                }
+            };
             if let Some(results) = data.root().find("results").filter(is_frame) {
                 faulty.keep(add(&mut found.people, &results, number, name))?;
             }

@@ -1,8 +1,7 @@
 //! Poses with numbers that are not finite: a few are left out by frame and joint.
 
-use crate::geometry::Vec3;
 use crate::proof::{Found, PoseEstimate};
-use crate::source::{Faulty, Part, is_number};
+use crate::source::{Faulty, Part, not_finite};
 use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
@@ -22,13 +21,13 @@ pub(super) fn sieve(found: &mut Found, root: &Part<'_>) -> Result<(), ClientErro
                 .of_frame(u32::try_from(seen.number).unwrap_or(u32::MAX));
             let read = match fault(&seen) {
                 None => Ok(seen),
-                Some((what, value)) => {
+                Some(what) => {
                     let whose = if several {
                         format!("person {name}: ")
                     } else {
                         String::new()
                     };
-                    Err(frame.fault("NOT_FINITE", format!("{whose}{what} is {value}")))
+                    Err(frame.fault("NOT_FINITE", format!("{whose}{what}")))
                 }
             };
             kept.extend(faulty.keep(read)?);
@@ -38,24 +37,22 @@ pub(super) fn sieve(found: &mut Found, root: &Part<'_>) -> Result<(), ClientErro
     faulty.finish(&mut found.notes)
 }
 
-/// What is not finite of a pose, and its value.
-fn fault(seen: &PoseEstimate) -> Option<(String, f64)> {
-    let bad = |values: &[f64]| values.iter().copied().find(|value| !is_number(*value));
-    let joint = |(at, rotation): (usize, &Vec3)| {
-        let (name, _) = JOINTS.get(at)?;
-        Some((format!("the rotation of {name}"), bad(rotation)?))
-    };
-    let posed = |(at, position): &(usize, Vec3)| {
-        let (name, _) = JOINTS.get(*at)?;
-        Some((format!("the position of {name}"), bad(position)?))
-    };
-    let named = |name: &str, values: &[f64]| Some((name.to_owned(), bad(values)?));
-    let rotations = seen.pose.as_chunks::<3>().0;
-    let intrinsics = seen.intrinsics.as_ref();
-    (rotations.iter().enumerate().find_map(joint))
-        .or_else(|| named("the translation", &seen.t))
-        .or_else(|| named("the shape", &seen.betas))
-        .or_else(|| seen.joints.iter().find_map(posed))
-        .or_else(|| named("the focal length", &intrinsics?.focal))
-        .or_else(|| named("the principal point", &intrinsics?.centre?))
+/// What is not finite of a pose.
+fn fault(seen: &PoseEstimate) -> Option<String> {
+    let mut others: Vec<(&str, &[f64])> =
+        vec![("the translation", &seen.t), ("the shape", &seen.betas)];
+    let named: Vec<String> = (seen.joints.iter())
+        .filter_map(|(at, _)| Some(format!("the position of {}", JOINTS.get(*at)?.0)))
+        .collect();
+    let positions = seen.joints.iter().filter(|(at, _)| *at < JOINTS.len());
+    for (name, (_, position)) in named.iter().zip(positions) {
+        others.push((name, position));
+    }
+    if let Some(intrinsics) = &seen.intrinsics {
+        others.push(("the focal length", &intrinsics.focal));
+        if let Some(centre) = &intrinsics.centre {
+            others.push(("the principal point", centre));
+        }
+    }
+    not_finite(&seen.pose, &others)
 }

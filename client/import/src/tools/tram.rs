@@ -103,7 +103,7 @@ fn follow_camera(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> 
         return Ok(());
     };
     let cameras = of_cameras(&rotations, &positions?)?;
-    if follow(&mut found.people, &cameras, &rotations)? {
+    if follow(&mut found.people, &cameras, &rotations, &mut found.notes)? {
         found.notes.push((*note).to_owned());
     }
     Ok(())

@@ -154,7 +154,7 @@ fn wrong_numbers_are_named_with_their_field() {
     let cases: [(Change<'_>, &str); 6] = [
         (
             &|json| json[frame]["poses"][7] = 1e30.into(),
-            "frame 1: frame_000001.poses[7]: 1",
+            "frame 1: frame_000001.poses: the rotation of r_hip is 1",
         ),
         (
             &|json| json[frame]["poses"] = vec![0.0; 70].into(),

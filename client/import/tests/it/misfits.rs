@@ -1,11 +1,12 @@
 //! Key points and masks that are not quite of the clip: mirrored or early points, people with two numbers, times as numbers, masks
 //! of another resolution, cut-outs, and black ones.
 
+use crate::key_points::off;
 use image::{GrayImage, Luma, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_client::ClientError;
-use yoto_import::{Format, Imported, Options, read};
+use yoto_import::{Format, Imported, Options, PointTurn, read};
 
 /// Width and height of the clip.
 const SIZE: [u32; 2] = [64, 96];
@@ -75,24 +76,100 @@ fn points(record: &mut Value, change: impl Fn([f64; 2]) -> [f64; 2]) {
     }
 }
 
+/// Gives each point of COCO's 17 its counterpart's place, as a detector does that sees a mirrored picture.
+fn exchanged(record: &mut Value) {
+    let numbers = record["keypoints"].as_array_mut().expect("points");
+    for left in (1..17).step_by(2) {
+        for axis in 0..3 {
+            numbers.swap(3 * left + axis, 3 * (left + 1) + axis);
+        }
+    }
+}
+
 #[test]
-fn mirrored_and_turned_points_are_named() {
+fn mirrored_and_turned_points_are_named_and_undone_as_the_error_says() {
     let dir = tempfile::tempdir().expect("a folder");
     let masks = masks(dir.path(), SIZE, |_, mask| mask);
     let [w, h] = SIZE.map(f64::from);
+    let right = import(person(dir.path(), |_| ()), Some(masks.clone())).expect("imports");
+    let right = off(&right, 0);
     type Change<'a> = &'a dyn Fn([f64; 2]) -> [f64; 2];
-    let cases: [(&str, Change<'_>); 3] = [
-        ("mirrored left to right", &|[x, y]| [w - 1.0 - x, y]),
-        ("turned by 90° clockwise", &|[x, y]| [h - 1.0 - y, x]),
-        ("upside down", &|[x, y]| [x, h - 1.0 - y]),
+    let cases: [(&str, &str, bool, Change<'_>); 5] = [
+        (
+            "mirrored left to right",
+            "--mirror-points",
+            true,
+            &|[x, y]| [w - 1.0 - x, y],
+        ),
+        (
+            "turned by 90° clockwise",
+            "--turn-points 90",
+            false,
+            &|[x, y]| [h - 1.0 - y, x],
+        ),
+        (
+            "turned by 90° counter-clockwise",
+            "--turn-points 270",
+            false,
+            &|[x, y]| [y, w - 1.0 - x],
+        ),
+        ("turned by 180°", "--turn-points 180", false, &|[x, y]| {
+            [w - 1.0 - x, h - 1.0 - y]
+        }),
+        (
+            "upside down",
+            "--turn-points 180 --mirror-points",
+            true,
+            &|[x, y]| [x, h - 1.0 - y],
+        ),
     ];
-    for (words, change) in cases {
-        let poses = person(dir.path(), |record| points(record, change));
-        let message = import(poses, Some(masks.clone()))
+    for (words, advice, is_mirrored, change) in cases {
+        let poses = person(dir.path(), |record| {
+            points(record, change);
+            if is_mirrored {
+                exchanged(record);
+            }
+        });
+        let message = import(poses.clone(), Some(masks.clone()))
             .expect_err(words)
             .to_string();
         assert!(
-            message.contains(&format!("they are those of pictures {words}")),
+            message.contains(&format!("they are those of pictures {words}"))
+                && message.contains(&format!("with {advice} they become those of the clip")),
+            "{message}"
+        );
+        let undone = Options {
+            poses: Some(poses),
+            masks: Some(masks.clone()),
+            fps: Some(25.0),
+            mirror_points: advice.contains("--mirror-points"),
+            turn_points: advice.contains("--turn-points").then_some({
+                match advice {
+                    advice if advice.contains("90") => PointTurn::Quarter,
+                    advice if advice.contains("270") => PointTurn::ThreeQuarters,
+                    _ => PointTurn::Half,
+                }
+            }),
+            ..Options::default()
+        };
+        let found = read(Format::KeyPoints, &files("clip/frames"), &undone).expect(words);
+        let far = off(&found, 0);
+        assert!(
+            (far - right).abs() < 0.05,
+            "{words}: {far:.2} px, {right:.2} px as given"
+        );
+        let notes = found.notes.join("\n");
+        assert!(notes.contains("back to the clip as it is shown"), "{notes}");
+        // What is still wrong after the options is told as that.
+        let wrong = Options {
+            mirror_points: !undone.mirror_points,
+            ..undone
+        };
+        let without = wrong.turn_points.is_none() && !wrong.mirror_points;
+        let done = read(Format::KeyPoints, &files("clip/frames"), &wrong);
+        let message = done.map(|found| found.notes).expect_err(words).to_string();
+        assert!(
+            message.contains("after the options that turn and mirror them") != without,
             "{message}"
         );
     }

@@ -152,18 +152,38 @@ fn wrong_cameras_are_named_with_their_frame() {
             .expect_err("refused")
             .to_string()
     };
-    let text = refused(&|file| file["camera_world"]["pred_cam_R"][5][0] = json!([2.0, 0.0, 0.0]));
+    let spoil = |file: &mut Value, frames: &[usize]| {
+        for frame in frames {
+            file["camera_world"]["pred_cam_R"][*frame][0] = json!([2.0, 0.0, 0.0]);
+        }
+    };
+    let text = refused(&|file| spoil(file, &[5, 6, 7, 8, 9]));
     assert!(
-        text.contains("results.pkl frame 5: camera_world.pred_cam_R"),
+        text.contains("results.pkl frame 5: camera_world.pred_cam_R")
+            && text.contains("(5 of 16 frames can't be used)"),
         "{text}"
     );
+    let few = prompt_hmr(dir.path(), |file| {
+        spoil(file, &[5]);
+        file["camera_world"]["pred_cam_T"][9][0] = Value::Null;
+    });
+    let found = import(&options(dir.path(), few));
+    let notes = found.notes.join("\n");
+    for said in [
+        "left out: 2 of 16 poses",
+        "frame 5: camera_world.pred_cam_R: the camera's matrix is no rotation",
+        "frame 9: camera_world.pred_cam_R: the camera's rotation or position is not finite",
+    ] {
+        assert!(notes.contains(said), "{said}: {notes}");
+    }
+    assert_eq!(found.track.frames.len(), 14);
     let text = refused(&|file| {
         for name in ["pred_cam_R", "pred_cam_T"] {
             let rows = file["camera_world"][name].as_array_mut().expect("rows");
-            rows.truncate(12);
+            rows.truncate(11);
         }
     });
-    assert!(text.contains("there is no camera of frame 12"), "{text}");
+    assert!(text.contains("there is no camera of frame 11"), "{text}");
     let text = refused(&|file| {
         file["camera"]["pred_cam_T"]
             .as_array_mut()
@@ -200,18 +220,24 @@ fn ex_avatar_s_camera_is_from_the_world() {
     let off = off(&found.track, |frame| pixels[frame].clone());
     assert!(off < 0.5, "{off:.2} px");
     assert!(spine(&found, 9)[1] > 0.98, "{:?}", spine(&found, 9));
-    std::fs::remove_file(dir.path().join("cam_params/3.json")).expect("removes");
-    let read = read(
-        Format::ExAvatar,
-        &files("clip/frames"),
-        &options(dir.path(), dir.path().to_owned()),
-    );
-    let text = read
-        .map(|found| found.notes)
-        .expect_err("no camera")
-        .to_string();
+    let without = |frame: usize| {
+        std::fs::remove_file(dir.path().join(format!("cam_params/{frame}.json"))).expect("removes");
+        read(
+            Format::ExAvatar,
+            &files("clip/frames"),
+            &options(dir.path(), dir.path().to_owned()),
+        )
+    };
+    let found = without(3).expect("the others have cameras");
+    let notes = found.notes.join("\n");
     assert!(
-        text.contains("cam_params/3.json frame 3: there is no such file"),
-        "{text}"
+        notes.contains("cam_params/3.json frame 3: there is no such file"),
+        "{notes}"
     );
+    assert_eq!(found.track.frames.len(), 15);
+    for frame in 4..7 {
+        without(frame).expect("few");
+    }
+    let text = without(7).expect_err("many").to_string();
+    assert!(text.contains("(5 of 16 frames can't be used)"), "{text}");
 }

@@ -4,6 +4,7 @@ use super::parse;
 use crate::checkpoints::best::best_first;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::{all, both};
 use crate::store::StoreError;
 use crate::tenant::Tenant;
 use yoto_proto::names::{self, Collection};
@@ -28,23 +29,40 @@ pub(super) async fn check_needs(
     model: &Model,
     needs: &[Need<'_>],
 ) -> Result<Vec<RequiredSlot>, RequestError> {
-    let mut shown = Vec::new();
+    let mut shown = Vec::with_capacity(needs.len());
     for need in needs {
-        let field = |name: &str| format!("{field}.{name}");
-        let shard = require_shard(context, tenant, &field(&need.field), need.subject).await?;
-        if need.slot {
-            let slot = require_slot(context, tenant, model, need.subject).await;
-            shown.push(RequiredSlot {
-                slot: slot.map_err(|error| error.of(&need.field))?,
-                field: need.field.clone(),
-                person: shard.display_name.clone(),
-            });
-        }
-        if let Some((name, frame)) = &need.frame {
-            check_frame(&shard, &field(name), *frame)?;
-        }
+        shown.push(check_need(context, tenant, field, model, need).await);
     }
-    Ok(shown)
+    Ok(all(shown)?.into_iter().flatten().collect())
+}
+
+/// Checks one need. Returns the slot that it requires.
+async fn check_need(
+    context: &Context,
+    tenant: &Tenant,
+    field: &str,
+    model: &Model,
+    need: &Need<'_>,
+) -> Result<Option<RequiredSlot>, RequestError> {
+    let field = |name: &str| format!("{field}.{name}");
+    let shard = require_shard(context, tenant, &field(&need.field), need.subject).await?;
+    let frame = match &need.frame {
+        Some((name, frame)) => check_frame(&shard, &field(name), *frame),
+        None => Ok(()),
+    };
+    let slot = match need.slot {
+        true => {
+            let slot = require_slot(context, tenant, model, need.subject).await;
+            slot.map(Some).map_err(|error| error.of(&need.field))
+        }
+        false => Ok(None),
+    };
+    let (slot, ()) = both(slot, frame)?;
+    Ok(slot.map(|slot| RequiredSlot {
+        slot,
+        field: need.field.clone(),
+        person: shard.display_name.clone(),
+    }))
 }
 
 /// Checks that the checkpoint was trained with all required slots.
@@ -53,17 +71,17 @@ pub(super) fn check_known(
     model: &Model,
     shown: &[RequiredSlot],
 ) -> Result<(), RequestError> {
-    let unknown = shown.iter().find(|it| !used.slots.contains(&it.slot));
-    if let Some(RequiredSlot { field, person, .. }) = unknown
-        && !used.slots.is_empty()
-    {
+    // Checkpoints of earlier versions don't tell their slots.
+    let unknown = |it: &&RequiredSlot| !used.slots.is_empty() && !used.slots.contains(&it.slot);
+    let unknown = shown.iter().filter(unknown);
+    all::<()>(unknown.map(|RequiredSlot { field, person, .. }| {
         let message = format!(
             "step {} of {} was trained before {person} joined the model: train it again",
             used.step, model.display_name
         );
-        return Err(RequestError::precondition(ErrorReason::NotTrained, message).of(field));
-    }
-    Ok(())
+        Err(RequestError::precondition(ErrorReason::NotTrained, message).of(field))
+    }))
+    .map(drop)
 }
 
 /// The subject's slot in the model. Fails if the subject does not exist or has no slot.

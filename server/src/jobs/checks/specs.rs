@@ -6,7 +6,7 @@ use super::catalogue::{
 use super::parse;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::field_faults::all;
+use crate::field_faults::{all, both};
 use crate::tenant::Tenant;
 use yoto_proto::checks::render::too_many;
 use yoto_proto::names::Collection;
@@ -52,10 +52,21 @@ async fn check_train(
     context.ensure_room(0)?;
     let model = model(context, tenant, "spec.train.model", &train.model).await?;
     let of_tier = checks::train::of_tier(train, &model.tier).into_iter();
-    all::<()>(of_tier.map(|fault| {
+    let of_tier = all::<()>(of_tier.map(|fault| {
         let field = format!("spec.train.{}", fault.field);
         Err(RequestError::invalid(field, fault.message))
-    }))?;
+    }));
+    let people = check_people(context, tenant, train, &model).await;
+    both(of_tier, people).map(drop)
+}
+
+/// Checks that the people to train on have captures.
+async fn check_people(
+    context: &Context,
+    tenant: &Tenant,
+    train: &TrainSpec,
+    model: &Model,
+) -> Result<(), RequestError> {
     if model.slots.is_empty() {
         let message = format!("{} has no people; add one first", model.display_name);
         return Err(RequestError::precondition(
@@ -65,23 +76,34 @@ async fn check_train(
     }
     let people: Vec<&str> = match &*train.only {
         "" => model.slots.iter().map(|slot| &*slot.subject).collect(),
-        only => vec![check_only(context, tenant, &model, only).await?],
+        only => vec![check_only(context, tenant, model, only).await?],
     };
+    let mut found = Vec::with_capacity(people.len());
     for subject in people {
-        let shard = require_shard(context, tenant, "spec.train.model", subject).await?;
-        if shard.frames < MIN_TRAIN_FRAMES {
-            let message = format!(
-                "the capture of {} has {} frame: a training sees a person in at least \
-                 {MIN_TRAIN_FRAMES} frames, of different poses",
-                shard.display_name, shard.frames
-            );
-            return Err(RequestError::precondition(
-                ErrorReason::TooFewFrames,
-                message,
-            ));
-        }
+        found.push(check_frames(context, tenant, subject).await);
     }
-    Ok(())
+    all(found).map(drop)
+}
+
+/// Checks that a person can be trained on.
+async fn check_frames(
+    context: &Context,
+    tenant: &Tenant,
+    subject: &str,
+) -> Result<(), RequestError> {
+    let shard = require_shard(context, tenant, "spec.train.model", subject).await?;
+    if shard.frames >= MIN_TRAIN_FRAMES {
+        return Ok(());
+    }
+    let message = format!(
+        "the capture of {} has {} frame: a training sees a person in at least {MIN_TRAIN_FRAMES} frames, of \
+         different poses",
+        shard.display_name, shard.frames
+    );
+    Err(RequestError::precondition(
+        ErrorReason::TooFewFrames,
+        message,
+    ))
 }
 
 /// Checks that one person can be trained alone: the shared weights of the model must be trained before.
@@ -112,24 +134,49 @@ async fn check_render(
     render: &RenderSpec,
 ) -> Result<(), RequestError> {
     let own = model(context, tenant, "spec.render.model", &render.model).await?;
-    let used = check_shown(context, tenant, render, &own, "").await?;
-    check_pictures(context, tenant, render).await?;
+    let used = check_shown(context, tenant, render, &own, "").await;
+    let mut found = vec![
+        used.and_then(|used| check_tradeoff(render, &own, &used)),
+        check_pictures(context, tenant, render).await,
+    ];
     for (field, name) in other_models(render) {
-        let path = format!("spec.render.{field}");
-        let id = parse(Collection::Models, &path, name)?;
-        let other = context.store.model(tenant, id).await?;
-        check_shown(context, tenant, render, &other, &field).await?;
+        found.push(check_other(context, tenant, render, &field, name).await);
     }
+    all(found).map(drop)
+}
+
+/// Checks that the trade-off of the checkpoint to use was measured, if the render needs it.
+fn check_tradeoff(
+    render: &RenderSpec,
+    model: &Model,
+    used: &Checkpoint,
+) -> Result<(), RequestError> {
     let measured = render.quality.as_ref().is_some_and(tiers::needs_tradeoff);
-    if measured && used.tradeoff.is_none() {
-        let message = format!(
-            "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto \
-             tradeoff {} --checkpoint {} --out DIR",
-            used.name, own.display_name, used.step
-        );
-        return Err(RequestError::precondition(ErrorReason::NoTradeoff, message));
+    if !measured || used.tradeoff.is_some() {
+        return Ok(());
     }
-    Ok(())
+    let message = format!(
+        "no trade-off was measured with {}, the checkpoint to render with; measure it first: yoto tradeoff {} \
+         --checkpoint {} --out DIR",
+        used.name, model.display_name, used.step
+    );
+    Err(RequestError::precondition(ErrorReason::NoTradeoff, message))
+}
+
+/// Checks the model `name` that the `field` of a scene names beside that of the render.
+async fn check_other(
+    context: &Context,
+    tenant: &Tenant,
+    render: &RenderSpec,
+    field: &str,
+    name: &str,
+) -> Result<(), RequestError> {
+    let path = format!("spec.render.{field}");
+    let id = parse(Collection::Models, &path, name)?;
+    let other = context.store.model(tenant, id).await?;
+    check_shown(context, tenant, render, &other, field)
+        .await
+        .map(drop)
 }
 
 /// Checks the number of pictures of a capture's motion, unless the capture has gaps: then only the worker knows it.
@@ -179,23 +226,28 @@ async fn check_shown(
 ) -> Result<Checkpoint, RequestError> {
     let needs = needs(render).into_iter();
     let needs: Vec<Need<'_>> = needs.filter(|it| it.model == model.name).collect();
-    let shown = check_needs(context, tenant, "spec.render", model, &needs).await?;
+    let shown = check_needs(context, tenant, "spec.render", model, &needs).await;
     let wanted = if actor.is_empty() {
         &*render.checkpoint
     } else {
         ""
     };
     let used = require_checkpoint(context, tenant, "spec.render", model, wanted).await;
-    let used = used.map_err(|error| error.of(actor))?;
-    check_known(&used, model, &shown)?;
+    let used = used.map_err(|error| error.of(actor));
     let refusal = (render.quality.as_ref()).and_then(|it| tiers::refusal(it, &model.tier));
-    match refusal {
+    let quality = match refusal {
         Some(message) => {
             let message = format!("{}: {message}", model.display_name);
             Err(RequestError::invalid("spec.render.quality", message))
         }
-        None => Ok(used),
-    }
+        None => Ok(()),
+    };
+    let known = both(shown, used).and_then(|(shown, used)| {
+        check_known(&used, model, &shown)?;
+        Ok(used)
+    });
+    let (used, ()) = both(known, quality)?;
+    Ok(used)
 }
 
 async fn check_export(
@@ -205,18 +257,20 @@ async fn check_export(
 ) -> Result<(), RequestError> {
     let model = model(context, tenant, "spec.export.model", &export.model).await?;
     let needs = exports::needs(export);
-    let shown = check_needs(context, tenant, "spec.export", &model, &needs).await?;
-    let used =
-        require_checkpoint(context, tenant, "spec.export", &model, &export.checkpoint).await?;
-    check_known(&used, &model, &shown)?;
-    if export.distillation.is_some() && model.tier == tiers::SPLATS {
-        let message = format!(
-            "{} has the tier {}: there is nothing to distill",
-            model.display_name, model.tier
-        );
-        return Err(RequestError::invalid("spec.export.distillation", message));
-    }
-    Ok(())
+    let shown = check_needs(context, tenant, "spec.export", &model, &needs).await;
+    let used = require_checkpoint(context, tenant, "spec.export", &model, &export.checkpoint).await;
+    let known = both(shown, used).and_then(|(shown, used)| check_known(&used, &model, &shown));
+    let form = match export.distillation.is_some() && model.tier == tiers::SPLATS {
+        true => {
+            let message = format!(
+                "{} has the tier {}: there is nothing to distill",
+                model.display_name, model.tier
+            );
+            Err(RequestError::invalid("spec.export.distillation", message))
+        }
+        false => Ok(()),
+    };
+    both(known, form).map(drop)
 }
 
 async fn check_evaluate(
@@ -225,30 +279,23 @@ async fn check_evaluate(
     evaluate: &EvaluateSpec,
 ) -> Result<(), RequestError> {
     let model = model(context, tenant, "spec.evaluate.model", &evaluate.model).await?;
+    let mut found = Vec::new();
     for (i, subject) in evaluate.subjects.iter().enumerate() {
-        require_shard(
-            context,
-            tenant,
-            &format!("spec.evaluate.subjects[{i}]"),
-            subject,
-        )
-        .await?;
-        require_slot(context, tenant, &model, subject).await?;
+        let field = format!("spec.evaluate.subjects[{i}]");
+        let shard = require_shard(context, tenant, &field, subject).await;
+        let slot = require_slot(context, tenant, &model, subject).await;
+        found.push(both(shard, slot).map(drop));
     }
     for slot in &model.slots {
         if evaluate.subjects.is_empty() {
-            require_shard(context, tenant, "spec.evaluate.model", &slot.subject).await?;
+            let shard = require_shard(context, tenant, "spec.evaluate.model", &slot.subject).await;
+            found.push(shard.map(drop));
         }
     }
-    require_checkpoint(
-        context,
-        tenant,
-        "spec.evaluate",
-        &model,
-        &evaluate.checkpoint,
-    )
-    .await?;
-    Ok(())
+    let checkpoint = &evaluate.checkpoint;
+    let used = require_checkpoint(context, tenant, "spec.evaluate", &model, checkpoint).await;
+    found.push(used.map(drop));
+    all(found).map(drop)
 }
 
 #[cfg(test)]

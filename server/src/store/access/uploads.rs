@@ -34,6 +34,11 @@ impl Store {
         uploads::get(&mut tx, tenant, id).await
     }
 
+    /// Bytes of all open uploads that are still to come.
+    pub async fn coming_bytes(&self) -> Result<u64, StoreError> {
+        uploads::coming(&mut self.db.read().await?).await
+    }
+
     /// Makes the caller the newest writer of an upload. Returns its number.
     pub async fn take_over_upload(&self, tenant: &Tenant, id: &str) -> Result<u64, StoreError> {
         transaction!(self, |tx| uploads::take_over(tx, tenant, id))

@@ -13,7 +13,7 @@ pub async fn record(tx: &mut Tx, job_id: &str, progress: &Progress) -> Result<()
     let Ok(step) = i64::try_from(progress.step) else {
         return Ok(());
     };
-    if step == 0 || progress.loss == 0.0 && progress.psnr.is_none() {
+    if step == 0 || progress.loss.is_none() && progress.psnr.is_none() {
         return Ok(());
     }
     sql("DELETE FROM job_metrics WHERE job = $1 AND step > $2")
@@ -93,7 +93,7 @@ pub async fn of_job(tx: &mut Tx, tenant: &Tenant, job_id: &str) -> Result<JobMet
             points.push(MetricPoint {
                 step,
                 seconds: row.real("seconds")?.unwrap_or_default(),
-                loss: row.real("loss")?.unwrap_or_default(),
+                loss: row.real("loss")?,
                 psnr: row.real("psnr")?,
                 ssim: row.real("ssim")?,
             });

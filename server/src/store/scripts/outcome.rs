@@ -99,7 +99,7 @@ async fn end_progress(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
     let progress = Progress {
         phase: "done".into(),
         fraction: 1.0,
-        seconds_left: 0.0,
+        seconds_left: Some(0.0),
         ..jobs::progress(tx, job_id).await?.unwrap_or_default()
     };
     sql("UPDATE jobs SET progress = $2 WHERE id = $1")
@@ -197,7 +197,7 @@ async fn stand_still(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
     };
     let progress = Progress {
         steps_per_second: 0.0,
-        seconds_left: 0.0,
+        seconds_left: None,
         ..progress
     };
     sql("UPDATE jobs SET progress = $2 WHERE id = $1")

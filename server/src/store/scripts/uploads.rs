@@ -126,6 +126,17 @@ pub async fn take_over(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<u64, St
     row.ok_or_else(|| not_found(id))?.number("writer")
 }
 
+/// Bytes of all open uploads, of all tenants, that are still to come.
+pub async fn coming(tx: &mut Tx) -> Result<u64, StoreError> {
+    sql(
+        "SELECT CAST(coalesce(sum(f.bytes - f.committed), 0) AS BIGINT) AS coming
+         FROM captures c JOIN capture_files f ON f.capture = c.id WHERE c.state = 'UPLOADING'",
+    )
+    .one(tx, "adding up the open uploads")
+    .await?
+    .number("coming")
+}
+
 /// Records what `writer` has put on disk. Each part begins where the committed bytes of its file end.
 pub async fn commit(
     tx: &mut Tx,
@@ -197,6 +208,20 @@ pub async fn restart(
     Ok(())
 }
 
+/// Begins a change of a capture, with its lock. Returns the capture if the same request has changed it before.
+async fn begin(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    request: Option<&RequestKey>,
+) -> Result<Option<Capture>, StoreError> {
+    if requests::begin(tx, tenant, request).await?.is_some() {
+        return captures::get(tx, tenant, id).await.map(Some);
+    }
+    tx.lock(Lock::Capture(id)).await?;
+    Ok(None)
+}
+
 /// Ends an upload and queues its ingest job. One that has ended already is not changed.
 pub async fn finish(
     tx: &mut Tx,
@@ -204,13 +229,9 @@ pub async fn finish(
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Capture, StoreError> {
-    if requests::begin(tx, tenant, request.as_ref())
-        .await?
-        .is_some()
-    {
-        return captures::get(tx, tenant, id).await;
+    if let Some(done) = begin(tx, tenant, id, request.as_ref()).await? {
+        return Ok(done);
     }
-    tx.lock(Lock::Capture(id)).await?;
     let done = sql(
         "UPDATE captures SET state = 'INGESTING' WHERE id = $1 AND state = 'UPLOADING'
              AND subject IN (SELECT id FROM subjects WHERE tenant = $2)
@@ -251,13 +272,9 @@ pub async fn ingest_again(
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Capture, StoreError> {
-    if requests::begin(tx, tenant, request.as_ref())
-        .await?
-        .is_some()
-    {
-        return captures::get(tx, tenant, id).await;
+    if let Some(done) = begin(tx, tenant, id, request.as_ref()).await? {
+        return Ok(done);
     }
-    tx.lock(Lock::Capture(id)).await?;
     let before = captures::get(tx, tenant, id).await?;
     if files_removed(tx, id).await? {
         return Err(StoreError::upload_gone(id));

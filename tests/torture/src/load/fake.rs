@@ -4,16 +4,18 @@ use anyhow::{Context, Result};
 use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
 use yoto_client::YotoClient;
+use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    Checkpoint, IngestResult, JobKind, JobResult, ObjectRef, Orbit, RenderSpec, TrainResult,
-    TrainSpec, WorkerDevice, job_result, job_spec,
+    Checkpoint, IngestResult, JobKind, JobResult, ObjectRef, Orbit, RenderSpec, RenderedFile,
+    TrainResult, TrainSpec, WorkerDevice, job_result, job_spec,
 };
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{
-    Claim, EndJobRequest, LeaseJobRequest, PublishCheckpointRequest, RegisterWorkerRequest,
+    Claim, CommitOutputRequest, EndJobRequest, LeaseJobRequest, PublishCheckpointRequest,
+    RegisterWorkerRequest,
 };
 use yoto_proto::{keys, names, sha256_hex};
 use yoto_tests::upload::file;
@@ -109,7 +111,7 @@ impl Scene {
     }
 
     fn workers(&self) -> WorkerServiceClient<Channel> {
-        WorkerServiceClient::new(self.channel.clone())
+        WorkerServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
     }
 
     fn put(&self, key: &str, bytes: &[u8]) -> Result<ObjectRef> {
@@ -132,22 +134,51 @@ impl Scene {
         Ok(())
     }
 
-    /// Queues a render.
+    /// Queues a render of one picture.
     ///
     /// # Errors
     /// When the call fails.
     pub async fn queue_render(&self) -> Result<()> {
-        let spec = RenderSpec {
+        let spec = self.render(What::Orbit(Orbit {
+            frame: 0,
+            views: 1,
+            size: 8,
+        }));
+        self.queue(spec).await
+    }
+
+    /// A render of the person.
+    pub fn render(&self, what: What) -> RenderSpec {
+        RenderSpec {
             model: self.model.clone(),
             subject: self.subject.clone(),
-            what: Some(What::Orbit(Orbit {
-                frame: 0,
-                views: 1,
-                size: 8,
-            })),
+            what: Some(what),
             ..RenderSpec::default()
-        };
+        }
+    }
+
+    /// Queues a render.
+    ///
+    /// # Errors
+    /// When the call fails.
+    pub async fn queue(&self, spec: RenderSpec) -> Result<()> {
         self.client.create_job(job_spec::Kind::Render(spec)).await?;
+        Ok(())
+    }
+
+    /// Commits the picture of a render with this `number`.
+    ///
+    /// # Errors
+    /// When the call fails.
+    pub async fn commit_file(&self, lessee: &Lessee, number: u32) -> Result<()> {
+        let (claim, file) = (&lessee.claim, keys::picture(number));
+        let key = keys::render(id(&claim.job)?, claim.token, &file);
+        let object = Some(self.put(&key, b"a picture")?);
+        let request = CommitOutputRequest {
+            claim: Some(claim.clone()),
+            file: Some(RenderedFile { file, object }),
+        };
+        self.workers().commit_output(request).await?;
         Ok(())
     }
 

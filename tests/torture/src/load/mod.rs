@@ -3,24 +3,24 @@
 //!
 //! The workers are only calls: nothing is computed.
 
+pub mod attacks;
 mod fake;
 mod measure;
+mod served;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use fake::{Lessee, Scene};
 use futures::future::try_join_all;
-use measure::{Latencies, resident_bytes};
+use measure::Latencies;
+use served::Served;
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
     GetJobRequest, JobKind, ListJobsRequest, PauseJobsRequest, Progress, WatchJobRequest,
 };
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{HeartbeatRequest, LeaseJobRequest};
-use yoto_test_postgres::Database;
-use yoto_tests::process::Process;
 
 /// Sizes of the load.
 #[derive(Debug)]
@@ -61,11 +61,9 @@ impl Default for Plan {
 /// A service under load.
 pub struct Load {
     plan: Plan,
-    server: Process,
+    served: Served,
     channel: Channel,
     scene: Scene,
-    _folder: TempDir,
-    _database: Option<Database>,
 }
 
 impl Load {
@@ -74,49 +72,18 @@ impl Load {
     /// # Errors
     /// When it does not start.
     pub async fn start(plan: Plan) -> Result<Self> {
-        let program = std::env::current_exe()?.with_file_name("yoto-under-test");
-        let program = program.to_str().context("a path in UTF-8")?;
-        ensure!(
-            std::path::Path::new(program).exists(),
-            "{program} is missing: cargo build -p yoto-tests --bins"
-        );
-        let folder = tempfile::tempdir()?;
-        let data = folder.path().to_str().context("a path in UTF-8")?;
-        let mut arguments = vec![
-            "serve",
-            "--no-worker",
-            "--data",
-            data,
-            "--listen",
-            "127.0.0.1:0",
-        ];
-        let database = match plan.postgres {
-            true => Some(Database::create_durable().context("no PostgreSQL")?),
-            false => None,
-        };
-        let url = database.as_ref().map(Database::url);
-        if let Some(url) = &url {
-            arguments.extend(["--database", url]);
-        }
-        let mut server = Process::start(program, &arguments)?;
-        let line = server.line_with("http://")?;
-        let address = line
-            .split_whitespace()
-            .find(|word| word.starts_with("http://"));
-        let address = address.context("an address")?.to_owned();
-        let channel = Endpoint::from_shared(address)?.connect().await?;
+        let served = Served::start(plan.postgres)?;
+        let channel = served.connect().await?;
         println!(
             "{:>9.1} MiB resident when idle",
-            mib(resident_bytes(server.id())?)
+            mib(served.resident_bytes()?)
         );
-        let scene = Scene::make(channel.clone(), folder.path()).await?;
+        let scene = Scene::make(channel.clone(), &served.data()).await?;
         Ok(Self {
             plan,
-            server,
+            served,
             channel,
             scene,
-            _folder: folder,
-            _database: database,
         })
     }
 
@@ -154,7 +121,7 @@ impl Load {
         self.watched(&lessees).await?;
         println!(
             "{:>9.1} MiB resident in the end",
-            mib(resident_bytes(self.server.id())?)
+            mib(self.served.resident_bytes()?)
         );
         Ok(())
     }

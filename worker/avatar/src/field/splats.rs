@@ -21,7 +21,7 @@ pub struct Splats {
     pub opacities: Param<Tensor<1>>,
     /// `[N, 3]`.
     pub colours: Param<Tensor<2>>,
-    /// `[N]`, 1 where a colour is guessed and does not learn, else 0; late in a run, and never trained itself.
+    /// `[N]`, 1 where a colour is guessed and does not learn, else 0; late in a run and after it, and never trained itself.
     pub held: Option<Param<Tensor<1>>>,
     /// `[N, 3 K]`, where colours depend on the view.
     pub harmonics: Option<Param<Tensor<2>>>,
@@ -76,7 +76,7 @@ fn harmonics_path(slot: usize, degree: usize) -> String {
     format!("splats.{slot}.harmonics.{degree}")
 }
 
-/// Path of the flags of held colours; a checkpoint late in a run has it.
+/// Path of the flags of held colours; checkpoints late in a run and of finished models have it.
 pub(crate) fn held_path(slot: usize) -> String {
     format!("splats.{slot}.held")
 }

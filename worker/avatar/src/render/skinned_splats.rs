@@ -3,7 +3,7 @@
 
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, groups, merged};
-use crate::avatar::AvatarAppearance;
+use crate::avatar::{Avatar, AvatarAppearance};
 use crate::host::read;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
@@ -47,6 +47,8 @@ pub struct SkinnedSplat {
     pub harmonics: [[f32; 3]; harmonics::HARMONICS],
     /// Joints whose bones carry it, most first, and their shares, which sum to 1.
     pub bones: [(u16, f32); BONES],
+    /// Whether no frame of the person's capture shows it: its colour is guessed.
+    pub guessed: bool,
 }
 
 impl Renderer {
@@ -71,11 +73,16 @@ impl Renderer {
         let light = read(splats.light)?;
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
         let skinning = Skinning::new(&weights, &transforms, &body.grid);
+        let own = Avatar::own_slot(&self.config, slot);
+        let flags = self.avatar.held_splats(own)?;
         let all = rows.as_chunks::<ROW>().0.iter();
         let numbers = shine.len() / all.len().max(1);
         let splats = all.enumerate().map(|(i, row)| {
             let own = shine[i * numbers..][..numbers].as_chunks::<3>().0;
-            skinned(row, own, &skinning)
+            SkinnedSplat {
+                guessed: flags.as_ref().is_some_and(|flags| flags[i]),
+                ..skinned(row, own, &skinning)
+            }
         });
         Ok(Some(SkinnedSplats {
             skeleton: skeleton.clone(),
@@ -108,8 +115,10 @@ impl SkinnedSplats {
         let (level, weights) = merged(all, group);
         let mut harmonics = [[0.0; 3]; harmonics::HARMONICS];
         let mut shares: BTreeMap<u16, f32> = BTreeMap::new();
+        let mut guessed = 0.0;
         for (weight, at) in weights.iter().zip(group) {
             let splat = &self.splats[*at];
+            guessed += if splat.guessed { *weight } else { 0.0 };
             let terms = splat.harmonics.as_flattened().iter();
             for (sum, term) in harmonics.as_flattened_mut().iter_mut().zip(terms) {
                 *sum += weight * term;
@@ -120,7 +129,10 @@ impl SkinnedSplats {
         }
         let shares = shares.into_iter().filter(|(_, share)| *share > 0.0);
         let shares = shares.map(|(bone, share)| (usize::from(bone), share));
-        SkinnedSplat::of_level(&level, harmonics, most(shares.collect()))
+        SkinnedSplat {
+            guessed: guessed > 0.5,
+            ..SkinnedSplat::of_level(&level, harmonics, most(shares.collect()))
+        }
     }
 }
 
@@ -138,6 +150,7 @@ impl SkinnedSplat {
             colour: level.colour,
             harmonics,
             bones,
+            guessed: false,
         }
     }
 

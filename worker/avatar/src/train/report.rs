@@ -225,6 +225,20 @@ impl Trainer {
         .without(self.known.erased().clone())
     }
 
+    /// Share of the splats of this training's people whose colours are guessed, 0 to 1; `None` if none is.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn guessed(&self) -> Result<Option<f64>, TrainError> {
+        let (model, subjects) = (&self.model, self.data.subjects());
+        let mut sum = 0.0;
+        for subject in subjects {
+            let own = Avatar::own_slot(&model.config, subject.slot);
+            sum += model.state.avatar().guessed_share(own)?;
+        }
+        Ok((sum > 0.0).then(|| sum / subjects.len() as f64))
+    }
+
     /// Number of parameters that an additional person would add.
     pub fn parameters_of_a_person(&self) -> u64 {
         Avatar::parameters_of_a_person(&self.model.config, self.model.joints)
@@ -232,6 +246,6 @@ impl Trainer {
 
     /// Number of parameters.
     pub fn parameters(&self) -> u64 {
-        self.model.state.avatar().num_params() as u64
+        self.model.state.avatar().parameters() as u64
     }
 }

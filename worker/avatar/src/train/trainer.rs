@@ -17,7 +17,7 @@ use crate::train::poses::fit::{fit_pose, pose};
 use crate::train::run::best::Best;
 use crate::train::run::{Moment, Run};
 use crate::train::splats::placing::grow;
-use crate::train::splats::unseen::{guess_at_the_end, settle};
+use crate::train::splats::unseen::{guess_unseen, release, settle};
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -63,8 +63,9 @@ impl Trainer {
         let slot = subject.slot;
         fit_pose(&mut self.model, subject, frame, now, &mut rng)?;
         grow(&mut self.model, subject, now)?;
-        if !self.run.options().leave_unseen {
-            settle(&mut self.model, self.data.subjects(), now)?;
+        match self.run.options().leave_unseen {
+            true => release(&mut self.model, self.data.subjects())?,
+            false => settle(&mut self.model, self.data.subjects(), now)?,
         }
         let pose = pose(&self.model.state, subject, frame);
         let weight = self.model.state.weight(slot, frame);
@@ -109,7 +110,7 @@ impl Trainer {
             return Ok(Vec::new());
         }
         let opened = self.run.opened();
-        guess_at_the_end(&mut self.model, self.data.subjects(), opened)
+        guess_unseen(&mut self.model, self.data.subjects(), opened)
     }
 
     /// The loss of a whole frame, of which the model has the `picture` `[H W, 4]`.

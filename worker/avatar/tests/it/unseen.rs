@@ -4,7 +4,7 @@ use crate::support::{options, run};
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
-use yoto_avatar::render::{Actor, Light, SceneView};
+use yoto_avatar::render::{Actor, Light, SceneView, SkinnedSplat};
 use yoto_avatar::train::{Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
@@ -72,15 +72,25 @@ fn film(person: &SyntheticPerson, angles: &[f64]) -> Person {
     }
 }
 
-fn trained(film: &Person, leave_unseen: bool) -> Trainer {
+fn started(film: &Person, leave_unseen: bool) -> Trainer {
     let options = TrainOptions {
         leave_unseen,
         ..options(STEPS)
     };
     let people = vec![film.clone()];
-    let mut trainer = Trainer::new(config(), options, people, &Device::flex()).expect("starts");
+    Trainer::new(config(), options, people, &Device::flex()).expect("starts")
+}
+
+fn trained(film: &Person, leave_unseen: bool) -> Trainer {
+    let mut trainer = started(film, leave_unseen);
     run(&mut trainer, STEPS as usize);
     trainer
+}
+
+/// The splats of the person as players get them.
+fn exported(trainer: &Trainer) -> Vec<SkinnedSplat> {
+    let splats = trainer.renderer().skinned_splats(0).expect("reads");
+    splats.expect("a model of splats").splats
 }
 
 /// Mean difference of the colours from the truth where the person is whole in both, seen from `angle` without light.
@@ -133,6 +143,28 @@ fn a_back_that_no_frame_shows_gets_colours_from_what_is_seen() {
     assert!(notes.contains("of the surface is in no frame"), "{notes}");
     let notes = left.notes().concat();
     assert!(!notes.contains("in no frame"), "{notes}");
+    assert_eq!(left.guessed().expect("reads"), None);
+    assert!(exported(&left).iter().all(|splat| !splat.guessed));
+    assert_eq!(guessed.parameters(), left.parameters(), "flags are none");
+    let (splats, share) = (exported(&guessed), guessed.guessed().expect("reads"));
+    let count = splats.iter().filter(|splat| splat.guessed).count() as f64;
+    let share = share.expect("a guess");
+    assert!(
+        (share - count / splats.len() as f64).abs() < 0.001,
+        "{share}"
+    );
+    assert!(share > 0.1 && share < 0.6, "{share}");
+    // The camera is in front, at positive z.
+    let depth = |wanted: bool| {
+        let own = splats.iter().filter(|splat| splat.guessed == wanted);
+        let depths: Vec<f32> = own.map(|splat| splat.mean[2]).collect();
+        depths.iter().sum::<f32>() / depths.len() as f32
+    };
+    let (behind, before) = (depth(true), depth(false));
+    assert!(
+        behind < before - 0.05,
+        "guessed at {behind}, seen at {before}"
+    );
 }
 
 #[test]
@@ -145,4 +177,44 @@ fn a_side_that_no_frame_shows_looks_as_the_other() {
     assert!(with < 0.62 * without, "{with:.3}, {without:.3} without");
     let notes = guessed.notes().concat();
     assert!(notes.contains("from the other side"), "{notes}");
+}
+
+#[test]
+fn flags_of_guesses_are_kept_with_a_model_and_dropped_by_a_training_that_leaves_them() {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let film = film(person, &[-0.5, 0.0, 0.5]);
+    let flags = |trainer: &Trainer| -> Vec<bool> {
+        exported(trainer)
+            .iter()
+            .map(|splat| splat.guessed)
+            .collect()
+    };
+    let mut trainer = started(&film, false);
+    run(&mut trainer, (0.5 * STEPS as f64) as usize);
+    assert_eq!(
+        trainer.guessed().expect("reads"),
+        None,
+        "before 0.6 of a run"
+    );
+    run(&mut trainer, STEPS as usize - (0.5 * STEPS as f64) as usize);
+    let kept = flags(&trainer);
+    assert!(kept.contains(&true));
+    let dir = tempfile::tempdir().expect("a folder");
+    trainer.save(dir.path()).expect("saves");
+    let resumed = |leave_unseen: bool| {
+        let options = TrainOptions {
+            leave_unseen,
+            used_steps: STEPS,
+            ..options(STEPS + 2)
+        };
+        let people = vec![film.clone()];
+        Trainer::resume(dir.path(), options, people, &Device::flex()).expect("resumes")
+    };
+    let mut on = resumed(false);
+    assert_eq!(flags(&on), kept);
+    run(&mut on, 1);
+    assert_eq!(flags(&on), kept, "late in a longer run");
+    let mut left = resumed(true);
+    run(&mut left, 1);
+    assert_eq!(left.guessed().expect("reads"), None);
 }

@@ -22,7 +22,7 @@ const ENOUGH: usize = 12;
 
 /// Poses that wander farther than this are imprecise, metres. `docs/check.md` has the rates of false
 /// alarms and of misses.
-pub const PRECISE: f64 = 0.0075;
+pub const PRECISE: f64 = 0.008;
 
 /// Poses that wander farther than this are wrong rather than noisy, metres: the noise of an estimator (4 degrees per joint and 1 cm) gives
 /// 20 mm at most (`docs/check.md`).

@@ -41,6 +41,7 @@ fn ball(hole: f32) -> SkinnedSplats {
             colour: [red, 0.5, blue],
             harmonics: [[0.0; 3]; 8],
             bones: [(bone, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)],
+            guessed: false,
         }
     };
     let outside_hole = |n: &[f32; 3]| n[0] < hole.cos();

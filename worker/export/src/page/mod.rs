@@ -30,6 +30,7 @@ struct Person<'a> {
     splats: String,
     degree: usize,
     harmonics: String,
+    guessed: String,
     clips: Vec<PackedClip<'a>>,
 }
 
@@ -59,6 +60,7 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
     let Packed {
         bytes,
         harmonics,
+        guessed,
         bounds,
     } = packed::pack(&person.splats, person.degree);
     let rest = [Clip::rest(skeleton)];
@@ -86,6 +88,7 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         splats: STANDARD.encode(bytes),
         degree: person.degree,
         harmonics: STANDARD.encode(harmonics),
+        guessed: STANDARD.encode(guessed),
         clips: moves,
     };
     // Strings and finite numbers always have a form in JSON. A `</script>` in a name would end the script, hence the

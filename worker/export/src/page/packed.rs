@@ -1,5 +1,5 @@
-//! Splats in 36 bytes each, and 9 or 24 more for view-dependent colours. In a box of a few metres, 16 bits are exact to
-//! some hundredths of a millimetre.
+//! Splats in 36 bytes each, 9 or 24 more for view-dependent colours, and a bit where some are guessed. In a box of a few
+//! metres, 16 bits are exact to some hundredths of a millimetre.
 
 use yoto_avatar::render::SkinnedSplat;
 use yoto_ops::splat::harmonics::count;
@@ -18,6 +18,8 @@ pub(super) struct Packed {
     pub bytes: Vec<u8>,
     /// `[N, K, 3]`: coefficients of the harmonics in 8 bits; 128 means 0.
     pub harmonics: Vec<u8>,
+    /// A bit per splat, the lowest of a byte first: whether it is guessed. Empty if none is.
+    pub guessed: Vec<u8>,
     /// Corners of the box of the means, metres.
     pub bounds: [[f32; 3]; 2],
 }
@@ -55,9 +57,22 @@ pub(super) fn pack(splats: &[SkinnedSplat], degree: usize) -> Packed {
         own.iter().map(move |value| coefficient(value) as u8)
     });
     Packed {
+        guessed: bits(splats),
         harmonics: shine.collect(),
         bytes,
         bounds,
+    }
+}
+
+/// A bit per splat, 1 where it is guessed; nothing if none is.
+fn bits(splats: &[SkinnedSplat]) -> Vec<u8> {
+    let byte = |eight: &[SkinnedSplat]| {
+        let each = eight.iter().enumerate();
+        each.fold(0, |byte, (at, splat)| byte | u8::from(splat.guessed) << at)
+    };
+    match splats.iter().any(|splat| splat.guessed) {
+        true => splats.chunks(8).map(byte).collect(),
+        false => Vec::new(),
     }
 }
 

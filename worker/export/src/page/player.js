@@ -36,6 +36,15 @@
     table[to + 3] = between([0, 1], numbers[at + 10]);
   }
 
+  // Which splats are guessed, a bit each: the fourth number of the colour's texel.
+  const guesses = bytes(person.guessed);
+  let guessed = 0;
+  for (let i = 0; i < count; i++) {
+    const bit = (guesses[i >> 3] >> (i & 7)) & 1;
+    table[4 * texels * i + 15] = bit;
+    guessed += bit;
+  }
+
   // What colours gain by the view: one texel per harmonic.
   const harmonics = (person.degree + 1) ** 2 - 1;
   const shine = new Uint8Array(4 * Math.max(harmonics, 1) * across * rows);
@@ -255,6 +264,7 @@
     gl.uniform4fv(uniform("camera"), rows.flat());
     gl.uniform4fv(uniform("lens"), lens);
     gl.uniform2f(uniform("size"), canvas.width, canvas.height);
+    gl.uniform1f(uniform("tint"), state.tinted ? 1 : 0);
     gl.drawElements(gl.TRIANGLES, corners.length, gl.UNSIGNED_INT, 0);
   }
 
@@ -280,7 +290,7 @@
   }
 
   const home = { turn: 0, tilt: 0.1, distance: 3.2 };
-  const state = { ...home, clip: 0, time: 0, playing: true, speed: 1, changed: true, bends: {} };
+  const state = { ...home, clip: 0, time: 0, playing: true, speed: 1, changed: true, tinted: false, bends: {} };
   const stances = clips.map(stance);
 
   function orbit() {
@@ -348,6 +358,10 @@
     change(home);
     bend();
   };
+
+  element("guess").hidden = guessed === 0;
+  element("share").textContent = `(${Math.round((100 * guessed) / Math.max(count, 1))} %)`;
+  element("tint").onchange = ({ target }) => change({ tinted: target.checked });
 
   const [X, Y, Z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
   const minus = (v) => v.map((x) => -x);
@@ -433,7 +447,7 @@
     switch (control.tagName) {
       case "SELECT": return true;
       case "BUTTON": case "SUMMARY": return key === " ";
-      case "INPUT": return key.startsWith("Arrow");
+      case "INPUT": return control.type === "checkbox" ? key === " " : key.startsWith("Arrow");
       default: return false;
     }
   };

@@ -17,6 +17,7 @@ fn person() -> SkinnedSplats {
             _ => [0.0; 3],
         }),
         bones: [(bone, 0.75), (0, 0.25), (0, 0.0), (0, 0.0)],
+        guessed: bone == 1,
     };
     SkinnedSplats {
         skeleton: Skeleton {
@@ -67,6 +68,8 @@ fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
     assert_eq!(shine.len(), 2 * 9);
     assert_eq!(shine[..9], [128, 128, 128, 128, 128, 128, 192, 1, 128]);
     assert_eq!(shine[15..], [192, 1, 255]);
+    let guessed = STANDARD.decode(data["guessed"].as_str().expect("text"));
+    assert_eq!(guessed.expect("base64"), [0b10], "the second splat");
     let poses = STANDARD.decode(data["clips"][0]["poses"].as_str().expect("text"));
     assert_eq!(poses.expect("base64").len(), 12 + 2 * 8);
 }

@@ -41,7 +41,7 @@ pub(crate) fn plan(
     let times = times(scene.seconds, fps, &actors)?;
     let cameras = camera::cameras(scene, &actors, &times)?;
     let range = scene.pictures.unwrap_or_default();
-    let surroundings = Surroundings::new(scene, background(spec))?;
+    let surroundings = Surroundings::new(scene, background(spec));
     let background = match surroundings {
         Some(_) => [0.0; 3],
         None => background(spec),

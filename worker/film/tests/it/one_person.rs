@@ -223,7 +223,7 @@ fn depths_reach_from_the_nearest_to_the_farthest_person() {
         ..spec(FIELDS, orbit(frame))
     };
     let plan = people.plan(&spec).expect("a plan");
-    let [near, far] = plan.layer.range();
+    let [near, far] = plan.layer.range().expect("a depth");
     assert!(0.5 < near && near + 1.0 < far && far < 10.0, "{near} {far}");
 }
 

@@ -171,8 +171,8 @@ fn shown(stage: Stage, fraction: f64) -> Progress {
             step: now.step,
             fraction,
             steps_per_second: now.steps_per_second,
-            loss: now.loss,
-            seconds_left: now.seconds_left,
+            loss: Some(now.loss),
+            seconds_left: Some(now.seconds_left),
             ..Progress::default()
         },
     }

@@ -36,15 +36,17 @@ impl Aspect {
         }
     }
 
-    /// Width and height of a picture with square pixels.
-    pub(super) fn size(self, [width, height]: [usize; 2]) -> [usize; 2] {
+    /// Width and height of a pixel, of which the shorter is 1.
+    pub(super) fn pixel(self) -> [f64; 2] {
         let [across, down] = self.pixel.map(f64::from);
-        let longer = |side: usize, by: f64| (side as f64 * by).round() as usize;
-        if across > down {
-            [longer(width, across / down), height]
-        } else {
-            [width, longer(height, down / across)]
-        }
+        [(across / down).max(1.0), (down / across).max(1.0)]
+    }
+
+    /// Width and height of a picture with square pixels.
+    pub(super) fn size(self, size: [usize; 2]) -> [usize; 2] {
+        let [across, down] = self.pixel();
+        let [width, height] = size.map(|side| side as f64);
+        [width * across, height * down].map(|side| side.round() as usize)
     }
 
     /// The picture with square pixels.

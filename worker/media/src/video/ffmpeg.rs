@@ -4,6 +4,7 @@
 //! make it read other files; it inherits the limits of this process.
 
 use super::Raw;
+use super::hdr::Hdr;
 use super::light::Levels;
 use super::signal::Signal;
 use crate::{Fault, Limits, MEMORY_LIMIT, MediaError};
@@ -54,6 +55,7 @@ impl Ffmpeg {
         limits: &Limits,
         need_times: bool,
         most: Option<usize>,
+        hdr: Hdr,
     ) -> Result<FfmpegVideo, MediaError> {
         let Some(program) = &self.program else {
             let message = format!(
@@ -66,7 +68,7 @@ impl Ffmpeg {
         let mut about = probe(program, path, limits, need_times)?;
         about.times.truncate(most.unwrap_or(usize::MAX));
         // Eight bits are too few for light of a hundred times the range.
-        let is_deep = about.signal.light().is_some();
+        let is_deep = hdr.of(about.signal).light().is_some();
         // Otherwise levels of 8 bits are cut off rather than rounded.
         let levels = if is_deep { "rgb48be" } else { "rgb24" };
         let levels = format!("scale=flags=bicubic+accurate_rnd,format={levels}");
@@ -372,7 +374,14 @@ mod tests {
     #[test]
     fn without_the_program_the_error_says_what_would_help() {
         let error = Ffmpeg::none()
-            .open(Path::new("x.avi"), "AVI", &Limits::default(), false, None)
+            .open(
+                Path::new("x.avi"),
+                "AVI",
+                &Limits::default(),
+                false,
+                None,
+                Hdr::Auto,
+            )
             .expect_err("none is there");
         let text = error.to_string();
         assert!(

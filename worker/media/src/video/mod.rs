@@ -5,6 +5,7 @@ mod declared;
 mod end;
 mod ffmpeg;
 mod h264;
+mod hdr;
 mod light;
 mod mp4;
 mod signal;
@@ -13,6 +14,7 @@ mod yuv;
 
 pub use end::end;
 pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
+pub use hdr::Hdr;
 
 use crate::{Fault, Limits, MediaError, Orientation, Picture, sniff};
 use aspect::Aspect;
@@ -84,6 +86,20 @@ impl Video {
         ffmpeg: &Ffmpeg,
         need_times: bool,
     ) -> Result<Self, MediaError> {
+        Self::open_as(path, limits, ffmpeg, need_times, Hdr::Auto)
+    }
+
+    /// As [`Self::open`], with levels that are taken for the light `hdr`.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`].
+    pub fn open_as(
+        path: &Path,
+        limits: &Limits,
+        ffmpeg: &Ffmpeg,
+        need_times: bool,
+        hdr: Hdr,
+    ) -> Result<Self, MediaError> {
         let mut most = None;
         let mut listed = None;
         let what = match sniffed(path)? {
@@ -96,7 +112,7 @@ impl Video {
                 } else {
                     match H264::open(path, track, limits)? {
                         Ok(stream) => {
-                            return Self::new(By::H264(Box::new(stream)), limits, listed);
+                            return Self::new(By::H264(Box::new(stream)), limits, listed, hdr);
                         }
                         Err(Refusal::Bad(fault)) => return Err(fault.into()),
                         Err(Refusal::Unsupported(what)) => what,
@@ -111,12 +127,12 @@ impl Video {
                 return Err(Fault::undecodable(message).into());
             }
         };
-        let stream = ffmpeg.open(path, &what, limits, need_times, most)?;
-        Self::new(By::Ffmpeg(Box::new(stream)), limits, listed)
+        let stream = ffmpeg.open(path, &what, limits, need_times, most, hdr)?;
+        Self::new(By::Ffmpeg(Box::new(stream)), limits, listed, hdr)
     }
 
-    fn new(by: By, limits: &Limits, listed: Option<usize>) -> Result<Self, MediaError> {
-        let (signal, aspect) = match &by {
+    fn new(by: By, limits: &Limits, listed: Option<usize>, hdr: Hdr) -> Result<Self, MediaError> {
+        let (declared, aspect) = match &by {
             By::H264(stream) => {
                 let is_turned = stream.track().orientation.size(0, 1) == (1, 0);
                 let stored = stream.aspect.and_then(Aspect::of);
@@ -128,6 +144,7 @@ impl Video {
                 stream.about.aspect.and_then(Aspect::of),
             ),
         };
+        let signal = hdr.of(declared);
         let mut video = Self {
             by,
             limits: limits.clone(),
@@ -150,16 +167,26 @@ impl Video {
         if let Some(light) = signal.light() {
             let map = ToneMap::new(light);
             let is_wrong = |it: &Raw| declared::is_wrong(&map, light, &it.levels, it.width);
-            if video.first.as_ref().is_some_and(is_wrong) {
+            if hdr == Hdr::Auto && video.first.as_ref().is_some_and(is_wrong) {
                 video.notes.push(format!(
                     "the video declares {light}, but its colours are those of ordinary video: they are left as they are"
                 ));
             } else {
+                let is = if signal == declared {
+                    "is"
+                } else {
+                    "is taken for"
+                };
                 video.notes.push(format!(
-                    "the video is {light}: it is converted to ordinary video (BT.709; white is 203 cd/m², brighter light is compressed)"
+                    "the video {is} {light}: it is converted to ordinary video (BT.709; white is 203 cd/m², brighter light is compressed)"
                 ));
                 video.tone_map = Some(map);
             }
+        }
+        if let (None, Some(light)) = (signal.light(), declared.light()) {
+            video.notes.push(format!(
+                "the video declares {light}, and is taken for ordinary video: its levels are left as they are"
+            ));
         }
         if let Some(listed) = listed {
             let frames = video.frames().unwrap_or_default();
@@ -195,6 +222,19 @@ impl Video {
     /// What the pictures are not as in the file, and what the file lacks, for people.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// The rotation from the file's pictures to those shown, where this process makes it: `ffmpeg` doesn't tell.
+    pub fn orientation(&self) -> Orientation {
+        match &self.by {
+            By::H264(stream) => stream.track().orientation,
+            By::Ffmpeg(_) => Orientation::AsStored,
+        }
+    }
+
+    /// Width and height of one of the file's pixels, after the rotation, in square pixels of the pictures shown.
+    pub fn pixel(&self) -> [f64; 2] {
+        self.aspect.map_or([1.0; 2], Aspect::pixel)
     }
 
     /// Keeps the pixels as they are stored if that gives pictures of `size` (width, height) and square pixels don't: a capture may

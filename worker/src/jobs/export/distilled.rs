@@ -114,7 +114,7 @@ impl Order<'_> {
 fn progress(stage: &Stage, fraction: f64, seconds_left: f64) -> Progress {
     let common = Progress {
         fraction: SHARE * fraction,
-        seconds_left,
+        seconds_left: (seconds_left > 0.0).then_some(seconds_left),
         ..Progress::default()
     };
     match stage {
@@ -127,7 +127,7 @@ fn progress(stage: &Stage, fraction: f64, seconds_left: f64) -> Progress {
             phase: "training splats".into(),
             step: now.step,
             steps_per_second: now.steps_per_second,
-            loss: now.loss,
+            loss: Some(now.loss),
             skipped_steps: now.skipped_steps,
             rollbacks: now.rollbacks,
             objective: now.objective.into(),

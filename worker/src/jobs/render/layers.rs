@@ -54,7 +54,7 @@ mod tests {
         let first = |rgb: Vec<u8>| -> Vec<u8> { rgb.iter().step_by(3).copied().collect() };
         let depth = Layer::Depth(2.0..4.0);
         assert_eq!(first(rgb8(&depth, &frame)), [255, 255, 1, 0]);
-        assert_eq!(depth.range(), [2.0, 4.0]);
+        assert_eq!(depth.range(), Some([2.0, 4.0]));
         assert_eq!(first(rgb8(&Layer::Opacity, &frame)), [255, 128, 255, 26]);
         assert_eq!(rgb8(&depth, &frame).len(), 12);
         assert_eq!(brightness(3.0, &(2.0..4.0)), 128);

@@ -1,7 +1,7 @@
 //! Draws what is behind and below the people of a scene: a picture and their shadow.
 
-use image::imageops::FilterType;
-use image::{DynamicImage, RgbImage};
+use image::RgbImage;
+use image::imageops::{FilterType, crop_imm, resize};
 use std::cell::RefCell;
 use yoto_avatar::render::Rendered;
 use yoto_capture::camera::Camera;
@@ -70,7 +70,7 @@ impl<'a> Background<'a> {
 /// The middle of `picture`, cropped to the aspect ratio of `width` to `height` and scaled to that size. Cropping comes
 /// first, unlike in `resize_to_fill`: 8192 x 1 pixels, scaled to cover a square, are 8192 times as many as the
 /// square's.
-fn filling(picture: &DynamicImage, width: u32, height: u32) -> RgbImage {
+fn filling(picture: &RgbImage, width: u32, height: u32) -> RgbImage {
     let (across, down) = (u64::from(picture.width()), u64::from(picture.height()));
     let aspect = (u64::from(width), u64::from(height));
     // The largest part with that aspect ratio, at least a pixel.
@@ -78,9 +78,8 @@ fn filling(picture: &DynamicImage, width: u32, height: u32) -> RgbImage {
     let high = (across * aspect.1 / aspect.0).clamp(1, down) as u32;
     let left = (picture.width() - wide) / 2;
     let top = (picture.height() - high) / 2;
-    let part = picture.crop_imm(left, top, wide, high);
-    part.resize_exact(width, height, FilterType::Triangle)
-        .to_rgb8()
+    let part = crop_imm(picture, left, top, wide, high);
+    resize(&*part, width, height, FilterType::Triangle)
 }
 
 /// Shadow on the ground of a scene.
@@ -198,14 +197,14 @@ mod tests {
     fn the_middle_of_a_backdrop_covers_the_picture() {
         // Columns of their own brightness.
         let wide = RgbImage::from_fn(40, 10, |x, _| image::Rgb([x as u8 * 6; 3]));
-        let filled = filling(&wide.into(), 20, 20);
+        let filled = filling(&wide, 20, 20);
         assert_eq!(filled.dimensions(), (20, 20));
         // The middle ten columns are 15 to 24.
         assert!(filled.get_pixel(0, 0).0[0].abs_diff(15 * 6) <= 2);
         assert!(filled.get_pixel(19, 19).0[0].abs_diff(24 * 6) <= 2);
         for (width, height) in [(8192, 1), (1, 8192)] {
             let line = RgbImage::from_pixel(width, height, image::Rgb([9; 3]));
-            let filled = filling(&line.into(), 2048, 2048);
+            let filled = filling(&line, 2048, 2048);
             assert_eq!(filled.dimensions(), (2048, 2048));
             assert_eq!(filled.get_pixel(2047, 2047).0, [9; 3]);
         }
@@ -224,7 +223,7 @@ mod tests {
         );
         let backdrop = RgbImage::from_pixel(6, 2, image::Rgb([255, 102, 0]));
         let with_backdrop = Surroundings {
-            backdrop: Some(backdrop.into()),
+            backdrop: Some(backdrop),
             colour: [1.0; 3],
         };
         let without = Surroundings {

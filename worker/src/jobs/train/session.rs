@@ -175,7 +175,9 @@ impl<'a> Session<'a> {
         let progress = self.trainer.progress();
         let (seconds, steps) = self.spent();
         let (step, bytes) = self.published.unwrap_or((progress.step, 0));
+        let guessed = self.trainer.guessed();
         Ok(TrainResult {
+            guessed: guessed.map_err(|error| failure("reading what is guessed", &error))?,
             psnr_mask_box: finite(progress.psnr_mask_box),
             psnr: finite(progress.psnr),
             held_out: progress.held_out,
@@ -285,10 +287,10 @@ impl<'a> Session<'a> {
             total_steps: now.total_steps,
             fraction,
             steps_per_second: now.steps_per_second,
-            loss: now.loss,
+            loss: Some(now.loss),
             psnr: now.psnr,
             ssim: now.ssim,
-            seconds_left: left,
+            seconds_left: (left > 0.0).then_some(left),
             skipped_steps: now.skipped_steps,
             rollbacks: now.rollbacks,
             live_fraction: now.live_fraction,

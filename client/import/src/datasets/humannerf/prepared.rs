@@ -11,8 +11,8 @@
 //! from the first pixel's centre.
 
 use super::frame_files::files;
-use crate::pictures::{Pictures, image_size};
-use crate::source::Source;
+use crate::pictures::{PictureFiles, Pictures, image_size};
+use crate::source::{Data, Faulty, Part, Source};
 use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
 use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
@@ -22,6 +22,14 @@ use yoto_proto::smpl::JOINTS;
 const CAMERAS: &str = "cameras.pkl";
 pub(super) const BODIES: &str = "mesh_infos.pkl";
 const CANONICAL: &str = "canonical_joints.pkl";
+
+/// A frame's body, camera, lens and files.
+struct Seen {
+    placed: Placed,
+    camera: Camera,
+    distortion: [f64; 5],
+    files: PictureFiles,
+}
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     if options.rest_joints.is_some() {
@@ -41,7 +49,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let mut notes = Vec::new();
     let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(smpl_skeleton(rest_joints), [0; 2], fps);
-    let mut pictures = Vec::new();
+    let (mut pictures, mut faulty) = (Vec::new(), Faulty::default());
     let mut lens = None;
     let entries = bodies.root().entries()?;
     for position in options.positions(source, BODIES, entries.len())? {
@@ -49,34 +57,23 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
             continue;
         };
         let index = position as u32;
-        let body = body.clone().of_frame(index);
-        let camera = cameras.root().of_frame(index).get(name)?;
-        let distortion = match camera.find("distortions") {
-            Some(part) => part.fixed()?,
-            None => NO_DISTORTION,
+        let read = frame(source, &cameras, name, body, index);
+        let Some(seen) = faulty.keep(read)? else {
+            continue;
         };
-        if *lens.get_or_insert(distortion) != distortion {
+        if *lens.get_or_insert(seen.distortion) != seen.distortion {
             let message = "differs from the first frame's: one capture has one lens";
+            let camera = cameras.root().of_frame(index).get(name)?;
             return Err(camera.get("distortions")?.fault("INVALID", message));
         }
-        let seen = Camera::from_centres(
-            camera.get("intrinsics")?.matrix()?,
-            camera.get("extrinsics")?.matrix()?,
-        );
-        let rest = body.get("tpose_joints")?.rows::<3>()?;
-        let placed = Placed::about_origin(
-            body.get("poses")?.fixed()?,
-            body.get("Rh")?.fixed()?,
-            body.get("Th")?.fixed()?,
-            rest.first().copied().unwrap_or_default(),
-        );
-        track.frames.push(placed.frame(index, rest_root, &seen));
-        let files = files(source, name, index)?;
+        let placed = seen.placed.frame(index, rest_root, &seen.camera);
+        track.frames.push(placed);
         if pictures.is_empty() {
-            track.image_size = image_size(&files.image, index)?;
+            track.image_size = image_size(&seen.files.image, index)?;
         }
-        pictures.push(files);
+        pictures.push(seen.files);
     }
+    faulty.finish(&mut notes)?;
     track.distortion = lens.unwrap_or(NO_DISTORTION);
     Ok(Imported {
         track,
@@ -84,5 +81,34 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         available: entries.len(),
         notes,
         found: Found::default(),
+    })
+}
+
+fn frame(
+    source: &Source,
+    cameras: &Data<'_>,
+    name: &str,
+    body: &Part<'_>,
+    index: u32,
+) -> Result<Seen, ClientError> {
+    let body = body.clone().of_frame(index);
+    let camera = cameras.root().of_frame(index).get(name)?;
+    let rest = body.get("tpose_joints")?.rows::<3>()?;
+    Ok(Seen {
+        placed: Placed::about_origin(
+            body.get("poses")?.smpl_pose()?,
+            body.get("Rh")?.fixed()?,
+            body.get("Th")?.fixed()?,
+            rest.first().copied().unwrap_or_default(),
+        ),
+        camera: Camera::from_centres(
+            camera.get("intrinsics")?.matrix()?,
+            camera.get("extrinsics")?.matrix()?,
+        ),
+        distortion: match camera.find("distortions") {
+            Some(part) => part.fixed()?,
+            None => NO_DISTORTION,
+        },
+        files: files(source, name, index)?,
     })
 }

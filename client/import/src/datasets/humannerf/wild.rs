@@ -6,59 +6,73 @@
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
 use super::frame_files::files;
-use crate::pictures::image_size;
+use crate::pictures::{PictureFiles, image_size};
 use crate::rest_joints::RestJoints;
-use crate::source::Source;
-use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
+use crate::source::{Faulty, Part, Source};
+use crate::track::{Camera, Placed, SmplPose, empty_track, mean, smpl_skeleton};
 use crate::{Found, Imported, Options, Pictures};
 use yoto_client::ClientError;
 
 pub(super) const METADATA: &str = "metadata.json";
 
+/// A frame's body, camera and files.
+struct Seen {
+    index: u32,
+    betas: Vec<f64>,
+    pose: SmplPose,
+    camera: Camera,
+    files: PictureFiles,
+}
+
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
     let rest = RestJoints::needed(options, source, METADATA)?;
     let metadata = source.data(METADATA, None)?;
     let entries = metadata.root().entries()?;
-    let (mut pictures, mut betas, mut read) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut seen, mut faulty) = (Vec::new(), Faulty::default());
     for position in options.positions(source, METADATA, entries.len())? {
         let Some((name, part)) = entries.get(position) else {
             continue;
         };
-        let index = position as u32;
-        let part = part.clone().of_frame(index);
-        pictures.push(files(source, name, index)?);
-        let shape = part.get("betas")?.vector()?;
-        let pose: [f64; 72] = part.get("poses")?.fixed()?;
-        let camera = Camera::from_centres(
-            part.get("cam_intrinsics")?.matrix()?,
-            part.get("cam_extrinsics")?.matrix()?,
-        );
-        read.push((index, shape.clone(), pose, camera));
-        betas.push(shape);
+        seen.extend(faulty.keep(frame(source, name, part, position as u32))?);
     }
+    let mut notes = Vec::new();
+    faulty.finish(&mut notes)?;
+    let betas: Vec<Vec<f64>> = seen.iter().map(|it| it.betas.clone()).collect();
     let rest_joints = rest.joints(&mean(&betas));
     let rest_root = rest_joints.first().copied().unwrap_or_default();
-    let mut notes = Vec::new();
     let fps = options.fps_or(None, &mut notes);
-    let size = pictures.first().zip(read.first());
-    let size = size.map(|(files, (index, ..))| image_size(&files.image, *index));
+    let size = seen.first().map(|it| image_size(&it.files.image, it.index));
     let mut track = empty_track(
         smpl_skeleton(rest_joints),
         size.transpose()?.unwrap_or_default(),
         fps,
     );
-    track.frames = read
-        .into_iter()
-        .map(|(index, shape, pose, camera)| {
-            let pelvis = rest.joints(&shape).first().copied().unwrap_or_default();
-            Placed::about_pelvis(pose, [0.0; 3], pelvis).frame(index, rest_root, &camera)
+    track.frames = seen
+        .iter()
+        .map(|it| {
+            let pelvis = rest.joints(&it.betas).first().copied().unwrap_or_default();
+            Placed::about_pelvis(it.pose, [0.0; 3], pelvis).frame(it.index, rest_root, &it.camera)
         })
         .collect();
     Ok(Imported {
         track,
-        pictures: Pictures::Files(pictures),
+        pictures: Pictures::Files(seen.into_iter().map(|it| it.files).collect()),
         available: entries.len(),
         notes,
         found: Found::default(),
+    })
+}
+
+fn frame(source: &Source, name: &str, part: &Part<'_>, index: u32) -> Result<Seen, ClientError> {
+    let part = part.clone().of_frame(index);
+    Ok(Seen {
+        index,
+        files: files(source, name, index)?,
+        betas: part.get("betas")?.vector()?,
+        pose: part.get("poses")?.smpl_pose()?,
+        camera: Camera::from_centres(
+            part.get("cam_intrinsics")?.matrix()?,
+            part.get("cam_extrinsics")?.matrix()?,
+        ),
     })
 }

@@ -4,8 +4,8 @@ use super::{CAMERA, MASKS, POSES};
 use crate::geometry::{extrinsics, rodrigues};
 use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
-use crate::source::Source;
 use crate::source::hdf5::Hdf5;
+use crate::source::{Faulty, Source, not_finite};
 use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
 use crate::{Found, Imported, Options};
 use yoto_client::ClientError;
@@ -14,7 +14,8 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let rest = RestJoints::needed(options, source, POSES)?;
     let (camera, distortion, size) = camera(source)?;
     let poses = Hdf5::open(source, POSES)?;
-    let (pose, trans) = (poses.rows::<72>("pose")?, poses.rows::<3>("trans")?);
+    let pose = poses.unchecked_rows::<72>("pose")?;
+    let trans = poses.unchecked_rows::<3>("trans")?;
     let (_, betas) = poses.numbers("betas")?;
     let stack = Hdf5::open(source, MASKS)?.stack("masks")?;
     if pose.len() != trans.len() || pose.len() > stack.frames() {
@@ -32,14 +33,25 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     let fps = options.fps_or(None, &mut notes);
     let mut track = empty_track(smpl_skeleton(rest_joints), size, fps);
     track.distortion = distortion;
-    let mut masks = Vec::new();
+    let (mut masks, mut faulty) = (Vec::new(), Faulty::default());
     for position in options.positions(source, POSES, pose.len())? {
+        let moved: [(&str, &[f64]); 1] = [("the translation", &trans[position])];
+        let read = match not_finite(&pose[position], &moved) {
+            None => Ok(()),
+            Some(message) => {
+                Err(source.fault("NOT_FINITE", POSES, Some(position as u32), "", message))
+            }
+        };
+        if faulty.keep(read)?.is_none() {
+            continue;
+        }
         let placed = Placed::about_pelvis(pose[position], trans[position], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));
         masks.push(vec![Mask::Stack(stack.clone(), position)]);
     }
+    faulty.finish(&mut notes)?;
     let pictures = if source.has("images") {
         images(source, masks, &track.frames, size)?
     } else {
@@ -74,13 +86,14 @@ fn images(
     size: [u32; 2],
 ) -> Result<Pictures, ClientError> {
     let names = source.list("images", &[".png", ".jpg"])?;
+    let first = frames.first().map(|frame| frame.index);
     let file = |(frame, masks): (&yoto_proto::pose_track::Frame, Vec<Mask>)| {
         let name = names.get(frame.index as usize).ok_or_else(|| {
             let message = format!("there are {} images", names.len());
             source.fault("MISSING", "images", Some(frame.index), "", message)
         })?;
         let image = source.path(name);
-        if frame.index == 0 && image_size(&image, 0)? != size {
+        if Some(frame.index) == first && image_size(&image, frame.index)? != size {
             let message = "width and height differ from the images";
             return Err(source.fault("SIZE_MISMATCH", CAMERA, None, "width", message));
         }

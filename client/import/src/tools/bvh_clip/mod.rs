@@ -42,7 +42,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     };
     let (motion, up) = read_bvh(&folder, &name, &reading)?;
     let calibration = calibration(&folder, "", options)?;
-    let clip = Clip::open(source, options.ffmpeg.as_deref())?;
+    let clip = Clip::open(source, options)?;
     let mut notes = vec![summary(&motion, options)];
     notes.extend(motion.notes.iter().chain(&clip.notes).cloned());
     let wanted = clip.selected(options)?;

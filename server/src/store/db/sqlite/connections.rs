@@ -16,6 +16,8 @@ use std::time::Duration;
 
 /// Longest wait of a statement for a lock.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+/// Size to which the journal is cut after a checkpoint, bytes: it would keep its largest size.
+const JOURNAL_BYTES: &str = "67108864";
 /// Number of read-only connections.
 const READERS: u32 = 4;
 
@@ -25,6 +27,7 @@ fn options(path: &Path) -> SqliteConnectOptions {
         .foreign_keys(true)
         .busy_timeout(BUSY_TIMEOUT)
         .synchronous(SqliteSynchronous::Full)
+        .pragma("journal_size_limit", JOURNAL_BYTES)
 }
 
 /// The connection for writes to the file at `path`, which is created if missing.

@@ -313,7 +313,7 @@ pub(crate) fn load_avatar(
     }
 }
 
-/// Makes room in `avatar` for the flags of held colours, which only a checkpoint late in a run has.
+/// Makes room in `avatar` for the flags of held colours, which checkpoints late in a run and of finished models have.
 fn expect_held(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> {
     let bytes = std::fs::read(weights).map_err(|e| failed(weights, e))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| failed(weights, e))?;

@@ -50,8 +50,6 @@ pub(super) struct Guessed {
     pub shown: usize,
     /// Number of those guessed from the other side.
     pub mirrored: usize,
-    /// Number of those guessed from around them.
-    pub around: usize,
 }
 
 /// Where a guess is from.
@@ -81,16 +79,15 @@ impl Surface {
             })?
         };
         let guesses: Vec<Option<Guess>> = indices.clone().into_par_iter().map(guess).collect();
-        let count =
-            |wanted: fn(&Guess) -> bool| guesses.iter().flatten().filter(|it| wanted(it)).count();
+        let mirrored = guesses.iter().flatten();
+        let mirrored = mirrored.filter(|it| matches!(it, Guess::Mirrored(_)));
         let colour = |(own, guess): (&[f32; 3], &Option<Guess>)| match guess {
             Some(Guess::Mirrored(colour) | Guess::Around(colour)) => *colour,
             None => *own,
         };
         Guessed {
             shown: self.shown.iter().filter(|shown| **shown).count(),
-            mirrored: count(|it| matches!(it, Guess::Mirrored(_))),
-            around: count(|it| matches!(it, Guess::Around(_))),
+            mirrored: mirrored.count(),
             anew: guesses.iter().map(Option::is_some).collect(),
             colours: self.colours.iter().zip(&guesses).flat_map(colour).collect(),
         }
@@ -187,13 +184,17 @@ mod tests {
         }
     }
 
+    fn count(guessed: &Guessed) -> usize {
+        guessed.anew.iter().filter(|anew| **anew).count()
+    }
+
     #[test]
     fn an_unseen_side_looks_as_the_other() {
         let arms = arms(|[x, ..]| x > 0.0);
         let guessed = arms.guessed();
         assert_eq!(
-            (guessed.shown, guessed.mirrored, guessed.around),
-            (160, 80, 0)
+            (guessed.shown, guessed.mirrored, count(&guessed)),
+            (160, 80, 80)
         );
         let colours = guessed.colours.as_chunks::<3>().0;
         for (index, point) in arms.points.iter().enumerate() {
@@ -210,7 +211,7 @@ mod tests {
     fn an_unseen_back_has_the_colours_of_the_ring_around() {
         let arms = arms(|[_, _, z]| z > 0.0);
         let guessed = arms.guessed();
-        assert_eq!((guessed.mirrored, guessed.around), (0, 120));
+        assert_eq!((guessed.mirrored, count(&guessed)), (0, 120));
         for (point, colour) in arms.points.iter().zip(guessed.colours.as_chunks::<3>().0) {
             let off = point[0].abs() - 0.39;
             if off.abs() > 0.08 {
@@ -230,6 +231,6 @@ mod tests {
         assert_eq!(colours[159], arms.colours[159]);
         arms.seen.fill(false);
         let nothing = arms.guessed();
-        assert_eq!((nothing.mirrored, nothing.around), (0, 0));
+        assert_eq!(count(&nothing), 0);
     }
 }

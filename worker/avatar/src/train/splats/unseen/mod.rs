@@ -13,7 +13,7 @@ use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
 use burn::module::Module;
 use guess::{Guessed, Surface};
-pub(crate) use settle::settle;
+pub(crate) use settle::{release, settle};
 use sighted::sighted;
 use std::cmp::Ordering;
 use tracing::trace_span;
@@ -27,50 +27,34 @@ use yoto_proto::correction::other_sides;
 const NOTED: f64 = 2.0;
 
 /// Guesses the colours of each person's splats that no training frame shows, in a model after the completed
-/// fraction `opened` of its run. Returns the guesses, and notes for people.
-fn guess_unseen(
-    model: &mut Model,
-    subjects: &[TrainSubject],
-    opened: f64,
-) -> Result<(Vec<Unseen>, Vec<String>), TrainError> {
-    let _span = trace_span!("unseen").entered();
-    let (mut unseen, mut notes) = (Vec::new(), Vec::new());
-    for subject in subjects {
-        let avatar = model.state.avatar().clone().no_grad();
-        let splats = match avatar.appearance(&model.config) {
-            AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
-            _ => return Ok((unseen, notes)),
-        };
-        let guessed = guess(model, subject, splats, opened)?;
-        notes.extend(guessed.note(&subject.name));
-        let own = Avatar::own_slot(&model.config, subject.slot);
-        let avatar = model.state.avatar_mut();
-        avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
-        unseen.push(Unseen {
-            slot: own,
-            anew: guessed.anew,
-        });
-    }
-    Ok((unseen, notes))
-}
-
-/// The splats of a person that no frame shows.
-pub(crate) struct Unseen {
-    /// The person's splats in the model.
-    slot: usize,
-    /// `[N]`.
-    anew: Vec<bool>,
-}
-
-/// The guess at the end of a run, after which all colours learn again. Returns notes for people.
-pub(crate) fn guess_at_the_end(
+/// fraction `opened` of its run, and holds them. Returns notes for people.
+pub(crate) fn guess_unseen(
     model: &mut Model,
     subjects: &[TrainSubject],
     opened: f64,
 ) -> Result<Vec<String>, TrainError> {
-    let (unseen, notes) = guess_unseen(model, subjects, opened)?;
-    let slots: Vec<usize> = unseen.iter().map(|it| it.slot).collect();
-    settle::release(model, &slots)?;
+    let _span = trace_span!("unseen").entered();
+    let mut notes = Vec::new();
+    for subject in subjects {
+        let avatar = model.state.avatar().clone().no_grad();
+        let splats = match avatar.appearance(&model.config) {
+            AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
+            _ => return Ok(notes),
+        };
+        let guessed = guess(model, subject, splats, opened)?;
+        let own = Avatar::own_slot(&model.config, subject.slot);
+        // What was held did not learn: it is a guess still, even where a frame shows it by now.
+        let mut held = guessed.anew.clone();
+        if let Some(before) = avatar.held_splats(own)? {
+            held.iter_mut()
+                .zip(before)
+                .for_each(|(held, before)| *held |= before);
+        }
+        let avatar = model.state.avatar_mut();
+        avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
+        avatar.hold_splats(own, Some(&held))?;
+        notes.extend(guessed.note(&subject.name, avatar.guessed_share(own)?));
+    }
     Ok(notes)
 }
 
@@ -119,10 +103,10 @@ fn guess(
 }
 
 impl Guessed {
-    /// What was guessed, for people; `None` if it was hardly anything.
-    fn note(&self, name: &str) -> Option<String> {
-        let share = |count: usize| 100.0 * count as f64 / self.shown.max(1) as f64;
-        let (all, mirrored) = (share(self.mirrored + self.around), share(self.mirrored));
+    /// What is guessed, which is the share `all` of the surface, for people; `None` if it is hardly anything.
+    fn note(&self, name: &str, all: f64) -> Option<String> {
+        let all = 100.0 * all;
+        let mirrored = 100.0 * self.mirrored as f64 / self.shown.max(1) as f64;
         (all.total_cmp(&NOTED) != Ordering::Less).then(|| {
             let from = match mirrored.total_cmp(&NOTED) {
                 Ordering::Less => String::from("what is seen around it"),

@@ -1,6 +1,7 @@
 //! Guesses before the end of a run. Splats of the back look out around the outline in training frames, so that a
 //! guess changes what those show. The rest of the run learns to do without the old colours, while the guessed ones are held:
-//! their flags are part of the model, so that a resumed training goes on with them.
+//! their flags are part of the model, so that a resumed training goes on with them, and whoever gets the model knows what is
+//! guessed.
 
 use super::guess_unseen;
 use crate::avatar::Avatar;
@@ -23,24 +24,21 @@ pub(crate) fn settle(
     let slots: Vec<usize> = subjects.iter().map(own).collect();
     let held = |slot: &usize| model.state.avatar().holds_splats(*slot);
     if now.fraction < FROM {
-        let early: Vec<usize> = slots.into_iter().filter(held).collect();
-        return release(model, &early);
+        return release(model, subjects);
     }
-    if slots.iter().all(held) {
-        return Ok(());
-    }
-    let (guesses, _) = guess_unseen(model, subjects, now.opened)?;
-    for guess in guesses {
-        let avatar = model.state.avatar_mut();
-        avatar.hold_splats(guess.slot, Some(&guess.anew))?;
+    if !slots.iter().all(held) {
+        guess_unseen(model, subjects, now.opened)?;
     }
     Ok(())
 }
 
-/// Lets all colours of the splats in `slots` learn again.
-pub(super) fn release(model: &mut Model, slots: &[usize]) -> Result<(), TrainError> {
-    for slot in slots {
-        model.state.avatar_mut().hold_splats(*slot, None)?;
+/// Lets all colours of the splats of the `subjects` learn.
+pub(crate) fn release(model: &mut Model, subjects: &[TrainSubject]) -> Result<(), TrainError> {
+    for subject in subjects {
+        let slot = Avatar::own_slot(&model.config, subject.slot);
+        if model.state.avatar().holds_splats(slot) {
+            model.state.avatar_mut().hold_splats(slot, None)?;
+        }
     }
     Ok(())
 }

@@ -1,5 +1,7 @@
 //! Deletions: refused while something is in use, complete otherwise, and done once.
 
+mod versions;
+
 use crate::support;
 use crate::support::{Service, assert_refused, id};
 use std::time::Duration;
@@ -8,7 +10,7 @@ use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     AddIdentityRequest, CancelJobRequest, DeleteCaptureRequest, DeleteCheckpointRequest,
     DeleteJobRequest, DeleteModelRequest, DeleteSubjectRequest, Deleted, GetCaptureRequest,
-    ListJobsRequest, MotionTransfer, RemoveIdentityRequest, RenderSpec, job_spec,
+    ListJobsRequest, MotionTransfer, RenderSpec, job_spec,
 };
 
 type Answer = Result<Response<Deleted>, Status>;
@@ -295,64 +297,6 @@ async fn a_capture_is_deleted_when_another_has_taken_its_place() {
 }
 
 #[tokio::test]
-async fn a_repeated_deletion_has_the_answer_of_the_first() {
-    let service = Service::start().await;
-    let ada = service.ready_subject("Ada").await;
-    let request = |id: &str| DeleteSubjectRequest {
-        name: ada.name.clone(),
-        request_id: id.into(),
-        etag: String::new(),
-    };
-    let delete = async |id: &str| service.subjects().delete_subject(request(id)).await;
-    let first = delete("once").await.expect("deletes").into_inner();
-    assert_eq!((first.captures, first.jobs), (1, 1));
-    let again = delete("once").await.expect("is repeated").into_inner();
-    assert_eq!(again, first);
-    gone(delete("twice").await);
-    let other = DeleteSubjectRequest {
-        name: "subjects/other".into(),
-        request_id: "once".into(),
-        etag: String::new(),
-    };
-    let reused = service.subjects().delete_subject(other).await;
-    assert_refused(reused, Code::AlreadyExists, "REQUEST_ID_REUSED");
-}
-
-#[tokio::test]
-async fn a_repeated_change_of_identities_has_the_answer_of_the_first() {
-    let service = Service::start().await;
-    let ada = service.ready_subject("Ada").await;
-    let model = service.model("shared").await;
-    let add = async |id: &str| {
-        let request = AddIdentityRequest {
-            model: model.name.clone(),
-            subject: ada.name.clone(),
-            request_id: id.into(),
-        };
-        let added = service.models().add_identity(request).await;
-        added.expect("has a slot").into_inner().slot
-    };
-    let remove = async |id: &str| {
-        let request = RemoveIdentityRequest {
-            model: model.name.clone(),
-            subject: ada.name.clone(),
-            request_id: id.into(),
-        };
-        service.models().remove_identity(request).await
-    };
-    assert_eq!(add("a").await, 0);
-    let first = remove("b").await.expect("removes").into_inner();
-    assert_eq!(first.slots, []);
-    // Delivered late, the first call does not undo the second.
-    assert_eq!(add("a").await, 0);
-    let again = remove("b").await.expect("is repeated").into_inner();
-    assert_eq!(again.slots, []);
-    let other = remove("c").await;
-    assert_refused(other, Code::NotFound, "NOT_FOUND");
-    assert_eq!(add("d").await, 1);
-}
-
-#[tokio::test]
 async fn an_open_upload_is_deleted_with_its_bytes() {
     let service = Service::start_with(|config| config.storage.grace = Duration::ZERO).await;
     let ada = service.subject("Ada").await;
@@ -366,99 +310,4 @@ async fn an_open_upload_is_deleted_with_its_bytes() {
     assert_refused(late, Code::NotFound, "NOT_FOUND");
     service.collect(false, false).await;
     assert!(!service.has("uploads"));
-}
-
-#[tokio::test]
-async fn a_deletion_that_names_a_version_is_limited_to_it() {
-    let service = service().await;
-    let before = service.subject("Ada").await;
-    service.upload_good(&before.name).await;
-    let worker = service.worker(&["ingest"]).await;
-    let lease = service.lease(&worker).await.expect("the ingest job waits");
-    service.complete_ingest(&lease).await;
-    let ada = service.get_subject(&before.name).await;
-    assert_ne!(before.etag, ada.etag, "she has a capture now");
-    let delete = |name: &str, etag: &str| {
-        let (mut subjects, request) = (
-            service.subjects(),
-            DeleteSubjectRequest {
-                name: name.into(),
-                etag: etag.into(),
-                ..<_>::default()
-            },
-        );
-        async move { subjects.delete_subject(request).await }
-    };
-    assert_names(
-        delete(&ada.name, &before.etag).await,
-        "ETAG_MISMATCH",
-        "Ada has changed since it was read; nothing was changed",
-    );
-    assert_eq!(service.get_subject(&ada.name).await, ada);
-
-    let capture = service.get_capture(&ada.captures[0]).await;
-    let request = |etag: &str| DeleteCaptureRequest {
-        name: capture.name.clone(),
-        etag: etag.into(),
-        ..<_>::default()
-    };
-    let other = service.subjects().delete_capture(request("other")).await;
-    assert_names(other, "ETAG_MISMATCH", &capture.name);
-    let its_own = service
-        .subjects()
-        .delete_capture(request(&capture.etag))
-        .await;
-    its_own.expect("is the version");
-
-    let model = service.model("solo").await;
-    let request = |etag: &str| DeleteModelRequest {
-        name: model.name.clone(),
-        etag: etag.into(),
-        ..<_>::default()
-    };
-    let other = service.models().delete_model(request("other")).await;
-    assert_names(other, "ETAG_MISMATCH", &model.name);
-    let its_own = service.models().delete_model(request(&model.etag)).await;
-    its_own.expect("is the version");
-
-    let now = service.get_subject(&ada.name).await;
-    delete(&ada.name, &now.etag).await.expect("is the version");
-}
-
-#[tokio::test]
-async fn jobs_and_checkpoints_have_versions_too() {
-    let service = service().await;
-    let ada = service.ready_subject("Ada").await;
-    let model = service.model_of(&ada).await;
-    service.train(&model).await;
-    let worker = service.worker(&["train"]).await;
-    let lease = service.lease(&worker).await.expect("the training waits");
-    service.publish(&lease, 10).await.expect("publishes");
-    let last = service.publish(&lease, 20).await.expect("publishes");
-    service.complete_training(&lease, &last).await;
-    let first = service.checkpoints(&model.name).await.remove(1);
-    let request = |etag: &str| DeleteCheckpointRequest {
-        name: first.name.clone(),
-        etag: etag.into(),
-        ..<_>::default()
-    };
-    let other = service.models().delete_checkpoint(request("other")).await;
-    assert_names(other, "ETAG_MISMATCH", &first.name);
-    let its_own = service
-        .models()
-        .delete_checkpoint(request(&first.etag))
-        .await;
-    its_own.expect("is the version");
-
-    let name = &lease.job.as_ref().expect("a job").name;
-    let job = service.get_job(name).await;
-    let request = |etag: &str| DeleteJobRequest {
-        name: name.clone(),
-        etag: etag.into(),
-        ..<_>::default()
-    };
-    let other = service.jobs().delete_job(request("other")).await;
-    assert_names(other, "ETAG_MISMATCH", name);
-    let its_own = service.jobs().delete_job(request(&job.etag)).await;
-    its_own.expect("is the version");
 }

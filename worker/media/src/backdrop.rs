@@ -1,6 +1,6 @@
-//! Decodes the picture behind a scene within limits: it comes from outside.
+//! Decodes the picture behind a scene within limits.
 
-use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits, RgbImage};
 use std::io::Cursor;
 use yoto_proto::checks::scene::{BACKDROP_PIXELS, BACKDROP_SIDE};
 
@@ -13,7 +13,7 @@ const DECODER_SLACK: u64 = 16 << 20;
 ///
 /// # Errors
 /// What is wrong with the picture, for its sender.
-pub(crate) fn decode(bytes: &[u8]) -> Result<DynamicImage, String> {
+pub fn decode(bytes: &[u8]) -> Result<RgbImage, String> {
     let format = image::guess_format(bytes).map_err(|error| error.to_string())?;
     if !matches!(format, ImageFormat::Png | ImageFormat::Jpeg) {
         return Err(format!("is {format:?}: PNG and JPEG are allowed"));
@@ -33,13 +33,13 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<DynamicImage, String> {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(pixels * WIDEST_PIXEL + DECODER_SLACK);
     decoder.set_limits(limits).map_err(undecodable)?;
-    DynamicImage::from_decoder(decoder).map_err(undecodable)
+    let picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    Ok(picture.into_rgb8())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::RgbImage;
 
     fn encode(width: u32, height: u32, format: ImageFormat) -> Vec<u8> {
         let mut bytes = Cursor::new(Vec::new());

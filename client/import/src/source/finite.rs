@@ -1,0 +1,33 @@
+//! Which of SMPL's parameters is not a finite number, by the joint's name.
+
+use super::{Part, is_number};
+use crate::track::SmplPose;
+use yoto_client::ClientError;
+use yoto_proto::smpl::JOINTS;
+
+/// What is not finite among the rotations of `pose`, three numbers for each joint, and then among the parts
+/// of `others`: `the rotation of l_knee is NaN`.
+pub(crate) fn not_finite(pose: &[f64], others: &[(&str, &[f64])]) -> Option<String> {
+    let bad = |values: &[f64]| values.iter().copied().find(|value| !is_number(*value));
+    let joint = |(rotation, (name, _)): (&[f64; 3], &(&str, _))| {
+        Some(format!("the rotation of {name} is {}", bad(rotation)?))
+    };
+    let part = |(name, values): &(&str, &[f64])| Some(format!("{name} is {}", bad(values)?));
+    let (rotations, _) = pose.as_chunks::<3>();
+    let mut rotations = rotations.iter().zip(&JOINTS);
+    rotations
+        .find_map(joint)
+        .or_else(|| others.iter().find_map(part))
+}
+
+impl Part<'_> {
+    /// SMPL's 24 rotations, all finite.
+    pub fn smpl_pose(&self) -> Result<SmplPose, ClientError> {
+        let array = self.unchecked()?;
+        let pose: SmplPose = array.fixed().ok_or_else(|| self.wrong("[72]"))?;
+        match not_finite(&pose, &[]) {
+            None => Ok(pose),
+            Some(message) => Err(self.fault("NOT_FINITE", message)),
+        }
+    }
+}
