@@ -3,6 +3,7 @@
 use crate::config::{Appearance, Encoding, ModelConfig, Numerics, Precision, Unposing, Variant};
 use crate::field::canonical::Canonical;
 use crate::field::non_rigid::NonRigid;
+use crate::field::pose_shapes::PoseShapes;
 use crate::field::splats::{FirstSplats, Splats};
 use crate::host::ReadError;
 use crate::identity::blend::Blend;
@@ -41,6 +42,8 @@ pub struct Avatar {
     pub condition: Option<PoseCondition>,
     /// Motion that bones do not explain.
     pub non_rigid: NonRigid,
+    /// Pose blend shapes; only in models of splats.
+    pub(crate) pose_shapes: Option<PoseShapes>,
     // Exactly one of these two is there: `Avatar::appearance` tells which. Burn names tensors after fields, so
     // that an enum would rename those of every checkpoint.
     /// Colour and density; absent in models of splats.
@@ -73,6 +76,15 @@ pub struct Posed {
     /// F_nr; the code itself as long as the non-rigid field has no use for it. Whatever no backward pass
     /// reaches would stay in Burn's autodiff graph, and each step would search a larger one.
     conditioned: Option<Tensor<1>>,
+    /// The pose, where pose blend shapes take part.
+    shaped_by: Option<Pose>,
+}
+
+impl Posed {
+    /// The slot whose parameters it has.
+    pub(crate) fn slot(&self) -> usize {
+        self.slot
+    }
 }
 
 impl Avatar {
@@ -130,6 +142,7 @@ impl Avatar {
                 code_width,
                 config.precision,
             ),
+            pose_shapes: PoseShapes::new(&init, config, joints, identities, code_width),
             canonical,
             splats,
         }
@@ -194,6 +207,7 @@ impl Avatar {
             pose: vector,
             code,
             conditioned,
+            shaped_by: (config.active_pose_shapes(progress)).map(|_| pose.clone()),
         }
     }
 
@@ -289,6 +303,21 @@ impl Avatar {
         }
     }
 
+    /// Notes the poses that were filmed of the identity in `slot`.
+    pub(crate) fn film<'a>(
+        &mut self,
+        slot: usize,
+        poses: impl Iterator<Item = &'a Pose>,
+    ) -> Result<(), ReadError> {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        match &mut self.pose_shapes {
+            Some(shapes) => shapes.film(&init, slot, poses),
+            None => Ok(()),
+        }
+    }
+
     /// Replaces the splats and the light of the identity in `slot` by those at the start of a
     /// training.
     pub(crate) fn place_splats(&mut self, slot: usize, first: &FirstSplats) {
@@ -347,6 +376,9 @@ impl Avatar {
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.codes);
         self.motion.append(blend);
+        if let Some(shapes) = &mut self.pose_shapes {
+            shapes.append(blend);
+        }
         if let Some(field) = &mut self.canonical {
             field.append(blend);
         }
@@ -391,6 +423,10 @@ impl Avatar {
                 self.condition.as_ref().map_or(0, Module::num_params),
             ),
             ("non_rigid", self.non_rigid.num_params()),
+            (
+                "pose_shapes",
+                self.pose_shapes.as_ref().map_or(0, Module::num_params),
+            ),
             (
                 "canonical",
                 self.canonical.as_ref().map_or(0, Module::num_params),

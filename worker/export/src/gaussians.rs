@@ -25,8 +25,9 @@ pub fn posed(
 ) -> Result<Vec<Gaussian>, SkeletonError> {
     person.skeleton.check_pose(pose)?;
     let bones = bones(&person.skeleton, pose);
-    let splats = person.splats.iter();
+    let splats = person.shaped(pose);
     Ok(splats
+        .iter()
         .map(|splat| carried(splat, &bones, &person.light, to))
         .collect())
 }

@@ -180,6 +180,10 @@ fn fewer_splats_stand_for_all() {
         let mut dropped = whole.clone();
         let kept = dropped.splats.iter().step_by(share);
         dropped.splats = kept.copied().collect();
+        if let Some(shapes) = &mut dropped.shapes {
+            let own = shapes.weights.chunks(shapes.count).step_by(share);
+            shapes.weights = own.flatten().copied().collect();
+        }
         let [merged, dropped] = [&fewer, &dropped].map(|it| error(it, &whole, &film));
         assert!(
             merged < 0.3 * dropped,

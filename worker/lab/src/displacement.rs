@@ -1,7 +1,8 @@
 //! The error of a model's learned motion of synthetic clothes, against the true motion.
 //!
-//! The model takes a point that it observes back to the rest pose, by inverse skinning and then
-//! by the non-rigid field; the truth is known. Both parts are measured together, for skinning
+//! A model with a field takes a point that it observes back to the rest pose, by inverse skinning and then
+//! by the non-rigid field; the truth is known. A splat is a material point: the truth takes it back to the rest pose from where
+//! the model puts it. Both parts are measured together, for skinning
 //! weights that the model learns can carry a part of what cloth does. An error that is the same in
 //! every pose shows in no picture, since the canonical shape has the opposite error; so each point's
 //! mean error over the poses is subtracted. The errors of the model's skinning alone, and of true
@@ -10,7 +11,7 @@
 use crate::captures::Recording;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use yoto_avatar::render::Renderer;
+use yoto_avatar::render::{FollowedSplats, Renderer};
 use yoto_capture::camera::Pose;
 use yoto_synthetic::SyntheticPerson;
 
@@ -18,6 +19,10 @@ use yoto_synthetic::SyntheticPerson;
 const POINTS: usize = 400;
 /// Poses of each motion that are compared.
 const POSES: usize = 16;
+/// About as many splats of each person are followed.
+const SPLATS: usize = 4000;
+/// Largest distance of a splat on the clothes from their surface, metres.
+const ON_CLOTH: f64 = 0.02;
 /// Seed of the points.
 const SEED: u64 = 1;
 
@@ -36,7 +41,7 @@ pub struct DisplacementError {
 pub struct PoseError {
     /// Of the model.
     pub error_mm: f64,
-    /// Of the model's skinning, without the non-rigid field.
+    /// Of the model's skinning, without the non-rigid field and pose blend shapes.
     pub skinned_mm: f64,
     /// Of true skinning of clothes that never move.
     pub still_mm: f64,
@@ -90,6 +95,11 @@ fn over(
     let mut sums = [0.0; 3];
     let mut count = 0usize;
     for (slot, actor) in people {
+        if let Some((errors, of)) = of_splats(renderer, *slot, actor, &poses(actor))? {
+            (0..3).for_each(|i| sums[i] += errors[i]);
+            count += of;
+            continue;
+        }
         let points = actor.cloth_points(POINTS, SEED);
         // Of each point, the errors in every pose: the model's, its skinning's, true skinning's.
         let mut errors: Vec<[Vec<[f64; 3]>; 3]> = vec![Default::default(); points.len()];
@@ -131,6 +141,66 @@ fn over(
         skinned_mm,
         still_mm,
     })
+}
+
+/// Sums of the errors of a model's splats on the clothes in all poses, metres, as in [`PoseError`], and their number; `None`
+/// if the model has a field.
+fn of_splats(
+    renderer: &Renderer,
+    slot: usize,
+    actor: &SyntheticPerson,
+    poses: &[Pose],
+) -> anyhow::Result<Option<([f64; 3], usize)>> {
+    let follow = |poses: &[Pose]| -> anyhow::Result<Option<Vec<FollowedSplats>>> {
+        let each = poses
+            .iter()
+            .map(|pose| renderer.followed_splats(slot, pose));
+        let each: Result<_, _> = each.collect();
+        each.with_context(|| format!("the splats of {}", actor.name()))
+    };
+    let filmed = actor.motion(POSES);
+    let (Some(in_film), Some(in_poses)) = (follow(&filmed)?, follow(poses)?) else {
+        return Ok(None);
+    };
+    let total = in_film.first().map_or(0, |it| it.moved.len());
+    let (mut sums, mut count) = ([0.0; 3], 0);
+    for splat in (0..total).step_by((total / SPLATS).max(1)) {
+        let Some((part, rest)) = part_of(actor, &filmed, &in_film, splat) else {
+            continue;
+        };
+        // Of each kind of error, the places at rest in all poses.
+        let mut places: [Vec<[f64; 3]>; 3] = Default::default();
+        for (pose, at) in poses.iter().zip(&in_poses) {
+            let at_rest = |point: [f32; 3]| actor.traced(pose, part, point.map(f64::from));
+            places[0].push(at_rest(at.moved[splat]));
+            places[1].push(at_rest(at.skinned[splat]));
+            places[2].push(actor.still(pose, part, rest));
+        }
+        for (sum, places) in sums.iter_mut().zip(&places) {
+            *sum += centred(places).into_iter().map(length).sum::<f64>();
+        }
+        count += poses.len();
+    }
+    Ok(Some((sums, count)))
+}
+
+/// The part of the clothes that a `splat` is on, by its mean place at rest in the filmed poses, and that place.
+fn part_of(
+    actor: &SyntheticPerson,
+    filmed: &[Pose],
+    in_film: &[FollowedSplats],
+    splat: usize,
+) -> Option<(usize, [f64; 3])> {
+    let parts = (0..actor.cloth_parts()).map(|part| {
+        let mut mean = [0.0; 3];
+        for (pose, at) in filmed.iter().zip(in_film) {
+            let rest = actor.traced(pose, part, at.moved[splat].map(f64::from));
+            (0..3).for_each(|a| mean[a] += rest[a] / filmed.len() as f64);
+        }
+        (part, mean, actor.cloth_distance(part, mean).abs())
+    });
+    let nearest = parts.min_by(|a, b| a.2.total_cmp(&b.2))?;
+    (nearest.2 < ON_CLOTH).then_some((nearest.0, nearest.1))
 }
 
 /// The offsets less their mean.

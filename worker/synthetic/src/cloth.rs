@@ -71,6 +71,51 @@ impl SyntheticPerson {
         Some(apply(&compose(&posed, &inverse(&at_rest)), carried))
     }
 
+    /// Number of the parts that the moving clothes consist of. Each moves with one joint.
+    pub fn cloth_parts(&self) -> usize {
+        self.moving().count()
+    }
+
+    /// The place at rest of the point of the clothes' `part` that is at `point` of the world in `pose`, metres.
+    ///
+    /// # Panics
+    /// If there is no such part.
+    pub fn traced(&self, pose: &Pose, part: usize, point: [f64; 3]) -> [f64; 3] {
+        let capsule = self.moving().nth(part).expect("a part of the clothes");
+        let still = Pose::rest(self.skeleton.joints());
+        let [posed, at_rest] =
+            [pose, &still].map(|pose| self.skeleton.world_transforms(pose)[capsule.joint]);
+        let canonical = apply(&compose(&at_rest, &inverse(&posed)), point);
+        let garment = capsule.part.garment().expect("moving clothes");
+        add(canonical, self.drape.posed(pose).offset(garment, canonical))
+    }
+
+    /// As [`Self::traced`], of a point that true skinning carries from `rest` although clothes move.
+    ///
+    /// # Panics
+    /// If there is no such part.
+    pub fn still(&self, pose: &Pose, part: usize, rest: [f64; 3]) -> [f64; 3] {
+        let capsule = self.moving().nth(part).expect("a part of the clothes");
+        let garment = capsule.part.garment().expect("moving clothes");
+        add(rest, self.drape.posed(pose).offset(garment, rest))
+    }
+
+    /// Distance of `rest`, a place in the rest pose, from the surface of the clothes' `part`, metres; infinite beyond the end
+    /// of a sleeve.
+    pub fn cloth_distance(&self, part: usize, rest: [f64; 3]) -> f64 {
+        self.moving().nth(part).map_or(f64::INFINITY, |it| {
+            let hem = it.part.garment() == Some(Garment::Hem);
+            match hem || self.outfit.sleeve_covers(rest) {
+                true => it.distance(rest),
+                false => f64::INFINITY,
+            }
+        })
+    }
+
+    fn moving(&self) -> impl Iterator<Item = &Capsule> {
+        (self.capsules.iter()).filter(|it| it.part.garment().is_some_and(|g| self.drape.has(g)))
+    }
+
     /// The capsule of moving clothes with the surface nearest to `rest` in the rest pose; `None` away from
     /// the moving clothes.
     fn cloth_at(&self, rest: [f64; 3]) -> Option<&Capsule> {
@@ -169,6 +214,24 @@ mod tests {
             }
         }
         assert!(farthest > 0.02, "{farthest}: nothing moves");
+    }
+
+    #[test]
+    fn a_point_of_a_part_is_traced_to_where_it_is_at_rest() {
+        let person = &SyntheticPerson::cast(1, 7)[0];
+        let rest = Pose::rest(24);
+        for pose in person.unseen_motion(4) {
+            for point in person.cloth_points(40, 3) {
+                let own = person.cloth_at(point).expect("on the clothes");
+                let part = person.moving().position(|it| std::ptr::eq(it, own));
+                let part = part.expect("its part");
+                assert!(person.cloth_distance(part, point).abs() < MARGIN);
+                let seen = person.observed(&pose, point).expect("on the clothes");
+                let error = length(sub(person.traced(&pose, part, seen), point));
+                assert!(error < 1e-4, "{error} m");
+                assert_eq!(person.still(&rest, part, point), point);
+            }
+        }
     }
 
     #[test]

@@ -3,7 +3,9 @@
 use super::{Avatar, Posed};
 use crate::config::{Appearance, FieldConfig, ModelConfig, SplatConfig};
 use crate::field::canonical::{Canonical, FieldValues};
+use crate::field::pose_shapes::HostShapes;
 use crate::field::splats::Splats;
+use crate::host::ReadError;
 use crate::motion::body::Body;
 use burn::module::Param;
 use burn::tensor::Tensor;
@@ -102,11 +104,15 @@ impl AvatarSplats<'_> {
         self.avatar.pose(self.model, body, slot, pose, progress)
     }
 
-    /// The splats of a posed identity.
+    /// The splats of a posed identity. Their bones are those of their canonical places: pose blend shapes move what bones
+    /// carry.
+    ///
+    /// # Errors
+    /// If the places can't be read from their device.
     ///
     /// # Panics
     /// If `posed` is of another model, with more identities.
-    pub fn posed(&self, body: &Body, posed: &Posed) -> splat::Splats {
+    pub fn posed(&self, body: &Body, posed: &Posed) -> Result<splat::Splats, ReadError> {
         let splats = &self.splats[posed.slot];
         let means = self.avatar.moved(self.model, posed, splats.means.val());
         let transforms = warp::skin::skin(
@@ -115,7 +121,15 @@ impl AvatarSplats<'_> {
             means.clone(),
             &body.grid,
         );
-        splat::Splats {
+        let means = match (&self.avatar.pose_shapes, &posed.shaped_by) {
+            (Some(shapes), Some(pose)) => {
+                let (config, code) = (&self.config.pose_shapes, posed.code.clone());
+                let offsets = shapes.offsets(config, posed.slot, body, &means, pose, code)?;
+                means + offsets
+            }
+            _ => means,
+        };
+        Ok(splat::Splats {
             transforms,
             means,
             rotations: splats.turns.val(),
@@ -124,6 +138,25 @@ impl AvatarSplats<'_> {
             colours: splats.learning_colours(),
             harmonics: splats.harmonics.as_ref().map(Param::val),
             light: splats.light.val(),
-        }
+        })
+    }
+
+    /// Pose blend shapes in host memory for splats of a posed identity at canonical `means` `[N, 3]`; `None` if none take
+    /// part.
+    ///
+    /// # Errors
+    /// If the model can't be read from its device.
+    pub(crate) fn host_shapes(
+        &self,
+        body: &Body,
+        posed: &Posed,
+        means: &[f32],
+    ) -> Result<Option<HostShapes>, ReadError> {
+        let (Some(shapes), Some(_)) = (&self.avatar.pose_shapes, &posed.shaped_by) else {
+            return Ok(None);
+        };
+        let (config, code) = (&self.config.pose_shapes, posed.code.clone());
+        let device = posed.weights.device();
+        HostShapes::read(shapes, config, posed.slot, body, means, code, &device).map(Some)
     }
 }

@@ -4,8 +4,8 @@ use super::{
     Appearance, BeforeKickIn, CanonicalConfig, ConditionConfig, ConfigError, CorrectionConfig,
     DensityActivation, Encoding, ExposureConfig, FieldConfig, LayersConfig, LearnExposure,
     MarchConfig, ModelConfig, MotionConfig, MotionForm, NonRigidConfig, Numerics, OptimiseConfig,
-    Precision, Refine, RefinementConfig, Resolution, SamplingConfig, Schedule, SplatConfig,
-    Unposing, Variant,
+    PoseShapesConfig, Precision, Refine, RefinementConfig, Resolution, SamplingConfig, Schedule,
+    SplatConfig, Unposing, Variant,
 };
 
 impl ModelConfig {
@@ -137,7 +137,10 @@ fn grid_tier(
 /// The tier `fast` with splats in place of its field (docs/splats.md has the experiments).
 fn splats(variant: Variant) -> ModelConfig {
     let mut config = grid_tier("splat", variant, 8, 15, 64, 3, 64, [32, 33, 13]);
-    config.appearance = Appearance::Splats(SplatConfig::default());
+    config.appearance = Appearance::Splats(SplatConfig {
+        pose_shapes: PoseShapesConfig::of_tier(),
+        ..SplatConfig::default()
+    });
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
     config.refinement.noise = 0.08;

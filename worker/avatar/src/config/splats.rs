@@ -1,6 +1,6 @@
 //! Splats on the body's surface in place of the canonical field.
 
-use super::ConfigError;
+use super::{ConfigError, PoseShapesConfig};
 use serde::{Deserialize, Serialize};
 
 /// Highest degree of harmonics.
@@ -40,6 +40,8 @@ pub struct SplatConfig {
     pub guess_unseen: bool,
     /// Learning rate of the light; 0: none, so that colours have the light in them.
     pub light_rate: f64,
+    /// Pose blend shapes.
+    pub pose_shapes: PoseShapesConfig,
 }
 
 impl Default for SplatConfig {
@@ -59,6 +61,7 @@ impl Default for SplatConfig {
             harmonic_rate: 4e-4,
             light_rate: 5e-3,
             guess_unseen: true,
+            pose_shapes: PoseShapesConfig::default(),
         }
     }
 }
@@ -110,6 +113,6 @@ impl SplatConfig {
                 return fail(field, "must be at least 0");
             }
         }
-        Ok(())
+        self.pose_shapes.check()
     }
 }

@@ -142,7 +142,10 @@ fn a_configuration_without_a_precision_is_f32_and_an_unknown_one_is_named() {
 /// The configuration in a checkpoint of the tier splat of November 2026, which had a field's settings too.
 #[test]
 fn splats_of_a_checkpoint_with_a_fields_settings_are_read() {
-    let config = ModelConfig::named("splat", "yoto").expect("named");
+    let mut config = ModelConfig::named("splat", "yoto").expect("named");
+    // Models of that time have none.
+    config.appearance.splats_mut().expect("splats").pose_shapes = PoseShapesConfig::default();
+    assert_eq!(config.pose_shapes(), None);
     let old = include_str!("tests/splat.json");
     let read: ModelConfig = serde_json::from_str(old).expect("reads");
     assert_eq!(read, config);
@@ -158,6 +161,31 @@ fn splats_of_a_checkpoint_with_a_fields_settings_are_read() {
     assert_ne!(old, other_box);
     let error = serde_json::from_str::<ModelConfig>(&other_box).expect_err("another box");
     assert!(error.to_string().contains("march.epsilon"), "{error}");
+}
+
+#[test]
+fn only_the_pose_condition_and_its_tier_have_pose_blend_shapes() {
+    let shapes = |tier, variant| {
+        let config = ModelConfig::named(tier, variant).expect("named");
+        config.pose_shapes().map(|it| it.count)
+    };
+    for variant in ["yoto", "no-identity", "humannerf"] {
+        assert_eq!(shapes("splat", variant), Some(8), "{variant}");
+        assert_eq!(shapes("fast", variant), None, "{variant}");
+    }
+    assert_eq!(shapes("splat", "no-pose-condition"), None);
+    let config = ModelConfig::named("splat", "yoto").expect("named");
+    assert!(config.active_pose_shapes(0.09).is_none() && config.active_pose_shapes(0.1).is_some());
+    for (setting, field) in [
+        ("splats.pose_shapes.count=65", "splats.pose_shapes.count"),
+        ("splats.pose_shapes.bands=0", "splats.pose_shapes.bands"),
+        ("splats.pose_shapes.reach=0", "splats.pose_shapes.reach"),
+        ("splats.pose_shapes.rate=-1", "splats.pose_shapes.rate"),
+    ] {
+        let settings = [setting.parse().expect("a setting")];
+        let error = config.clone().with(&settings).expect_err(field).to_string();
+        assert!(error.contains(field), "{error}");
+    }
 }
 
 /// The same of the tier fast.

@@ -4,6 +4,7 @@
 pub(crate) mod canonical;
 pub(crate) mod mlp;
 pub(crate) mod non_rigid;
+pub(crate) mod pose_shapes;
 pub mod splats;
 mod tables;
 pub mod window;

@@ -2,8 +2,8 @@
 //!
 //! A bone that turns by ω about its joint at p carries the columns of its transform along: the last
 //! one, its shift t, by ω × (t − p), the others by ω × column. A pixel's gradient to the transform of
-//! a splat is a force on each column, of which each bone takes its share. The non-rigid field's change
-//! with the pose is left out, and that of colours with the view.
+//! a splat is a force on each column, of which each bone takes its share. What is left out: how the non-rigid field and pose blend
+//! shapes change with the pose, and colours with the view.
 
 use super::wrench::{self, Wrench};
 use super::{Picture, PoseFitter, Shown};
@@ -90,7 +90,7 @@ impl PoseFitter<'_> {
         posed: &Posed,
     ) -> Result<(HostSplats<'static>, View), RenderError> {
         let view = sight(&self.body.skeleton, pose, picture.camera);
-        let splats = HostSplats::read(splats.posed(self.body, posed), &view)?;
+        let splats = HostSplats::read(splats.posed(self.body, posed)?, &view)?;
         Ok((splats, view))
     }
 }

@@ -61,7 +61,7 @@ fn pixels_change_as_the_rows_say() {
             let sums = seen.iter().map(|it| (0..4).map(|c| it[c] * by[c]).sum());
             sums.collect()
         };
-        let splats = splats_of.posed(body, &posed);
+        let splats = splats_of.posed(body, &posed).expect("read");
         let view = sight(&body.skeleton, pose, &scene.camera);
         let splats = HostSplats::read(splats, &view).expect("reads");
         let drawn = render(&[(splats.numbers(), &view)]).expect("somebody");

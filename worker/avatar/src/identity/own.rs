@@ -5,12 +5,14 @@ use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
 /// Where the parameters of each person are, one entry per slot.
-const OWN: [&str; 5] = [
+const OWN: [&str; 7] = [
     "codes",
     "motion.residuals",
     "motion.decoder.embeddings",
     "canonical.tables",
     "splats",
+    "pose_shapes.own",
+    "pose_shapes.filmed",
 ];
 
 /// The slot of the person whose own the parameter at `path` is, as in `splats.2.means`; `None` for those

@@ -4,6 +4,7 @@
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, count, groups, merged};
 use crate::avatar::AvatarSplats;
+use crate::field::pose_shapes::HostShapes;
 use crate::host::read;
 use crate::motion::body::Body;
 use std::borrow::Cow;
@@ -74,12 +75,16 @@ pub(super) struct Carried {
     /// `[3, 8]`.
     pub light: Vec<f32>,
     shares: SkinningWeights,
+    shapes: Option<HostShapes>,
 }
 
 impl Carried {
-    /// The rows with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
-    pub fn rows_seen_from(&self, sight: &View, transforms: &[f32]) -> Cow<'_, [f32]> {
+    /// The rows in `pose`, with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
+    pub fn rows_seen_from(&self, sight: &View, pose: &Pose, transforms: &[f32]) -> Cow<'_, [f32]> {
         let mut rows = Cow::Borrowed(self.rows.as_slice());
+        if let Some(shapes) = &self.shapes {
+            shapes.add(rows.to_mut().as_chunks_mut::<ROW>().0, pose);
+        }
         if let Some(harmonics) = &self.harmonics {
             add_view_colours(rows.to_mut(), harmonics, transforms, sight);
         }
@@ -113,23 +118,26 @@ impl Renderer {
         }
         let rest = Pose::rest(body.skeleton.joints());
         let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.progress);
-        let splats = splats.posed(body, &posed);
-        let (mut rows, weights) = (read(splats.rows().detach())?, read(posed.weights.detach())?);
+        let avatar = splats;
+        let splats = avatar.posed(body, &posed)?;
+        let mut rows = read(splats.rows().detach())?;
+        // Nothing moves in the rest pose, so that the rows have the canonical places.
+        let mut shapes = avatar.host_shapes(body, &posed, &means(&rows))?;
+        let weights = read(posed.weights.detach())?;
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
         let mut harmonics = harmonics.transpose()?;
         let bones = body.skeleton.joints();
-        let shares = |rows: &[f32]| {
-            let means = rows.as_chunks::<ROW>().0.iter();
-            let means: Vec<f32> = means.flat_map(|row| &row[..3]).copied().collect();
-            SkinningWeights::new(&weights, bones, &means, &body.grid)
-        };
+        let shares = |rows: &[f32]| SkinningWeights::new(&weights, bones, &means(rows), &body.grid);
         let mut own = shares(&rows);
         if share < 1.0 {
-            (rows, harmonics) = level(&rows, harmonics.as_deref(), &own, share);
+            let level = level(&rows, harmonics.as_deref(), &own, share);
+            (rows, harmonics) = (level.rows, level.harmonics);
             own = shares(&rows);
+            shapes = shapes.map(|it| it.merged(&level.groups, body, &means(&rows)));
         }
         let carried = Carried {
             shares: own,
+            shapes,
             light: read(splats.light.detach())?,
             harmonics,
             rows,
@@ -139,13 +147,22 @@ impl Renderer {
     }
 }
 
-/// Rows and harmonics of fewer splats in place of those that can be seen.
-fn level(
-    rows: &[f32],
-    harmonics: Option<&[f32]>,
-    shares: &SkinningWeights,
-    share: f32,
-) -> (Vec<f32>, Option<Vec<f32>>) {
+/// `[N, 3]`: the places of `rows`.
+fn means(rows: &[f32]) -> Vec<f32> {
+    let rows = rows.as_chunks::<ROW>().0.iter();
+    rows.flat_map(|row| &row[..3]).copied().collect()
+}
+
+/// Fewer splats.
+struct Level {
+    rows: Vec<f32>,
+    harmonics: Option<Vec<f32>>,
+    /// Of each splat, those that it replaces, with their weights in it.
+    groups: Vec<Vec<(usize, f32)>>,
+}
+
+/// Fewer splats in place of those that can be seen.
+fn level(rows: &[f32], harmonics: Option<&[f32]>, shares: &SkinningWeights, share: f32) -> Level {
     let rows = rows.as_chunks::<ROW>().0;
     let numbers = harmonics.map_or(0, |it| it.len() / rows.len().max(1));
     let own = |index: usize| &harmonics.unwrap_or_default()[numbers * index..][..numbers];
@@ -160,6 +177,7 @@ fn level(
     let groups = groups(&splats, count(splats.len(), share));
     let mut fewer = Vec::with_capacity(ROW * groups.len());
     let mut mixed = Vec::with_capacity(numbers * groups.len());
+    let mut replaced = Vec::with_capacity(groups.len());
     for group in groups {
         let (splat, weights) = merged(&splats, &group);
         match *group.as_slice() {
@@ -171,8 +189,14 @@ fn level(
             let terms = members.map(|(weight, at)| weight * own(seen[*at])[k]);
             terms.sum::<f32>()
         }));
+        let members = group.iter().zip(&weights);
+        replaced.push(members.map(|(at, weight)| (seen[*at], *weight)).collect());
     }
-    (fewer, harmonics.map(|_| mixed))
+    Level {
+        rows: fewer,
+        harmonics: harmonics.map(|_| mixed),
+        groups: replaced,
+    }
 }
 
 #[cfg(test)]
@@ -219,7 +243,7 @@ mod tests {
             let carried = carried.expect("nothing but bones moves splats of this tier");
             let posed = (renderer.avatar).pose(&renderer.config, body, 0, &pose, 1.0);
             let bones = read(posed.transforms.clone()).expect("read");
-            let splats = avatar.posed(body, &posed);
+            let splats = avatar.posed(body, &posed).expect("read");
             let camera = Camera::look_at(
                 [0.5, 1.2, 3.0],
                 [0.0, 1.0, 0.0],
@@ -230,7 +254,7 @@ mod tests {
             );
             let sight = sight(&body.skeleton, &pose, &camera);
             let found = carried.posed(&bones);
-            let rows = carried.rows_seen_from(&sight, &found);
+            let rows = carried.rows_seen_from(&sight, &pose, &found);
             let host = HostSplats::read(splats.clone(), &sight).expect("read");
             for (row, wanted) in rows.iter().zip(host.numbers().rows) {
                 assert!((row - wanted).abs() < 1e-5, "{row}, not {wanted}");

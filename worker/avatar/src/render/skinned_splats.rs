@@ -4,7 +4,9 @@
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, groups, merged};
 use crate::avatar::{Avatar, AvatarAppearance};
+use crate::field::pose_shapes::{Filmed, HostShapes, Nearness};
 use crate::host::read;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
@@ -25,8 +27,27 @@ pub struct SkinnedSplats {
     pub splats: Vec<SkinnedSplat>,
     /// Degree of the harmonics by which colours depend on the view.
     pub degree: usize,
+    /// What poses do to splats on top of their bones.
+    pub shapes: Option<SkinnedShapes>,
     /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`yoto_ops::splat::light`]).
     pub light: [[f32; LIGHTS]; 3],
+}
+
+/// Pose blend shapes: before its bones carry it, a splat at x moves by Σᵣ hᵣ Σₖ aₖ(x) Bᵣₖ φ(Ωₖ). φ(Ωₖ) = R(Ωₖ) − I of the
+/// joint k, row-major, within the range that was filmed, and 0 for the root; aₖ(x) = exp(−d²/2r²) of the distance d of x to
+/// the joint and the bones to its children, in the rest pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkinnedShapes {
+    /// R.
+    pub count: usize,
+    /// r, metres.
+    pub reach: f32,
+    /// B `[K, 9, 3, R]`, metres.
+    pub basis: Vec<f32>,
+    /// `[2, 9 K]`: least and greatest features of the filmed poses.
+    pub filmed: Vec<f32>,
+    /// h `[N, R]`, of the splats in their order.
+    pub weights: Vec<f32>,
 }
 
 /// A Gaussian on the body's surface in the rest pose.
@@ -64,11 +85,15 @@ impl Renderer {
         let posed = self
             .avatar
             .pose(&self.config, body, slot, &rest, self.progress);
-        let splats = match self.avatar.appearance(&self.config) {
-            AvatarAppearance::Splats(splats) => splats.posed(body, &posed),
+        let avatar = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => splats,
             AvatarAppearance::Field(_) => return Ok(None),
         };
+        let splats = avatar.posed(body, &posed)?;
         let rows = read(splats.rows())?;
+        let all = rows.as_chunks::<ROW>().0.iter();
+        let means: Vec<f32> = all.flat_map(|row| &row[..3]).copied().collect();
+        let shapes = avatar.host_shapes(body, &posed, &means)?;
         let shine = splats.harmonics.map(read).transpose()?.unwrap_or_default();
         let light = read(splats.light)?;
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
@@ -84,10 +109,24 @@ impl Renderer {
                 ..skinned(row, own, &skinning)
             }
         });
+        let splats: Vec<(usize, SkinnedSplat)> = splats
+            .enumerate()
+            .filter(|(_, splat)| splat.is_visible())
+            .collect();
         Ok(Some(SkinnedSplats {
             skeleton: skeleton.clone(),
             degree: harmonics::degree(numbers / 3),
-            splats: splats.filter(SkinnedSplat::is_visible).collect(),
+            shapes: shapes.map(|it| {
+                let own = |(i, _): &(usize, SkinnedSplat)| &it.weights[i * it.count..][..it.count];
+                SkinnedShapes {
+                    count: it.count,
+                    reach: it.reach,
+                    filmed: it.bounds().to_vec(),
+                    weights: splats.iter().flat_map(own).copied().collect(),
+                    basis: it.basis,
+                }
+            }),
+            splats: splats.into_iter().map(|(_, splat)| splat).collect(),
             light: std::array::from_fn(|channel| {
                 std::array::from_fn(|term| light[channel * LIGHTS + term])
             }),
@@ -96,13 +135,45 @@ impl Renderer {
 }
 
 impl SkinnedSplats {
+    /// The splats as pose blend shapes move them in `pose`, before bones carry them.
+    pub fn shaped(&self, pose: &Pose) -> Cow<'_, [SkinnedSplat]> {
+        let Some(shapes) = &self.shapes else {
+            return Cow::Borrowed(&self.splats);
+        };
+        let mut places: Vec<[f32; 3]> = self.splats.iter().map(|splat| splat.mean).collect();
+        let near = Nearness::new(&self.skeleton, &self.skeleton.rest, shapes.reach);
+        let filmed = Filmed::from_bounds(shapes.filmed.clone());
+        let (basis, weights) = (shapes.basis.clone(), shapes.weights.clone());
+        HostShapes::new(
+            &near,
+            basis,
+            filmed,
+            weights,
+            &places.clone().into_flattened(),
+        )
+        .add(&mut places, pose);
+        let moved = self.splats.iter().zip(places);
+        moved
+            .map(|(splat, mean)| SkinnedSplat { mean, ..*splat })
+            .collect()
+    }
+
     /// The same person with at most `count` splats: near ones of the same part of the body become one.
     #[must_use]
     pub fn reduced_to(&self, count: usize) -> Self {
         let all: Vec<LevelSplat> = self.splats.iter().map(SkinnedSplat::level).collect();
-        let groups = groups(&all, count).into_iter();
+        let groups = groups(&all, count);
+        let shapes = self.shapes.clone().map(|shapes| {
+            let mixed = |group: &Vec<usize>| shapes.mixed(&all, group);
+            SkinnedShapes {
+                weights: groups.iter().flat_map(mixed).collect(),
+                ..shapes
+            }
+        });
+        let splats = groups.iter().map(|group| self.merged(&all, group));
         Self {
-            splats: groups.map(|group| self.merged(&all, &group)).collect(),
+            splats: splats.collect(),
+            shapes,
             ..self.clone()
         }
     }
@@ -133,6 +204,25 @@ impl SkinnedSplats {
             guessed: guessed > 0.5,
             ..SkinnedSplat::of_level(&level, harmonics, most(shares.collect()))
         }
+    }
+}
+
+impl SkinnedShapes {
+    /// h `[R]` of the splat in place of a `group`.
+    fn mixed(&self, all: &[LevelSplat], group: &[usize]) -> Vec<f32> {
+        let own = |splat: usize| &self.weights[splat * self.count..][..self.count];
+        if let [only] = group {
+            return own(*only).to_vec();
+        }
+        let (_, weights) = merged(all, group);
+        let mut sums = vec![0f32; self.count];
+        for (weight, splat) in weights.iter().zip(group) {
+            let own = own(*splat).iter();
+            sums.iter_mut()
+                .zip(own)
+                .for_each(|(sum, own)| *sum += weight * own);
+        }
+        sums
     }
 }
 

@@ -110,13 +110,13 @@ impl Renderer {
             let bones = (self.avatar).bones(&self.config, body, pose, vector, self.progress);
             let transforms = carried.posed(&read(bones)?);
             return Ok(HostSplats {
-                rows: carried.rows_seen_from(sight, &transforms),
+                rows: carried.rows_seen_from(sight, pose, &transforms),
                 transforms,
                 light: Cow::Borrowed(&carried.light),
             });
         }
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
-        HostSplats::read(splats.posed(body, &posed), sight)
+        HostSplats::read(splats.posed(body, &posed)?, sight)
     }
 
     /// The splats of an actor in the light of the scene, and the camera in their body's frame.

@@ -161,6 +161,9 @@ impl Model {
     pub fn active_parts(&self, opened: f64) -> Vec<String> {
         let config = &self.config;
         let mut parts = config.schedule.active_parts(opened, config.non_rigid.bands);
+        if config.active_pose_shapes(opened).is_some() {
+            parts.push("pose blend shapes".to_owned());
+        }
         let refined = self.state.poses.iter().any(Option::is_some);
         if refined && config.refinement.takes_part(opened) {
             parts.push("pose refinement".to_owned());

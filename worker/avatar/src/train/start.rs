@@ -156,6 +156,9 @@ impl Trainer {
                 _ => known.knows(person.slot),
             };
             place_first(&mut state, &saved.config, saved.progress, &subject, placed)?;
+            let poses = subject.frames.iter().map(|frame| &frame.pose);
+            let own = Avatar::own_slot(&saved.config, person.slot);
+            state.avatar_mut().film(own, poses)?;
             known.meet(person.slot, subject.body.skeleton.clone());
             subjects.push(subject);
         }

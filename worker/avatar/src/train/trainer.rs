@@ -72,7 +72,7 @@ impl Trainer {
         let learned = match self.model.appearance() {
             AvatarAppearance::Splats(splats) => {
                 let scene = self.model.scene(subject, &pose, now);
-                let picture = pictured(splats, &scene, &frame.camera);
+                let picture = pictured(splats, &scene, &frame.camera)?;
                 Some(self.learn_from_picture(index, now, picture)?)
             }
             AvatarAppearance::Field(_) => self.learn_from_patches(index, now, &pose, &mut rng)?,

@@ -162,16 +162,16 @@ fn exposed(_: &mut PoseTrack, images: &mut [FrameImage]) {
 }
 
 const SPLATS: Quality = Quality {
-    views: 30.41,
-    poses: 26.95,
+    views: 31.08,
+    poses: 27.14,
 };
 const REFINED: Quality = Quality {
-    views: 25.49,
-    poses: 23.28,
+    views: 26.09,
+    poses: 23.26,
 };
 const EXPOSED: Quality = Quality {
-    views: 34.55,
-    poses: 31.18,
+    views: 35.26,
+    poses: 31.40,
 };
 
 #[test]

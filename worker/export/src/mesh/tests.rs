@@ -56,6 +56,7 @@ fn ball(hole: f32) -> SkinnedSplats {
             .filter(outside_hole)
             .map(splat)
             .collect(),
+        shapes: None,
         degree: 0,
         light: [[0.0; 8]; 3],
     }

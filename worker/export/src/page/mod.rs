@@ -31,7 +31,25 @@ struct Person<'a> {
     degree: usize,
     harmonics: String,
     guessed: String,
+    /// Pose blend shapes.
+    shapes: Option<PackedShapes>,
     clips: Vec<PackedClip<'a>>,
+}
+
+/// Pose blend shapes as [`yoto_avatar::render::SkinnedShapes`] describes them.
+#[derive(Serialize)]
+struct PackedShapes {
+    count: usize,
+    /// Metres.
+    reach: f32,
+    /// `[K, 9, 3, R]`, f32, little-endian.
+    basis: String,
+    /// `[2, 9 K]`, f32, little-endian.
+    filmed: String,
+    /// `[N, R]` in 8 bits; 128 means 0.
+    weights: String,
+    /// Largest size of a weight.
+    most: f32,
 }
 
 /// Ranges of packed numbers.
@@ -89,6 +107,17 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         degree: person.degree,
         harmonics: STANDARD.encode(harmonics),
         guessed: STANDARD.encode(guessed),
+        shapes: person.shapes.as_ref().map(|shapes| {
+            let (weights, most) = packed::weights(&shapes.weights);
+            PackedShapes {
+                count: shapes.count,
+                reach: shapes.reach,
+                basis: STANDARD.encode(packed::floats(&shapes.basis)),
+                filmed: STANDARD.encode(packed::floats(&shapes.filmed)),
+                weights: STANDARD.encode(weights),
+                most,
+            }
+        }),
         clips: moves,
     };
     // Strings and finite numbers always have a form in JSON. A `</script>` in a name would end the script, hence the

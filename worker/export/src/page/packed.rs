@@ -1,5 +1,5 @@
-//! Splats in 36 bytes each, 9 or 24 more for view-dependent colours, and a bit where some are guessed. In a box of a few
-//! metres, 16 bits are exact to some hundredths of a millimetre.
+//! Splats in 36 bytes each, 8 more for pose blend shapes, 9 or 24 more for view-dependent colours, and a bit where some are
+//! guessed. In a box of a few metres, 16 bits are exact to some hundredths of a millimetre.
 
 use yoto_avatar::render::SkinnedSplat;
 use yoto_ops::splat::harmonics::count;
@@ -62,6 +62,22 @@ pub(super) fn pack(splats: &[SkinnedSplat], degree: usize) -> Packed {
         bytes,
         bounds,
     }
+}
+
+/// `numbers` in 8 bits, 128 for 0, and the largest size among them.
+pub(super) fn weights(numbers: &[f32]) -> (Vec<u8>, f32) {
+    let sizes = numbers.iter().map(|number| number.abs());
+    let most = sizes.fold(f32::MIN_POSITIVE, f32::max);
+    let byte = |number: &f32| (128.0 + 127.0 * number / most).round() as u8;
+    (numbers.iter().map(byte).collect(), most)
+}
+
+/// `numbers`, little-endian.
+pub(super) fn floats(numbers: &[f32]) -> Vec<u8> {
+    numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect()
 }
 
 /// A bit per splat, 1 where it is guessed; nothing if none is.

@@ -52,6 +52,71 @@
     shine[4 * Math.floor(i / 3) + (i % 3)] = value;
   });
 
+  // Pose blend shapes: what poses do to clothes on top of bones. The joints near a splat, and how near they are.
+  const shapes = person.shapes && {
+    ...person.shapes,
+    basis: new Float32Array(bytes(person.shapes.basis).buffer),
+    filmed: new Float32Array(bytes(person.shapes.filmed).buffer),
+    weights: Float32Array.from(bytes(person.shapes.weights), (b) => ((b - 128) / 127) * person.shapes.most),
+    ...nearness(person.shapes.reach),
+  };
+  function nearness(reach) {
+    const [starts, near, how] = [new Uint32Array(count + 1), [], []];
+    const apart = (i, at, way) => {
+      const off = at.map((x, a) => means[3 * i + a] - x);
+      const square = way ? way.reduce((sum, x) => sum + x * x, 0) : 0;
+      const part = way ? way.reduce((sum, x, a) => sum + x * off[a], 0) / Math.max(square, 1e-9) : 0;
+      const along = Math.min(Math.max(part, 0), 1);
+      return off.reduce((sum, x, a) => sum + (way ? x - along * way[a] : x) ** 2, 0);
+    };
+    const bones = person.parents.flatMap((parent, child) =>
+      parent === null ? [] : [[parent, person.rest[child].map((x, a) => x - person.rest[parent][a])]],
+    );
+    for (let i = 0; i < count; i++) {
+      const squares = person.rest.map((at) => apart(i, at));
+      for (const [parent, way] of bones) {
+        squares[parent] = Math.min(squares[parent], apart(i, person.rest[parent], way));
+      }
+      squares.forEach((square, joint) => {
+        const share = Math.exp(-square / (2 * reach * reach));
+        if (share < 1e-3) return;
+        near.push(joint);
+        how.push(share);
+      });
+      starts[i + 1] = near.length;
+    }
+    return { starts, near: Uint16Array.from(near), how: Float32Array.from(how) };
+  }
+
+  // The places of the splats before bones carry them; `turns` are the joints' own rotations.
+  const places = new Float32Array(4 * across * rows);
+  function shape(turns) {
+    for (let i = 0; i < count; i++) places.set(means.subarray(3 * i, 3 * i + 3), 4 * i);
+    if (!shapes) return;
+    const width = 3 * shapes.count;
+    const given = new Float32Array(width * joints);
+    for (let joint = 1; joint < joints; joint++) {
+      for (let f = 0; f < 9; f++) {
+        const at = 9 * joint + f;
+        const least = shapes.filmed[at];
+        const greatest = shapes.filmed[9 * joints + at];
+        const value = turns[joint][f] - (f % 4 === 0 ? 1 : 0);
+        const feature = Math.max(Math.min(value, greatest), least);
+        for (let k = 0; k < width; k++) given[width * joint + k] += feature * shapes.basis[width * at + k];
+      }
+    }
+    for (let i = 0; i < count; i++) {
+      for (let e = shapes.starts[i]; e < shapes.starts[i + 1]; e++) {
+        for (let a = 0; a < 3; a++) {
+          const from = width * shapes.near[e] + shapes.count * a;
+          let sum = 0;
+          for (let r = 0; r < shapes.count; r++) sum += given[from + r] * shapes.weights[shapes.count * i + r];
+          places[4 * i + a] += shapes.how[e] * sum;
+        }
+      }
+    }
+  }
+
   // Clips: per frame, the shift of the root as 3 floats, then the turns of the joints.
   const clips = person.clips.map((clip) => {
     const data = new DataView(bytes(clip.poses).buffer);
@@ -110,13 +175,13 @@
 
   // What carries rest points to the world, of each bone.
   function boneMatrices(pose, bends) {
-    const turns = [];
-    const places = [];
+    const [turns, places, locals] = [[], [], []];
     const matrices = new Float32Array(12 * joints);
     for (let joint = 0; joint < joints; joint++) {
       let q = Array.from(pose.turns.subarray(4 * joint, 4 * joint + 4));
       if (bends && bends[joint]) q = times(q, bends[joint]);
       const local = matrixOf(q);
+      locals.push(local);
       const rest = person.rest[joint];
       const parent = person.parents[joint];
       if (parent === null) {
@@ -141,7 +206,7 @@
         matrices[12 * joint + 4 * r + 3] = places[joint][r] - back[r];
       }
     }
-    return { matrices, places };
+    return { matrices, places, locals };
   }
 
   const canvas = document.getElementById("view");
@@ -192,6 +257,8 @@
   gl.uniform1i(uniform("harmonics"), harmonics);
   gl.uniform1f(uniform("most"), person.ranges.harmonic);
   texture(3, "matrices", gl.RGBA32F, 3, joints, gl.RGBA, gl.FLOAT, null);
+  const placed = rows;
+  texture(5, "places", gl.RGBA32F, across, placed, gl.RGBA, gl.FLOAT, null);
   gl.uniform1fv(uniform("light"), person.light.flat());
 
   // Two triangles per splat, in one draw: renderers without a GPU are slow at instances. Corner c of the splat in
@@ -228,7 +295,7 @@
     let near = Infinity;
     let far = -Infinity;
     for (let i = 0; i < count; i++) {
-      const [x, y, z] = [means[3 * i], means[3 * i + 1], means[3 * i + 2]];
+      const [x, y, z] = [places[4 * i], places[4 * i + 1], places[4 * i + 2]];
       let depth = 0;
       let sum = 0;
       for (let a = 4 * i; a < 4 * i + 4; a++) {
@@ -254,10 +321,13 @@
   }
 
   // Draws a pose from a camera: rows of world to camera, and focal lengths and centre in pixels.
-  function draw({ matrices }, rows, lens) {
+  function draw({ matrices, locals }, rows, lens) {
+    shape(locals);
     sort(matrices, rows);
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clear(gl.COLOR_BUFFER_BIT);
+    gl.activeTexture(gl.TEXTURE5);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, across, placed, gl.RGBA, gl.FLOAT, places);
     gl.activeTexture(gl.TEXTURE3);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3, joints, gl.RGBA, gl.FLOAT, matrices);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, order);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::gaussians::posed;
-use yoto_avatar::render::SkinnedSplat;
+use yoto_avatar::render::{SkinnedShapes, SkinnedSplat};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::{IDENTITY, inverse};
@@ -27,6 +27,16 @@ fn person() -> SkinnedSplats {
         },
         splats: vec![splat(0.0, 0), splat(1.0, 1)],
         degree: 1,
+        shapes: Some(SkinnedShapes {
+            count: 1,
+            reach: 0.12,
+            // A turn of the elbow about z moves what is near along y, by R₀₀ − 1.
+            basis: (0..54)
+                .map(|i| f32::from(u8::from(i == 28)) * -0.2)
+                .collect(),
+            filmed: [vec![-2.0; 18], vec![2.0; 18]].concat(),
+            weights: vec![0.5, -1.0],
+        }),
         light: [[0.0; 8]; 3],
     }
 }

@@ -51,7 +51,7 @@ pub(super) struct AblationCommand {
     /// Longest side of the pictures, pixels.
     #[arg(long, value_name = "PX", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
-    /// Quality tier: speed against detail. In splat, the variants yoto and no-pose-condition train alike.
+    /// Quality tier: speed against detail.
     #[arg(long, default_value = "fast", value_parser = args::tier, long_help = args::tier_help())]
     tier: String,
     /// Seed of everything random; give it again to train with several and see the spread.

@@ -2,6 +2,7 @@
 
 use crate::avatar::AvatarSplats;
 use crate::config::ModelConfig;
+use crate::host::ReadError;
 use crate::loss::LossTerm;
 use crate::render::splats::sight;
 use crate::train::frames::batch::Scene;
@@ -18,14 +19,21 @@ pub(crate) const OBJECTIVE: &str = "l1+ssim";
 const MARGIN: usize = 32;
 
 /// The model's picture `[H W, 4]` of a frame: colours over black, and opacity.
-pub(crate) fn pictured(avatar: AvatarSplats<'_>, scene: &Scene, camera: &Camera) -> Tensor<2> {
+///
+/// # Errors
+/// If the splats can't be read from their device.
+pub(crate) fn pictured(
+    avatar: AvatarSplats<'_>,
+    scene: &Scene,
+    camera: &Camera,
+) -> Result<Tensor<2>, ReadError> {
     let body = scene.body;
     let splats = trace_span!("pose").in_scope(|| {
         let posed = avatar.pose(body, scene.slot, scene.pose, scene.progress);
         avatar.posed(body, &posed)
-    });
+    })?;
     let sight = sight(&body.skeleton, scene.pose, camera);
-    trace_span!("splat").in_scope(|| splat(splats, &sight))
+    Ok(trace_span!("splat").in_scope(|| splat(splats, &sight)))
 }
 
 /// The loss of a frame, `[1]`, and its terms, from the model's `picture` `[H W, 4]` of it.

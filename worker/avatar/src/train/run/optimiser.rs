@@ -93,6 +93,9 @@ pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
             group(".colours", splats.colour_rate),
             group(".harmonics", splats.harmonic_rate),
             group(".light", splats.light_rate),
+            group("pose_shapes.mlp", splats.pose_shapes.network_rate),
+            group("pose_shapes.basis", splats.pose_shapes.rate),
+            group("pose_shapes.own", splats.pose_shapes.rate),
         ]
     });
     groups.into_iter().chain(splats).fold(
@@ -185,6 +188,15 @@ mod tests {
                             "colours" => splats.colour_rate,
                             "harmonics" => splats.harmonic_rate,
                             "light" => splats.light_rate,
+                            _ => panic!("{path} has no rate"),
+                        }
+                    }
+                    "pose_shapes" => {
+                        let shapes = &splats.expect("the tier has splats").pose_shapes;
+                        match path.split('.').nth(1) {
+                            Some("mlp") => shapes.network_rate,
+                            Some("basis" | "own") => shapes.rate,
+                            Some("filmed") => 0.0,
                             _ => panic!("{path} has no rate"),
                         }
                     }

@@ -34,7 +34,7 @@ pub(super) fn errors(
         let scene = model.scene(subject, &pose, now);
         let index = subject.track.frames[frame.position].index;
         let exposure = near(&model.state.exposures, subject.slot, index);
-        let picture = exposed(pictured(splats, &scene, &frame.camera), &exposure);
+        let picture = exposed(pictured(splats, &scene, &frame.camera)?, &exposure);
         let image = subject.image(frame);
         let seen = read(picture.clone().detach())?;
         let pairs = seen.chunks_exact(4).zip(image.rgb.chunks_exact(3));

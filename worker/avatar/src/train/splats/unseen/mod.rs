@@ -73,7 +73,7 @@ fn guess(
     let skeleton = &subject.body.skeleton;
     let rest = Pose::rest(skeleton.joints());
     let posed = avatar.pose(&subject.body, subject.slot, &rest, opened);
-    let rows = read(avatar.posed(&subject.body, &posed).rows())?;
+    let rows = read(avatar.posed(&subject.body, &posed)?.rows())?;
     let (weights, transforms) = (
         read(posed.weights)?,
         read(posed::transforms(&subject.body, &rest))?,

@@ -31,7 +31,7 @@ pub(super) fn sighted(
     for frame in subject.frames.iter().step_by(stride) {
         let pose = pose(frame);
         let posed = avatar.pose(&subject.body, subject.slot, &pose, opened);
-        let splats = avatar.posed(&subject.body, &posed);
+        let splats = avatar.posed(&subject.body, &posed)?;
         let sight = sight(&subject.body.skeleton, &pose, &frame.camera);
         let splats = HostSplats::read(splats, &sight)?;
         let probe = Probe::new(splats.numbers(), &sight);

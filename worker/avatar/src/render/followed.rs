@@ -1,0 +1,56 @@
+//! Where the splats of a person are in a pose: a splat is a material point, which can be followed.
+
+use super::frame::{RenderError, Renderer};
+use crate::avatar::AvatarAppearance;
+use crate::field::splats::HIDDEN;
+use crate::host::read;
+use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::transform::apply;
+use yoto_ops::warp::inverse::solve;
+
+/// Positions of splats, `[N, 3]`, metres, of the world in a pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FollowedSplats {
+    /// By skinning alone.
+    pub skinned: Vec<[f32; 3]>,
+    /// With pose blend shapes.
+    pub moved: Vec<[f32; 3]>,
+}
+
+impl Renderer {
+    /// Where the splats that show of the identity in `slot` are in `pose`; `None` if the model has a field.
+    ///
+    /// # Errors
+    /// When the slot is empty, or the pose is not of its skeleton.
+    pub fn followed_splats(
+        &self,
+        slot: usize,
+        pose: &Pose,
+    ) -> Result<Option<FollowedSplats>, RenderError> {
+        let body = self.body_in(slot, pose)?;
+        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
+        let AvatarAppearance::Splats(avatar) = self.avatar.appearance(&self.config) else {
+            return Ok(None);
+        };
+        let splats = avatar.posed(body, &posed)?;
+        let opacities = read(splats.opacities.detach())?;
+        let transforms = read(splats.transforms.detach())?;
+        let moved = read(splats.means.detach())?;
+        let still = read(avatar.splats[posed.slot()].means.val().detach())?;
+        let to_world = body.skeleton.body_to_world(pose);
+        let carried = |means: &[f32]| -> Vec<[f32; 3]> {
+            let rows = transforms.as_chunks::<12>().0.iter();
+            let all = rows.zip(means.as_chunks::<3>().0).zip(&opacities);
+            let shown = all.filter(|(_, opacity)| **opacity != HIDDEN);
+            let place = |((transform, mean), _): ((&[f32; 12], &[f32; 3]), _)| {
+                let in_body = solve::apply(transform, *mean).map(f64::from);
+                apply(&to_world, in_body).map(|v| v as f32)
+            };
+            shown.map(place).collect()
+        };
+        Ok(Some(FollowedSplats {
+            skinned: carried(&still),
+            moved: carried(&moved),
+        }))
+    }
+}
