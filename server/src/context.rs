@@ -42,6 +42,9 @@ pub struct Context {
     pub lock: DataDirLock,
     /// The writers of uploads in this process.
     pub upload_locks: UploadLocks,
+    /// Held during a collection: a second one of the same process would find and remove the same again. Collections of
+    /// several coordinators may meet ([`crate::objects::collect`]).
+    pub collecting: tokio::sync::Mutex<()>,
 }
 
 impl Context {

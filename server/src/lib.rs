@@ -105,6 +105,7 @@ impl Coordinator {
             stop: CancellationToken::new(),
             lock,
             upload_locks: UploadLocks::default(),
+            collecting: tokio::sync::Mutex::new(()),
         });
         reaper::take_back_embedded(&context).await?;
         let tasks = vec![

@@ -61,12 +61,13 @@ pub async fn run(context: Arc<Context>) {
     }
 }
 
-/// Finds all garbage, and removes what is due. Several collections may run at once, also of several coordinators: they
-/// find the same folders, and what one has removed is gone for the other.
+/// Finds all garbage, and removes what is due. A collection waits for another of the same process. Those of several
+/// coordinators may run at once: they find the same folders, and what one has removed is gone for the other.
 ///
 /// # Errors
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
 pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>, RequestError> {
+    let _one_at_a_time = context.collecting.lock().await;
     if !options.dry_run {
         let idle = context.config.upload.expiry.as_secs_f64();
         for upload in context.store.expire_uploads(idle).await? {
