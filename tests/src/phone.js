@@ -120,14 +120,14 @@
     check(same(pixels(), still), "a reset does not bring the pose back");
   }
 
-  /** The page of somebody of whose splats none is guessed. */
+  /** The page of a person without guessed splats. */
   function without() {
     check(element("guess").hidden && !inside(element("tint")), "what nobody guessed can be tinted");
     pass(20);
     check(covered(pixels()) > 0, "nobody is drawn without guesses");
   }
 
-  /** The page of somebody of whose splats half are guessed. */
+  /** The page of a person whose first half of splats is guessed. */
   function tint() {
     const still = pixels();
     check(!element("guess").hidden, "what is guessed can not be tinted");
