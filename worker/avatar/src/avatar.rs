@@ -5,7 +5,6 @@ use crate::field::canonical::Canonical;
 use crate::field::non_rigid::NonRigid;
 use crate::field::pose_shapes::PoseShapes;
 use crate::field::splats::{FirstSplats, Splats};
-use crate::host::ReadError;
 use crate::identity::blend::Blend;
 use crate::identity::pose_condition::PoseCondition;
 use crate::init::Initial;
@@ -22,6 +21,7 @@ use yoto_ops::warp;
 
 mod appearance;
 mod guesses;
+mod splats;
 
 pub use appearance::{AvatarAppearance, AvatarField, AvatarSplats};
 
@@ -280,98 +280,6 @@ impl Avatar {
             .forward(config, canonical, pose, code, posed.progress)
     }
 
-    /// Whether no splat of the identity in `slot` is hidden ([`FirstSplats::and_hidden`]).
-    pub(crate) fn shows_all_splats(&self, slot: usize) -> Result<bool, ReadError> {
-        match self.splats.get(slot) {
-            Some(splats) => splats.shows_all(),
-            None => Ok(true),
-        }
-    }
-
-    /// Changes the splats of the identity in `slot`, if the model has splats.
-    fn change_splats(
-        &mut self,
-        slot: usize,
-        change: impl FnOnce(&Initial<'_>, &mut Splats) -> Result<(), ReadError>,
-    ) -> Result<(), ReadError> {
-        let device = self.device();
-        // Nothing is drawn, so any seed will do.
-        let init = Initial::new(&device, 0);
-        match self.splats.get_mut(slot) {
-            Some(splats) => change(&init, splats),
-            None => Ok(()),
-        }
-    }
-
-    /// Notes the poses that were filmed of the identity in `slot`.
-    pub(crate) fn film<'a>(
-        &mut self,
-        slot: usize,
-        poses: impl Iterator<Item = &'a Pose>,
-    ) -> Result<(), ReadError> {
-        let device = self.device();
-        // Nothing is drawn, so any seed will do.
-        let init = Initial::new(&device, 0);
-        match &mut self.pose_shapes {
-            Some(shapes) => shapes.film(&init, slot, poses),
-            None => Ok(()),
-        }
-    }
-
-    /// Replaces the splats and the light of the identity in `slot` by those at the start of a
-    /// training.
-    pub(crate) fn place_splats(&mut self, slot: usize, first: &FirstSplats) {
-        let device = self.device();
-        // Nothing is drawn, so any seed will do.
-        let init = Initial::new(&device, 0);
-        if let Some(splats) = self.splats.get_mut(slot) {
-            *splats = Splats::new(&init, slot, first, splats.degree());
-        }
-    }
-
-    /// The values of the splats of the identity in `slot`; none if the model has no splats.
-    pub(crate) fn splat_values(&self, slot: usize) -> Result<FirstSplats, ReadError> {
-        match self.splats.get(slot) {
-            Some(splats) => splats.values(),
-            None => Ok(FirstSplats::of_nobody(0)),
-        }
-    }
-
-    /// Replaces the values of the splats of the identity in `slot`, whose light stays. Splat i has the
-    /// view-dependent colour of the splat `from[i]`.
-    pub(crate) fn replace_splats(
-        &mut self,
-        slot: usize,
-        values: &FirstSplats,
-        from: &[usize],
-    ) -> Result<(), ReadError> {
-        self.change_splats(slot, |init, splats| {
-            splats.replace(init, slot, values, from)
-        })
-    }
-
-    /// Replaces the `colours` `[N, 3]` of the splats of the identity in `slot`. Those that are `anew` `[N]` no longer
-    /// depend on the view.
-    pub(crate) fn paint_splats(
-        &mut self,
-        slot: usize,
-        colours: &[f32],
-        anew: &[bool],
-    ) -> Result<(), ReadError> {
-        self.change_splats(slot, |init, splats| splats.paint(init, slot, colours, anew))
-    }
-
-    /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.
-    pub(crate) fn reach_harmonics(&mut self, degree: usize) -> Result<(), ReadError> {
-        let device = self.device();
-        // Nothing is drawn, so any seed will do.
-        let init = Initial::new(&device, 0);
-        for (slot, splats) in self.splats.iter_mut().enumerate() {
-            splats.reach(&init, slot, degree)?;
-        }
-        Ok(())
-    }
-
     /// Appends an identity that is the mixture of two others; of splats, it has those of the first.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.codes);
@@ -397,6 +305,9 @@ impl Avatar {
     /// Sets the precision that the fields' networks multiply in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
         self.non_rigid.set_precision(precision);
+        if let Some(shapes) = &mut self.pose_shapes {
+            shapes.set_precision(precision);
+        }
         if let Some(field) = &mut self.canonical {
             field.set_precision(precision);
         }

@@ -98,14 +98,14 @@ impl Carried {
 }
 
 impl Renderer {
-    /// What the identity in `slot` keeps; looked up at the first frame. `None` where splats move with the pose
-    /// on top of their bones.
+    /// What the identity in `slot` keeps; looked up at the first frame. `None` where the non-rigid field
+    /// moves splats.
     ///
     /// # Errors
     /// If the model can't be read from its device.
     pub(super) fn carried(
         &self,
-        splats: AvatarSplats<'_>,
+        avatar: AvatarSplats<'_>,
         slot: usize,
         body: &Body,
     ) -> Result<Option<&Carried>, RenderError> {
@@ -118,7 +118,6 @@ impl Renderer {
         }
         let rest = Pose::rest(body.skeleton.joints());
         let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.progress);
-        let avatar = splats;
         let splats = avatar.posed(body, &posed)?;
         let mut rows = read(splats.rows().detach())?;
         // Nothing moves in the rest pose, so that the rows have the canonical places.
@@ -231,13 +230,22 @@ mod tests {
         let shine = avatar.splats[0].harmonics.as_ref().expect("degree 2").val();
         let shine = shine.random_like(Distribution::Normal(0.0, 0.1));
         avatar.splats[0].harmonics = Some(Param::from_tensor(shine));
+        let poses = person.unseen_motion(3);
+        avatar.film(0, poses.iter()).expect("read");
+        let shapes = avatar.pose_shapes.as_mut().expect("the tier has some");
+        shapes.basis = Param::from_tensor(
+            shapes
+                .basis
+                .val()
+                .random_like(Distribution::Normal(0.0, 0.05)),
+        );
         let body = Body::new(skeleton, &config, &device);
         let renderer = Renderer::new(config, avatar, vec![Some(body)], vec![None], 1.0);
         let mut seen: Vec<Vec<f32>> = Vec::new();
         let AvatarAppearance::Splats(avatar) = renderer.avatar.appearance(&renderer.config) else {
             panic!("the tier has splats");
         };
-        for pose in person.unseen_motion(3) {
+        for pose in poses {
             let body = renderer.body_in(0, &pose).expect("a body");
             let carried = renderer.carried(avatar, 0, body).expect("read");
             let carried = carried.expect("nothing but bones moves splats of this tier");
@@ -262,8 +270,8 @@ mod tests {
             let unlike = (rows.iter().zip(&carried.rows)).filter(|(a, b)| a != b);
             assert_eq!(
                 unlike.count(),
-                3 * joints,
-                "the colours change with the view"
+                6 * joints,
+                "colours change with the view, and places with the pose"
             );
             let wanted = read(splats.transforms).expect("read");
             assert_eq!(found.len(), wanted.len());

@@ -4,7 +4,7 @@
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, groups, merged};
 use crate::avatar::{Avatar, AvatarAppearance};
-use crate::field::pose_shapes::{Filmed, HostShapes, Nearness};
+use crate::field::pose_shapes::{Filmed, HostShapes, Nearness, mixed};
 use crate::host::read;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -144,46 +144,43 @@ impl SkinnedSplats {
         let near = Nearness::new(&self.skeleton, &self.skeleton.rest, shapes.reach);
         let filmed = Filmed::from_bounds(shapes.filmed.clone());
         let (basis, weights) = (shapes.basis.clone(), shapes.weights.clone());
-        HostShapes::new(
-            &near,
-            basis,
-            filmed,
-            weights,
-            &places.clone().into_flattened(),
-        )
-        .add(&mut places, pose);
+        let shapes = HostShapes::new(&near, basis, filmed, weights, places.as_flattened());
+        shapes.add(&mut places, pose);
         let moved = self.splats.iter().zip(places);
-        moved
-            .map(|(splat, mean)| SkinnedSplat { mean, ..*splat })
-            .collect()
+        let splats = moved.map(|(splat, mean)| SkinnedSplat { mean, ..*splat });
+        splats.collect()
     }
 
     /// The same person with at most `count` splats: near ones of the same part of the body become one.
     #[must_use]
     pub fn reduced_to(&self, count: usize) -> Self {
         let all: Vec<LevelSplat> = self.splats.iter().map(SkinnedSplat::level).collect();
-        let groups = groups(&all, count);
-        let shapes = self.shapes.clone().map(|shapes| {
-            let mixed = |group: &Vec<usize>| shapes.mixed(&all, group);
-            SkinnedShapes {
-                weights: groups.iter().flat_map(mixed).collect(),
-                ..shapes
+        let mut splats = Vec::with_capacity(count);
+        let mut weights = Vec::new();
+        for group in groups(&all, count) {
+            let (splat, shares) = self.merged(&all, &group);
+            splats.push(splat);
+            if let Some(shapes) = &self.shapes {
+                let members = group.into_iter().zip(shares);
+                weights.extend(mixed(&shapes.weights, shapes.count, members));
             }
-        });
-        let splats = groups.iter().map(|group| self.merged(&all, group));
+        }
         Self {
-            splats: splats.collect(),
-            shapes,
+            splats,
+            shapes: self
+                .shapes
+                .clone()
+                .map(|shapes| SkinnedShapes { weights, ..shapes }),
             ..self.clone()
         }
     }
 
-    /// The splat in place of a `group`.
-    fn merged(&self, all: &[LevelSplat], group: &[usize]) -> SkinnedSplat {
-        if let [only] = group {
-            return self.splats[*only];
-        }
+    /// The splat in place of a `group`, and the share of each member in it.
+    fn merged(&self, all: &[LevelSplat], group: &[usize]) -> (SkinnedSplat, Vec<f32>) {
         let (level, weights) = merged(all, group);
+        if let [only] = group {
+            return (self.splats[*only], weights);
+        }
         let mut harmonics = [[0.0; 3]; harmonics::HARMONICS];
         let mut shares: BTreeMap<u16, f32> = BTreeMap::new();
         let mut guessed = 0.0;
@@ -200,29 +197,11 @@ impl SkinnedSplats {
         }
         let shares = shares.into_iter().filter(|(_, share)| *share > 0.0);
         let shares = shares.map(|(bone, share)| (usize::from(bone), share));
-        SkinnedSplat {
+        let splat = SkinnedSplat {
             guessed: guessed > 0.5,
             ..SkinnedSplat::of_level(&level, harmonics, most(shares.collect()))
-        }
-    }
-}
-
-impl SkinnedShapes {
-    /// h `[R]` of the splat in place of a `group`.
-    fn mixed(&self, all: &[LevelSplat], group: &[usize]) -> Vec<f32> {
-        let own = |splat: usize| &self.weights[splat * self.count..][..self.count];
-        if let [only] = group {
-            return own(*only).to_vec();
-        }
-        let (_, weights) = merged(all, group);
-        let mut sums = vec![0f32; self.count];
-        for (weight, splat) in weights.iter().zip(group) {
-            let own = own(*splat).iter();
-            sums.iter_mut()
-                .zip(own)
-                .for_each(|(sum, own)| *sum += weight * own);
-        }
-        sums
+        };
+        (splat, weights)
     }
 }
 

@@ -14,10 +14,10 @@
   const means = new Float32Array(3 * count);
   const texels = 4;
   const across = 256;
-  const rows = Math.ceil(count / across);
-  const table = new Float32Array(4 * texels * across * rows);
-  const bones = new Uint8Array(4 * across * rows);
-  const shares = new Uint8Array(4 * across * rows);
+  const tableRows = Math.ceil(count / across);
+  const table = new Float32Array(4 * texels * across * tableRows);
+  const bones = new Uint8Array(4 * across * tableRows);
+  const shares = new Uint8Array(4 * across * tableRows);
   const between = ([low, high], value) => low + ((high - low) * value) / 65535;
   for (let i = 0; i < count; i++) {
     const at = i * STRIDE;
@@ -47,7 +47,7 @@
 
   // What colours gain by the view: one texel per harmonic.
   const harmonics = (person.degree + 1) ** 2 - 1;
-  const shine = new Uint8Array(4 * Math.max(harmonics, 1) * across * rows);
+  const shine = new Uint8Array(4 * Math.max(harmonics, 1) * across * tableRows);
   bytes(person.harmonics).forEach((value, i) => {
     shine[4 * Math.floor(i / 3) + (i % 3)] = value;
   });
@@ -89,9 +89,9 @@
   }
 
   // The places of the splats before bones carry them; `turns` are the joints' own rotations.
-  const places = new Float32Array(4 * across * rows);
+  const shaped = new Float32Array(4 * across * tableRows);
   function shape(turns) {
-    for (let i = 0; i < count; i++) places.set(means.subarray(3 * i, 3 * i + 3), 4 * i);
+    for (let i = 0; i < count; i++) shaped.set(means.subarray(3 * i, 3 * i + 3), 4 * i);
     if (!shapes) return;
     const width = 3 * shapes.count;
     const given = new Float32Array(width * joints);
@@ -111,7 +111,7 @@
           const from = width * shapes.near[e] + shapes.count * a;
           let sum = 0;
           for (let r = 0; r < shapes.count; r++) sum += given[from + r] * shapes.weights[shapes.count * i + r];
-          places[4 * i + a] += shapes.how[e] * sum;
+          shaped[4 * i + a] += shapes.how[e] * sum;
         }
       }
     }
@@ -250,15 +250,14 @@
     gl.texImage2D(gl.TEXTURE_2D, 0, inner, width, height, 0, format, type, data);
     gl.uniform1i(uniform(name), unit);
   }
-  texture(0, "splats", gl.RGBA32F, texels * across, rows, gl.RGBA, gl.FLOAT, table);
-  texture(1, "bones", gl.RGBA8UI, across, rows, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, bones);
-  texture(2, "shares", gl.RGBA8, across, rows, gl.RGBA, gl.UNSIGNED_BYTE, shares);
-  texture(4, "shine", gl.RGBA8, Math.max(harmonics, 1) * across, rows, gl.RGBA, gl.UNSIGNED_BYTE, shine);
+  texture(0, "splats", gl.RGBA32F, texels * across, tableRows, gl.RGBA, gl.FLOAT, table);
+  texture(1, "bones", gl.RGBA8UI, across, tableRows, gl.RGBA_INTEGER, gl.UNSIGNED_BYTE, bones);
+  texture(2, "shares", gl.RGBA8, across, tableRows, gl.RGBA, gl.UNSIGNED_BYTE, shares);
+  texture(4, "shine", gl.RGBA8, Math.max(harmonics, 1) * across, tableRows, gl.RGBA, gl.UNSIGNED_BYTE, shine);
   gl.uniform1i(uniform("harmonics"), harmonics);
   gl.uniform1f(uniform("most"), person.ranges.harmonic);
   texture(3, "matrices", gl.RGBA32F, 3, joints, gl.RGBA, gl.FLOAT, null);
-  const placed = rows;
-  texture(5, "places", gl.RGBA32F, across, placed, gl.RGBA, gl.FLOAT, null);
+  texture(5, "places", gl.RGBA32F, across, tableRows, gl.RGBA, gl.FLOAT, null);
   gl.uniform1fv(uniform("light"), person.light.flat());
 
   // Two triangles per splat, in one draw: renderers without a GPU are slow at instances. Corner c of the splat in
@@ -295,7 +294,7 @@
     let near = Infinity;
     let far = -Infinity;
     for (let i = 0; i < count; i++) {
-      const [x, y, z] = [places[4 * i], places[4 * i + 1], places[4 * i + 2]];
+      const [x, y, z] = [shaped[4 * i], shaped[4 * i + 1], shaped[4 * i + 2]];
       let depth = 0;
       let sum = 0;
       for (let a = 4 * i; a < 4 * i + 4; a++) {
@@ -327,7 +326,7 @@
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.activeTexture(gl.TEXTURE5);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, across, placed, gl.RGBA, gl.FLOAT, places);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, across, tableRows, gl.RGBA, gl.FLOAT, shaped);
     gl.activeTexture(gl.TEXTURE3);
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3, joints, gl.RGBA, gl.FLOAT, matrices);
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, order);

@@ -80,6 +80,21 @@ fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
     assert_eq!(shine[15..], [192, 1, 255]);
     let guessed = STANDARD.decode(data["guessed"].as_str().expect("text"));
     assert_eq!(guessed.expect("base64"), [0b10], "the second splat");
+    let shapes = &data["shapes"];
+    let bytes = |name: &str| STANDARD.decode(shapes[name].as_str().expect("text"));
+    assert_eq!(
+        (&shapes["count"], &shapes["most"]),
+        (&1.into(), &1.0.into())
+    );
+    assert_eq!(
+        bytes("weights").expect("base64"),
+        [192, 1],
+        "a half and −1, of 127"
+    );
+    let basis = bytes("basis").expect("base64");
+    assert_eq!(basis.len(), 2 * 9 * 3 * 4);
+    assert_eq!(basis[4 * 28..4 * 29], (-0.2f32).to_le_bytes());
+    assert_eq!(bytes("filmed").expect("base64").len(), 2 * 9 * 2 * 4);
     let poses = STANDARD.decode(data["clips"][0]["poses"].as_str().expect("text"));
     assert_eq!(poses.expect("base64").len(), 12 + 2 * 8);
 }
@@ -117,4 +132,25 @@ fn bones_carry_gaussians() {
     let back = inverse(&person.skeleton.body_to_world(&pose));
     let back = posed(&person, &pose, &back).expect("a pose")[1];
     assert!((back.mean[2] - 0.25).abs() < 1e-5, "{:?}", back.mean);
+}
+
+#[test]
+fn pose_blend_shapes_move_gaussians_before_bones_carry_them() {
+    let mut person = person();
+    // 5 cm below the elbow, which carries it.
+    person.splats[1].mean = [0.5, 0.95, 0.0];
+    person.splats[1].bones = [(1, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)];
+    let mut pose = Pose::rest(2);
+    pose.rotations[1] = [0.0, 0.0, std::f32::consts::FRAC_PI_2];
+    let mean = |person: &SkinnedSplats| posed(person, &pose, &IDENTITY).expect("a pose")[1].mean;
+    let moved = mean(&person);
+    person.shapes = None;
+    let carried = mean(&person);
+    // The turn's R₀₀ − 1 is −1: 0.2 m along y, by the weight −1 and the nearness; the bone turns y to −x.
+    let near = (-0.05f32.powi(2) / (2.0 * 0.12f32.powi(2))).exp();
+    let expected = [0.2 * near, 0.0, 0.0];
+    for ((moved, carried), expected) in moved.iter().zip(carried).zip(expected) {
+        let off = moved - carried - expected;
+        assert!(off.abs() < 1e-5, "{moved} {carried} {expected}");
+    }
 }

@@ -87,16 +87,8 @@ impl HostShapes {
     /// The same person with fewer splats, at `means` `[N, 3]`. Each replaces a group of the present ones, which have these
     /// weights in it.
     pub fn merged(&self, groups: &[Vec<(usize, f32)>], body: &Body, means: &[f32]) -> Self {
-        let mixed = |group: &Vec<(usize, f32)>| {
-            let mut sums = vec![0f32; self.count];
-            for (splat, weight) in group {
-                let own = &self.weights[splat * self.count..][..self.count];
-                sums.iter_mut()
-                    .zip(own)
-                    .for_each(|(sum, own)| *sum += weight * own);
-            }
-            sums
-        };
+        let mixed =
+            |group: &Vec<(usize, f32)>| mixed(&self.weights, self.count, group.iter().copied());
         let weights = groups.iter().flat_map(mixed).collect();
         let (basis, filmed) = (self.basis.clone(), self.filmed.clone());
         let near = Nearness::new(&body.skeleton, &body.rest, self.reach);
@@ -143,4 +135,20 @@ impl HostShapes {
             }
         });
     }
+}
+
+/// h `[R]` of a splat in place of a group of those with the `weights` `[N, R]`, of which each has a share in it.
+pub(crate) fn mixed(
+    weights: &[f32],
+    count: usize,
+    group: impl Iterator<Item = (usize, f32)>,
+) -> Vec<f32> {
+    let mut sums = vec![0f32; count];
+    for (splat, share) in group {
+        let own = &weights[splat * count..][..count];
+        for (sum, own) in sums.iter_mut().zip(own) {
+            *sum += share * own;
+        }
+    }
+    sums
 }

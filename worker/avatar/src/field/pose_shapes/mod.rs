@@ -12,11 +12,11 @@ mod host;
 mod nearness;
 
 pub(crate) use features::Filmed;
-pub(crate) use host::HostShapes;
+pub(crate) use host::{HostShapes, mixed};
 pub(crate) use nearness::Nearness;
 
 use super::mlp::{Mlp, MlpShape};
-use crate::config::{ModelConfig, PoseShapesConfig};
+use crate::config::{ModelConfig, PoseShapesConfig, Precision};
 use crate::host::{ReadError, read};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
@@ -39,7 +39,7 @@ pub struct PoseShapes {
     /// h: place and code to `[N, R]`.
     mlp: Mlp,
     /// `[K, 9, 3 R]`: what people have in common.
-    basis: Param<Tensor<3>>,
+    pub(crate) basis: Param<Tensor<3>>,
     /// One `[K, 9, 3 R]` per identity, added to the basis.
     own: Vec<Param<Tensor<3>>>,
     /// One `[2, 9 K]` per identity: least and greatest features of the filmed poses. Never trained.
@@ -82,6 +82,11 @@ impl PoseShapes {
                 .map(|slot| bounds(init, slot, &Filmed::nothing(joints)))
                 .collect(),
         })
+    }
+
+    /// Sets the precision that the network multiplies in.
+    pub(crate) fn set_precision(&mut self, precision: Precision) {
+        self.mlp.set_precision(precision);
     }
 
     /// Notes that these poses were filmed of the person in `slot`, too.
