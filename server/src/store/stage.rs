@@ -2,9 +2,13 @@
 
 use super::Store;
 use super::db;
+use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
+use crate::store::{Ending, LeaseKey};
+use crate::tenant::Tenant;
 use std::sync::Arc;
 use tempfile::TempDir;
+use yoto_proto::v1::{Checkpoint, job};
 use yoto_test_postgres::Database;
 
 /// A kind of database.
@@ -120,3 +124,33 @@ macro_rules! on_each_database {
     };
 }
 pub(super) use on_each_database;
+
+/// The training `j` runs by the token 77 of the worker `w` in a database that was brought up to date: its lease lasts, and it
+/// publishes and returns.
+pub async fn running_job_goes_on(store: &Store) {
+    let own = Tenant::default();
+    let lease = LeaseKey {
+        job_id: "j".into(),
+        worker_id: "w".into(),
+        token: 77,
+    };
+    assert!(store.tick(5, 20.0).await.expect("ticks").is_empty());
+    let cancel = store.heartbeat(&own, &lease, None, 20.0).await;
+    assert!(!cancel.expect("the lease lasts"));
+    let job = store.job_history(&own, "j").await.expect("is kept");
+    assert_eq!((job.state(), job.attempts.len()), (job::State::Running, 1));
+    let checkpoint = Checkpoint {
+        step: 5,
+        ..Checkpoint::default()
+    };
+    let keep = Retention {
+        newest: 1,
+        every: 0,
+    };
+    let published = store
+        .publish_checkpoint(&own, &lease, checkpoint, keep)
+        .await;
+    published.expect("publishes");
+    let ended = store.end_job(&own, &lease, Ending::Returned).await;
+    ended.expect("returns the job");
+}

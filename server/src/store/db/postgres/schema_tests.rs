@@ -1,15 +1,14 @@
 //! Databases that PostgreSQL's driver brings up to date, and those that it refuses.
 
 use super::migrations::migrations;
-use crate::checkpoints::retention::Retention;
 use crate::clock::{ManualClock, SystemClock};
-use crate::store::{Ending, LeaseKey, NewSubject, Store, StoreError};
+use crate::store::stage::running_job_goes_on;
+use crate::store::{NewSubject, Store, StoreError};
 use crate::tenant::Tenant;
 use sqlx::postgres::PgConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};
 use std::sync::Arc;
-use yoto_proto::v1::{Checkpoint, job};
 use yoto_test_postgres::{Database, is_there};
 
 async fn open(database: &Database) -> Result<Store, StoreError> {
@@ -138,30 +137,7 @@ async fn a_running_job_goes_on_after_the_upgrade_of_the_first_schema() {
     let clock = Arc::new(ManualClock::at(2.0));
     let store = Store::open_postgres(&url, clock).await.expect("upgrades");
     let own = Tenant::default();
-    let lease = LeaseKey {
-        job_id: "j".into(),
-        worker_id: "w".into(),
-        token: 77,
-    };
-    assert!(store.tick(5, 20.0).await.expect("ticks").is_empty());
-    let cancel = store.heartbeat(&own, &lease, None, 20.0).await;
-    assert!(!cancel.expect("the lease lasts"));
-    let job = store.job_history(&own, "j").await.expect("is kept");
-    assert_eq!((job.state(), job.attempts.len()), (job::State::Running, 1));
-    let checkpoint = Checkpoint {
-        step: 5,
-        ..Checkpoint::default()
-    };
-    let keep = Retention {
-        newest: 1,
-        every: 0,
-    };
-    let published = store
-        .publish_checkpoint(&own, &lease, checkpoint, keep)
-        .await;
-    published.expect("publishes");
-    let ended = store.end_job(&own, &lease, Ending::Returned).await;
-    ended.expect("returns the job");
+    running_job_goes_on(&store).await;
     let again = store.lease_job(&own, "w", "", false, 20.0).await;
     let again = again.expect("answers").leased;
     assert_eq!(

@@ -4,13 +4,14 @@ use super::Sqlite;
 use super::migrations::migrations;
 use crate::checkpoints::retention::Retention;
 use crate::clock::{ManualClock, SystemClock};
-use crate::store::{Ending, JobKind, LeaseKey, NewJob, NewWorker, RequestKey, Store};
+use crate::store::stage::running_job_goes_on;
+use crate::store::{JobKind, NewJob, NewWorker, RequestKey, Store};
 use crate::tenant::Tenant;
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
 use sqlx::{Executor, Row};
 use std::path::Path;
 use std::sync::Arc;
-use yoto_proto::v1::{Checkpoint, EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
+use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
 
 /// The store's database.
 fn sqlite(store: &Store) -> &Sqlite {
@@ -163,30 +164,7 @@ async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
     let clock = Arc::new(ManualClock::at(2.0));
     let store = Store::open_sqlite(&path, clock).await.expect("upgrades");
     let own = Tenant::default();
-    let lease = LeaseKey {
-        job_id: "j".into(),
-        worker_id: "w".into(),
-        token: 77,
-    };
-    assert!(store.tick(5, 20.0).await.expect("ticks").is_empty());
-    let cancel = store.heartbeat(&own, &lease, None, 20.0).await;
-    assert!(!cancel.expect("the lease lasts"));
-    let job = store.job_history(&own, "j").await.expect("is kept");
-    assert_eq!((job.state(), job.attempts.len()), (job::State::Running, 1));
-    let checkpoint = Checkpoint {
-        step: 5,
-        ..Checkpoint::default()
-    };
-    let keep = Retention {
-        newest: 1,
-        every: 0,
-    };
-    let published = store
-        .publish_checkpoint(&own, &lease, checkpoint, keep)
-        .await;
-    published.expect("publishes");
-    let ended = store.end_job(&own, &lease, Ending::Returned).await;
-    ended.expect("returns the job");
+    running_job_goes_on(&store).await;
     let new = NewWorker {
         embedded: false,
         display_name: "new".into(),
