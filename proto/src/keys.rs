@@ -5,9 +5,31 @@
 //! names a key is the commit point; an object without a row is garbage, which is collected by the
 //! folder ([`FolderOwner`]).
 
-/// An uploaded file of a capture: `uploads/{capture}/{path}`.
-pub fn upload(capture_id: &str, path: &str) -> String {
-    format!("uploads/{capture_id}/{path}")
+/// The folder of an upload.
+pub fn upload_folder(capture_id: &str) -> String {
+    format!("uploads/{capture_id}")
+}
+
+/// The folder of an upload's parts.
+pub fn upload_parts(capture_id: &str) -> String {
+    format!("uploads/{capture_id}/parts")
+}
+
+/// The bytes of an upload that its `writer` commits at once, as commit `number`. Numbers of writers only grow, and only
+/// the newest one commits.
+pub fn upload_part(capture_id: &str, writer: u64, number: u64) -> String {
+    format!("uploads/{capture_id}/parts/{writer}-{number}")
+}
+
+/// Writer and number in the key of a part; `None` for other keys.
+pub fn writer_of_part(key: &str) -> Option<(u64, u64)> {
+    let mut segments = key.split('/');
+    let (root, _, folder) = (segments.next()?, segments.next()?, segments.next()?);
+    let (writer, number) = segments.next()?.split_once('-')?;
+    if root != "uploads" || folder != "parts" || segments.next().is_some() {
+        return None;
+    }
+    Some((writer.parse().ok()?, number.parse().ok()?))
 }
 
 /// The training shard of a capture.
@@ -167,7 +189,7 @@ mod tests {
             ),
             (render("j-1", 7, "0.png"), FolderOwner::Render { by }),
             (
-                upload("c", "poses.json"),
+                format!("{}/x", upload_folder("c")),
                 FolderOwner::Upload { capture: "c" },
             ),
         ];
@@ -177,6 +199,16 @@ mod tests {
             let depth = found.split('/').count() - 1;
             let root = found.split('/').next().unwrap_or_default();
             assert!(ROOTS.contains(&(root, depth)), "{key}");
+        }
+        assert_eq!(writer_of_part(&upload_part("c", 3, 17)), Some((3, 17)));
+        for other in [
+            "uploads/c/parts/3",
+            "uploads/c/parts/a-1",
+            "uploads/c/parts/3-1/x",
+            "uploads/c/3-1",
+            "models/c/parts/3-1",
+        ] {
+            assert_eq!(writer_of_part(other), None, "{other}");
         }
         for other in ["", "uploads", "models/m/j/5", "renders/j/x", "lost+found/a"] {
             assert_eq!(FolderOwner::parse(other), None, "{other}");

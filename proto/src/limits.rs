@@ -12,10 +12,15 @@ pub const WINDOW_BYTES: u32 = MESSAGE_BYTES as u32;
 /// Concurrent calls on one connection. A client that follows many jobs has one call for each.
 pub const STREAMS: u32 = 1024;
 
-/// Bytes of an upload that are committed at once.
+/// Bytes of an upload that are committed at once, as one object.
 pub const PART_BYTES: u64 = 8 << 20;
 /// Files that are committed at once.
-pub const PART_FILES: usize = 128;
+pub const PART_FILES: usize = 1024;
+/// A part smaller than this fraction of a full one is joined to the next one. An upload whose connection breaks after each
+/// byte then has at most 8,193 parts of 1 MiB, and each of its commits writes up to 1 MiB again.
+pub const LEAST_PART: u64 = 8;
+/// Pieces of the files of an upload. One for each file, and one more where a part ends within a file, are far fewer.
+pub const UPLOAD_PIECES: u64 = 2 * CAPTURE_FILES as u64;
 /// Bytes of one chunk of a transfer: far below a message, and enough for full speed.
 pub const CHUNK_BYTES: usize = 256 << 10;
 /// Bytes of one uploaded file.
@@ -24,9 +29,10 @@ pub const FILE_BYTES: u64 = 8 << 30;
 pub const CAPTURE_BYTES: u64 = 8 << 30;
 /// Number of files of an upload.
 pub const CAPTURE_FILES: usize = 200_000;
-/// Bytes of the list of uploaded files, each with its object, in a lease. The rest of a message is for the
-/// other parts of the lease.
+/// Bytes of the list of uploaded files, each in one piece, in a lease.
 pub const LISTING_BYTES: usize = MESSAGE_BYTES - (1 << 20);
+/// Bytes that a piece of a file and its part add to a lease at most: tags, lengths and numbers of a piece.
+pub const PIECE_LISTING_BYTES: usize = 20;
 /// Length of a file's path in an upload, bytes.
 pub const PATH_BYTES: usize = 200;
 
@@ -78,6 +84,7 @@ mod tests {
     #[test]
     fn a_list_of_files_leaves_room_in_its_message() {
         const { assert!(LISTING_BYTES < MESSAGE_BYTES && PAGE_BYTES < MESSAGE_BYTES) }
+        const { assert!(LISTING_BYTES + UPLOAD_PIECES as usize * PIECE_LISTING_BYTES < ANSWER_BYTES) }
         const { assert!(CHUNK_BYTES < PART_BYTES as usize && PART_BYTES < MESSAGE_BYTES as u64) }
     }
 }

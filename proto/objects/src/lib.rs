@@ -6,9 +6,11 @@
 //! a fault of the store: it is reported at once, also by a store that waits faults out.
 
 mod error;
+mod parts;
 mod read;
 
 pub use error::ObjectsError;
+pub use parts::{Extent, Part, Piece};
 
 use bytes::Bytes;
 use object_store::local::LocalFileSystem;

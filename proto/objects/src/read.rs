@@ -123,7 +123,7 @@ fn checked(
     })
 }
 
-fn same_bytes(object: &ObjectRef, hash: Sha256) -> Result<(), ObjectsError> {
+pub(super) fn same_bytes(object: &ObjectRef, hash: Sha256) -> Result<(), ObjectsError> {
     let found = hex(&hash.finalize());
     if found == object.sha256 {
         return Ok(());

@@ -4,7 +4,7 @@ use super::checks::parse;
 use super::checks::results::{check_result, require};
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::objects::upload::is_sha256;
+use crate::objects::checksum::is_sha256;
 use crate::store::{Ending, LeaseKey, StoreError, TakenRange};
 use crate::tenant::Tenant;
 use yoto_proto::checks::scene::MAX_PICTURES;

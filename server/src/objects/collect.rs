@@ -7,7 +7,7 @@
 use super::folders::Folder;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{Horizons, KnownGarbage, Reference};
+use crate::store::{Horizons, KnownGarbage, PartId, Reference};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
@@ -80,6 +80,13 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
     let keys: Vec<String> = folders.iter().map(|it| it.key.clone()).collect();
     let references = context.store.references(&keys, kept(context)).await?;
     let grace = context.config.storage.grace.as_secs_f64();
+    if !options.dry_run {
+        for (folder, _) in (folders.iter().zip(&references)).filter(|it| *it.1 == Reference::Row) {
+            if let Some(FolderOwner::Upload { capture }) = FolderOwner::parse(&folder.key) {
+                remove_orphans(context, capture).await?;
+            }
+        }
+    }
     let mut found = judge(folders, &references, &known);
     for it in &mut found {
         it.due = it.age >= grace || (options.now && it.deleted);
@@ -118,6 +125,26 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
         }
     }
     Ok(found)
+}
+
+/// Removes the parts of an upload in use that no row names or will name: those of writers that lost the upload, or were
+/// killed, between the object and its row, and those that were joined to the next part.
+async fn remove_orphans(context: &Context, capture: &str) -> Result<(), RequestError> {
+    let keys = context
+        .objects
+        .keys_below(&keys::upload_parts(capture))
+        .await?;
+    let parts = keys.iter().filter_map(|key| keys::writer_of_part(key));
+    let parts: Vec<PartId> = parts
+        .map(|(writer, number)| PartId { writer, number })
+        .collect();
+    let orphans = context.store.orphans_of_upload(capture, &parts).await?;
+    for PartId { writer, number } in orphans {
+        let key = keys::upload_part(capture, writer, number);
+        context.objects.remove(&key).await?;
+        tracing::info!(key, "a part of an upload that nothing names is removed");
+    }
+    Ok(())
 }
 
 /// Whether no row can name the folder `key` from now on. This was true of all folders when their references were read,

@@ -44,6 +44,21 @@ impl ObjectDisk {
         })
     }
 
+    /// Makes `folder`, which other users of this machine can't look into, for objects of people. The store makes missing
+    /// folders by the umask.
+    ///
+    /// # Errors
+    /// When the disk fails.
+    pub async fn make_private(&self, folder: &str) -> Result<(), ObjectsError> {
+        let path = self.root.join(folder);
+        let made = {
+            let path = path.clone();
+            tokio::task::spawn_blocking(move || private::create_dir_all(&path)).await
+        };
+        made.unwrap_or_else(|error| Err(io::Error::other(error)))
+            .map_err(|error| failed("creating", &path, error))
+    }
+
     /// Deletes `folder` with all its objects.
     ///
     /// # Errors

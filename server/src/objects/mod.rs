@@ -1,8 +1,7 @@
-//! The coordinator's side of the object store: uploads that grow, free space, and collection of garbage.
+//! The coordinator's side of the object store: free space, and collection of garbage.
 
+pub mod checksum;
 pub mod collect;
 pub mod disk;
 mod folders;
-pub mod parts;
 pub mod room;
-pub mod upload;

@@ -21,9 +21,9 @@ pub use job_types::{
     TakenRange,
 };
 pub use types::{
-    CommittedPart, Entry, Horizons, KnownGarbage, NewModel, NewSubject, NewUpload, NewWorker, Page,
-    Reference, RequestKey, StoreError, SubjectChange, Target, Upload, UploadFile, UploadedFile,
-    new_id,
+    Entry, Horizons, KnownGarbage, NewModel, NewPart, NewPiece, NewSubject, NewUpload, NewWorker,
+    Page, PartId, Reference, RequestKey, StoreError, StoredPart, SubjectChange, Target, Upload,
+    UploadFile, UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;

@@ -3,8 +3,9 @@
 use super::JobKind;
 use prost::Message;
 use thiserror::Error;
+use yoto_objects::Part;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{self, ErrorReason, WorkerDevice};
+use yoto_proto::v1::{self, ErrorReason, ObjectRef, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -204,6 +205,10 @@ pub struct Upload {
     pub write_time: f64,
     /// Its files, by path.
     pub files: Vec<UploadFile>,
+    /// Its newest part.
+    pub newest: Option<UploadPart>,
+    /// Number of pieces of its files.
+    pub pieces: u64,
 }
 
 /// A file of an upload.
@@ -219,15 +224,56 @@ pub struct UploadFile {
     pub committed: u64,
 }
 
-/// A range of bytes of a file that is on disk and follows its committed bytes.
+/// A part of an upload: the writer that has committed it, and its number among that writer's commits. The parts in this
+/// order have the bytes of each file in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PartId {
+    /// Number of the writer; 0 for a file that an earlier version has stored.
+    pub writer: u64,
+    /// Number of the commit.
+    pub number: u64,
+}
+
+/// A part of an upload, without its pieces.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CommittedPart {
+pub struct UploadPart {
+    /// Which one.
+    pub id: PartId,
+    /// Its object.
+    pub object: ObjectRef,
+}
+
+/// A range of bytes of a file that follows its committed bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NewPiece {
     /// The file's path.
     pub path: String,
     /// First byte.
     pub from: u64,
     /// Byte after the last.
     pub to: u64,
+}
+
+/// A part of an upload that is in the object store and is to be recorded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NewPart {
+    /// Which one.
+    pub id: PartId,
+    /// Its object: the bytes of the part that it replaces, then those of its pieces.
+    pub object: ObjectRef,
+    /// Its pieces, in their order.
+    pub pieces: Vec<NewPiece>,
+    /// The part that it replaces, the newest one.
+    pub replaces: Option<PartId>,
+}
+
+/// A part of an upload with its pieces, whose files are called by their paths.
+#[derive(Debug, Clone)]
+pub struct StoredPart {
+    /// Which one.
+    pub id: PartId,
+    /// Its object and pieces.
+    pub part: Part<String>,
 }
 
 /// A model to create.

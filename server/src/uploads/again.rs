@@ -3,8 +3,7 @@
 use super::answered;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::objects::upload::input_file;
-use crate::store::{RequestKey, StoreError};
+use crate::store::{RequestKey, StoreError, StoredPart};
 use crate::tenant::Tenant;
 use yoto_proto::v1::{Capture, capture};
 
@@ -27,13 +26,14 @@ pub async fn ingest_again(
         capture.state(),
         capture::State::Uploaded | capture::State::Rejected
     ) {
-        for file in context.store.capture_files(tenant, id).await? {
-            let object = input_file(id, &file).object.unwrap_or_default();
-            match context.objects.require(&object).await {
+        for StoredPart { part, .. } in context.store.upload_parts(tenant, id).await? {
+            match context.objects.require(&part.object).await {
                 Err(error) if error.is_torn() => {
+                    let path = part.pieces.first().map(|piece| &piece.file);
                     tracing::error!(
                         capture = capture.name,
-                        path = file.path,
+                        path,
+                        %error,
                         "a file of an upload is lost"
                     );
                     return Err(StoreError::upload_gone(id).into());

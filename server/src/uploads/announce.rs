@@ -5,14 +5,15 @@ use crate::config::UploadLimits;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
-use crate::objects::upload::{input_file, is_sha256};
-use crate::store::{NewUpload, RequestKey, Upload, UploadedFile, new_id};
+use crate::objects::checksum::is_sha256;
+use crate::store::{NewUpload, RequestKey, Upload, UploadedFile};
 use crate::tenant::Tenant;
 use prost::Message;
 use prost_types::Timestamp;
 use yoto_proto::media_plan::CAPTURE_ARCHIVES;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{self, CommittedFile, FileHeader, upload};
+use yoto_proto::worker::v1::InputFile;
 use yoto_proto::{limits, pose_track};
 
 /// Opens an upload of `files` for a subject, or finds the one that `request` opened.
@@ -80,8 +81,6 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
         ));
     }
     let (mut paths, mut bytes, mut listing) = (CapturePaths::default(), 0_u64, 0);
-    // As long as any other id.
-    let example_id = new_id();
     let mut checked = Vec::with_capacity(files.len());
     let mut faults = Vec::new();
     for (number, file) in files.into_iter().enumerate() {
@@ -118,7 +117,7 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
             refuse("sha256", "a SHA-256 is 64 hex digits".into());
         }
         // A message in a list costs its length, a tag, and up to four bytes for the length.
-        listing += 5 + input_file(&example_id, &file).encoded_len();
+        listing += 5 + listed(&file).encoded_len() + limits::PIECE_LISTING_BYTES;
         if listing > limits::LISTING_BYTES {
             refuse("path", format!("too many files, {number} are before it"));
             break;
@@ -132,6 +131,16 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
         return of_all(format!("the capture has none of {tracks}, {archives}"));
     }
     Ok(checked)
+}
+
+/// An uploaded file in the lease of its ingest job, without its pieces.
+fn listed(file: &UploadedFile) -> InputFile {
+    InputFile {
+        path: file.path.clone(),
+        bytes: file.bytes,
+        sha256: file.sha256.clone(),
+        ..InputFile::default()
+    }
 }
 
 /// An upload as its client sees it.

@@ -1,20 +1,15 @@
 //! The end of an upload: its files are compared with what was announced, and its ingest job is queued.
 
+use super::verify::{Faults, verify};
 use super::{answered, lost, take_over};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::all;
 use crate::store::{RequestKey, UploadFile};
 use crate::tenant::Tenant;
-use bytes::Bytes;
-use futures::{StreamExt, TryStreamExt, stream};
-use yoto_objects::ObjectsError;
-use yoto_proto::keys;
 use yoto_proto::v1::{Capture, ErrorReason};
 
-/// Files that are hashed at once.
-const HASHED_AT_ONCE: usize = 2;
-
-/// Checks the SHA-256 of every file on disk, and queues the ingest job. A finished upload gets the first answer
+/// Checks the SHA-256 of every file in the store, and queues the ingest job. A finished upload gets the first answer
 /// again.
 ///
 /// # Errors
@@ -45,46 +40,43 @@ pub async fn finish(
                 message,
             ));
         }
-        stream::iter(upload.files)
-            .map(|file| verify(context, tenant, id, writer, file))
-            .buffer_unordered(HASHED_AT_ONCE)
-            .try_collect::<()>()
-            .await?;
+        let parts = context.store.upload_parts(tenant, id).await?;
+        let faults = verify(context, &upload.files, &parts).await?;
+        refuse(context, tenant, id, writer, faults).await?;
     }
-    let capture = context.store.finish_upload(tenant, id, request).await?;
+    let finished = context.store.finish_upload(tenant, id, writer, request);
+    let capture = finished.await?;
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture uploaded");
     Ok(capture)
 }
 
-/// Compares a file with its announced checksum. An empty file is created, since no chunk of it arrives.
-async fn verify(
+/// Restarts the files with faults, and refuses the upload if there are any.
+async fn refuse(
     context: &Context,
     tenant: &Tenant,
     id: &str,
     writer: u64,
-    file: UploadFile,
+    faults: Faults,
 ) -> Result<(), RequestError> {
-    let key = keys::upload(id, &file.path);
-    if file.bytes == 0 {
-        context.objects.put(&key, Bytes::new()).await?;
+    let Faults {
+        lost: gone, others, ..
+    } = faults;
+    let paths: Vec<String> = others.iter().map(|(path, ..)| path.clone()).collect();
+    if !paths.is_empty() {
+        (context.store)
+            .restart_files(tenant, id, writer, &paths)
+            .await?;
     }
-    let found = match context.disk.sha256(&key, file.bytes).await {
-        Err(ObjectsError::Size { found, .. }) => {
-            return Err(lost(context, tenant, id, writer, &file.path, found).await);
-        }
-        hashed => hashed?,
-    };
-    if found == file.sha256 {
-        return Ok(());
+    if !gone.is_empty() {
+        return Err(lost(context, tenant, id, writer, gone).await);
     }
-    (context.store)
-        .restart_file(tenant, id, writer, &file.path)
-        .await?;
-    let message = format!(
-        "{}: the received bytes have {found}, not {}; the file has to be sent again",
-        file.path, file.sha256
-    );
-    let field = format!("files[\"{}\"].sha256", file.path);
-    Err(RequestError::invalid(field, message))
+    all::<()>(others.into_iter().map(|(path, announced, found)| {
+        let message = format!(
+            "{path}: the received bytes have {found}, not {announced}; the file has to be sent again"
+        );
+        let field = format!("files[\"{path}\"].sha256");
+        Err(RequestError::invalid(field, message))
+    }))
+    .map(drop)
 }

@@ -1,6 +1,6 @@
 //! Uploads of captures: announced, written in parts that are committed one by one, and finished.
 //!
-//! A byte is acknowledged once it is on disk and the row of its file counts it. Whatever breaks (the
+//! A byte is acknowledged once its part is in the object store and the row of its file counts it. Whatever breaks (the
 //! connection, the client, this process), the upload continues from there. Content is not read here: a capture
 //! that arrives complete but is faulty becomes REJECTED by its ingest job, so that its owner sees the faults.
 
@@ -10,6 +10,7 @@ mod batch;
 mod finish;
 mod locks;
 mod paths;
+mod verify;
 mod write;
 
 pub use again::ingest_again;
@@ -23,29 +24,36 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{RequestKey, Upload};
 use crate::tenant::Tenant;
+use std::collections::BTreeSet;
 use yoto_proto::v1::{Capture, ErrorReason};
 
-/// Restarts a file of an upload of which only `left` acknowledged bytes are still on disk, and returns the error for
-/// the call that found this. Otherwise each later write would fail until the upload expires.
+/// Restarts the files at `paths`, whose acknowledged bytes the store has lost, and returns the error for the call that found
+/// this. Otherwise each later write would fail until the upload expires.
 async fn lost(
     context: &Context,
     tenant: &Tenant,
     id: &str,
     writer: u64,
-    path: &str,
-    left: u64,
+    paths: BTreeSet<String>,
 ) -> RequestError {
+    let paths: Vec<String> = paths.into_iter().collect();
     tracing::error!(
         upload = id,
-        path,
-        left,
+        ?paths,
         "acknowledged bytes of an upload are lost"
     );
-    if let Err(error) = context.store.restart_file(tenant, id, writer, path).await {
+    let store = &context.store;
+    if let Err(error) = store.restart_files(tenant, id, writer, &paths).await {
         return error.into();
     }
-    let message =
-        format!("{path}: only {left} bytes are left of it; the file has to be sent again");
+    let first = paths.first().map_or("", String::as_str);
+    let others = match paths.len() {
+        0 | 1 => String::new(),
+        count => format!(", and of {} more", count - 1),
+    };
+    let message = format!(
+        "{first}: the service has lost bytes of it{others}; what is missing has to be sent again"
+    );
     RequestError::precondition(ErrorReason::UploadIncomplete, message)
 }
 

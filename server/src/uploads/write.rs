@@ -1,17 +1,19 @@
 //! The bytes of an upload: checked as they arrive, committed in parts.
 
-use super::batch::{Batch, Committer};
+use super::batch::{Batch, Committer, Writer};
 use super::locks::UploadLock;
 use super::{open, take_over};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::StoreError;
 use crate::tenant::Tenant;
+use bytes::Buf;
 use futures::{Stream, StreamExt};
 use std::collections::HashMap;
 use std::sync::Arc;
 use tonic::Status;
 use yoto_proto::crc32c;
+use yoto_proto::limits::UPLOAD_PIECES;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{ErrorReason, WriteUploadRequest, WriteUploadResponse};
 
@@ -38,11 +40,18 @@ where
         .to_owned();
     let (lock, number) = take_over(&context, &tenant, &id).await?;
     let upload = open(&context, &tenant, &id).await?;
-    let mut writer = Writer {
+    let by = Writer {
+        context: Arc::clone(&context),
+        tenant,
+        id,
+        number,
+    };
+    let mut writer = Receiver {
         name: first.upload.clone(),
         files: HashMap::with_capacity(upload.files.len()),
         batch: Batch::default(),
-        committer: Committer::new(Arc::clone(&context), tenant, &id, number),
+        pieces: upload.pieces,
+        committer: Committer::new(by, upload.newest),
         part_bytes: context.config.upload.part_bytes,
         bytes: upload.files.iter().map(|file| file.committed).sum(),
     };
@@ -83,18 +92,20 @@ struct Received {
     end: u64,
 }
 
-struct Writer {
+struct Receiver {
     /// `uploads/{id}`.
     name: String,
     files: HashMap<String, Received>,
     batch: Batch,
+    /// Number of pieces, without those of the batch.
+    pieces: u64,
     committer: Committer,
     part_bytes: u64,
     /// Received bytes of all files, including those not yet committed.
     bytes: u64,
 }
 
-impl Writer {
+impl Receiver {
     async fn take_all<S>(
         &mut self,
         context: &Context,
@@ -167,22 +178,37 @@ impl Writer {
         if length == 0 {
             return Ok(());
         }
+        if self.pieces + self.batch.pieces() >= UPLOAD_PIECES {
+            let message = format!(
+                "{shown}: the upload has {UPLOAD_PIECES} pieces, which is the most: write each file to its end before \
+                 the next one"
+            );
+            return Err(RequestError::invalid("path", message));
+        }
         file_state.next += length;
         self.bytes += length;
-        self.batch.push(&path, offset, chunk);
-        if self.batch.is_full(self.part_bytes) {
-            self.committer
-                .start(std::mem::take(&mut self.batch))
-                .await?;
+        let (mut chunk, mut offset) = (chunk, offset);
+        while !chunk.is_empty() {
+            let taken = self.batch.push(&path, offset, &chunk, self.part_bytes);
+            chunk.advance(taken as usize);
+            offset += taken;
+            if self.batch.is_full(self.part_bytes) {
+                self.commit().await?;
+            }
         }
         Ok(())
     }
 
+    /// Starts to commit the batch.
+    async fn commit(&mut self) -> Result<(), RequestError> {
+        let batch = std::mem::take(&mut self.batch);
+        self.pieces += batch.pieces();
+        self.committer.start(batch).await
+    }
+
     /// Commits all that has arrived.
     async fn end(&mut self) -> Result<(), RequestError> {
-        self.committer
-            .start(std::mem::take(&mut self.batch))
-            .await?;
+        self.commit().await?;
         self.committer.wait().await
     }
 }

@@ -144,7 +144,7 @@ async fn an_upload_is_kept_until_it_was_read() {
     let ada = service.subject("Ada").await;
     let uploaded = service.upload_good(&ada.name).await;
     let capture = uploaded.name;
-    let upload = keys::upload(id(&capture), "poses.json");
+    let upload = keys::upload_folder(id(&capture));
     service.collect(false, false).await;
     assert!(service.has(&upload));
     let worker = service.worker(&["ingest"]).await;
@@ -153,7 +153,7 @@ async fn an_upload_is_kept_until_it_was_read() {
     assert!(service.has(&upload));
     service.complete_ingest(&lease).await;
     service.collect(false, false).await;
-    assert!(!service.has(keys::folder(&upload)));
+    assert!(!service.has(&upload));
     let shard = keys::shard(id(&capture), id(&job_name(&lease)), lease.token);
     assert!(service.has(&shard));
 }
@@ -166,13 +166,13 @@ async fn an_upload_that_was_read_is_kept_for_a_while() {
     })
     .await;
     let ada = service.ready_subject("Ada").await;
-    let upload = keys::upload(id(&ada.captures[0]), "poses.json");
+    let upload = keys::upload_folder(id(&ada.captures[0]));
     service.collect(false, true).await;
     assert!(service.has(&upload));
     let earlier = "UPDATE captures SET idle_since = idle_since - 3601";
     service.database.run(earlier).await;
     service.collect(false, false).await;
-    assert!(!service.has(keys::folder(&upload)));
+    assert!(!service.has(&upload));
 }
 
 #[tokio::test]
@@ -321,7 +321,7 @@ async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
     let upload = open().await;
     let half = chunks(&upload.name, &[file("poses.json", b"{")]);
     service.write(half).await.expect("writes");
-    let key = keys::upload(id(&upload.name), "poses.json");
+    let key = keys::upload_folder(id(&upload.name));
     service.collect(true, false).await;
     assert!(service.has(&key), "nothing was to change");
     service.collect(false, false).await;
@@ -344,6 +344,36 @@ async fn an_upload_that_is_written_does_not_end() {
     let half = chunks(&upload, &[file("poses.json", b"{")]);
     service.write(half).await.expect("writes");
     service.collect(false, true).await;
+    let rest = vec![support::chunk(&upload, "poses.json", 1, b"}")];
+    service.write(rest).await.expect("writes");
+    service.finish(&upload).await.expect("is complete");
+}
+
+#[tokio::test]
+async fn parts_that_no_row_names_go_while_their_upload_is_in_use() {
+    let service = Service::start_with(at_once).await;
+    let ada = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}")];
+    let upload = service.open_upload(&ada.name, &files).await;
+    let upload = upload.expect("is opened").name;
+    let half = chunks(&upload, &[file("poses.json", b"{")]);
+    service.write(half).await.expect("writes");
+    // The first writer was lost between its second object and the row of it; another coordinator's writer is not the newest
+    // yet.
+    let part = |writer, number| keys::upload_part(id(&upload), writer, number);
+    for key in [part(0, 0), part(1, 1), part(7, 0)] {
+        service.put(&key, b"lost").await;
+    }
+    service.collect(false, false).await;
+    assert!(!service.has(&part(0, 0)), "no such writer commits any more");
+    assert!(service.has(&part(1, 0)), "a row names it");
+    assert!(service.has(&part(1, 1)), "it may be recorded yet");
+    service.get_upload(&upload).await.expect("is taken over");
+    service.collect(true, false).await;
+    assert!(service.has(&part(1, 1)), "nothing was to change");
+    service.collect(false, false).await;
+    assert!(!service.has(&part(1, 1)) && service.has(&part(1, 0)));
+    assert!(service.has(&part(7, 0)), "its writer is to come");
     let rest = vec![support::chunk(&upload, "poses.json", 1, b"}")];
     service.write(rest).await.expect("writes");
     service.finish(&upload).await.expect("is complete");

@@ -157,7 +157,7 @@ async fn files_are_accessible_to_the_service_s_user_alone() {
         assert_eq!(others(&data.join(path)), 0, "{path}");
     }
     assert_eq!(others(&upload), 0);
-    assert_eq!(others(&upload.join("frames/000000.png")), 0);
+    assert_eq!(others(&upload.join("parts")), 0);
 }
 
 #[tokio::test]

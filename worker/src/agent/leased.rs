@@ -153,7 +153,7 @@ impl<'a> Leased<'a> {
             control: self.control.clone(),
             ingest: self.worker.ingest.clone(),
             lpips: self.worker.lpips.clone(),
-            scratch: self.worker.scratch.clone(),
+            scratch: self.worker.scratch.path().to_owned(),
             objects: self.worker.objects.clone(),
             client: self.worker.client.clone(),
             progress,

@@ -7,12 +7,14 @@ pub mod control;
 mod heartbeat;
 mod leased;
 mod report;
+mod scratch;
 #[cfg(test)]
 mod silence_tests;
 mod watchdog;
 
 use crate::retry::{is_transient, is_unreadable};
 use leased::Leased;
+use scratch::Scratch;
 use std::future::Future;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -150,7 +152,7 @@ pub struct Worker {
     silence: Duration,
     ingest: Arc<IngestSettings>,
     lpips: Option<LpipsWeights>,
-    scratch: PathBuf,
+    scratch: Scratch,
     after_job: fn(),
 }
 
@@ -179,8 +181,8 @@ impl Worker {
         device: PickedDevice,
         config: WorkerConfig,
     ) -> Result<Self, WorkerError> {
-        std::fs::create_dir_all(&config.scratch).map_err(|source| WorkerError::Scratch {
-            folder: config.scratch.clone(),
+        let scratch = Scratch::make(&config.scratch).map_err(|source| WorkerError::Scratch {
+            folder: config.scratch,
             source,
         })?;
         Ok(Self {
@@ -197,7 +199,7 @@ impl Worker {
             silence: seconds("silence_seconds", config.silence_seconds)?,
             ingest: Arc::new(config.ingest),
             lpips: config.lpips,
-            scratch: config.scratch,
+            scratch,
             after_job: config.after_job,
         })
     }

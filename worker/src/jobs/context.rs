@@ -21,7 +21,7 @@ use tonic::{Code, Status};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
-use yoto_objects::{Objects, ObjectsError};
+use yoto_objects::{Extent, Objects, ObjectsError, Part};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::names::{Collection, NameError};
 use yoto_proto::v1::{Checkpoint, ObjectRef, Progress, RenderedFile};
@@ -127,6 +127,18 @@ impl JobContext {
     /// As [`Objects::copy_to`]; a lost lease ends the wait.
     pub fn get_to_file(&self, object: &ObjectRef, to: &std::path::Path) -> Result<(), JobFailure> {
         Ok(self.unless_lost(self.objects.copy_to(object, to))??)
+    }
+
+    /// Hands the bytes of the pieces of `part` to `take`, in their order, verified by the end.
+    ///
+    /// # Errors
+    /// A lost lease ends the wait. The inner errors are those of [`Objects::read_part`].
+    pub(crate) fn get_part<F: Clone + Send + Sync + 'static, E>(
+        &self,
+        part: Part<F>,
+        take: impl FnMut(Extent<F>) -> Result<(), E>,
+    ) -> Result<Result<Result<(), E>, ObjectsError>, JobFailure> {
+        self.unless_lost(self.objects.read_part(part, take))
     }
 
     /// Writes an object.

@@ -4,7 +4,7 @@
 use super::parse;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::objects::upload::is_sha256;
+use crate::objects::checksum::is_sha256;
 use crate::store::LeaseKey;
 use crate::tenant::Tenant;
 use prost::Message;

@@ -5,7 +5,6 @@ use crate::store::scripts::{capture_objects, captures, checkpoints, deletion, mo
 use crate::store::transaction::transaction;
 use crate::store::{
     Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, SubjectChange, Target,
-    UploadedFile,
 };
 use crate::tenant::Tenant;
 use yoto_proto::v1::{
@@ -93,15 +92,6 @@ impl Store {
         let mut tx = self.db.read().await?;
         captures::get(&mut tx, tenant, id).await?;
         capture_objects::list(&mut tx, id).await
-    }
-
-    /// The files of a capture, by path.
-    pub async fn capture_files(
-        &self,
-        tenant: &Tenant,
-        id: &str,
-    ) -> Result<Vec<UploadedFile>, StoreError> {
-        captures::files(&mut self.db.read().await?, tenant, id).await
     }
 
     /// Creates a model, or repeats the earlier answer to `request`.

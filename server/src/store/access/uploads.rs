@@ -1,8 +1,8 @@
 //! Uploads, and ingest jobs of captures.
 
-use crate::store::scripts::uploads;
+use crate::store::scripts::{upload_parts, uploads};
 use crate::store::transaction::transaction;
-use crate::store::{CommittedPart, NewUpload, RequestKey, Store, StoreError, Upload};
+use crate::store::{NewPart, NewUpload, PartId, RequestKey, Store, StoreError, StoredPart, Upload};
 use crate::tenant::Tenant;
 use yoto_proto::v1::Capture;
 
@@ -44,37 +44,65 @@ impl Store {
         transaction!(self, |tx| uploads::take_over(tx, tenant, id))
     }
 
-    /// Records parts of an open upload that its newest writer has put on disk: all of them, or none.
-    pub async fn commit_parts(
+    /// Records a part of an open upload that its newest writer has put into the object store, with all its pieces or none.
+    pub async fn commit_part(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        part: &NewPart,
+    ) -> Result<(), StoreError> {
+        transaction!(self, |tx| upload_parts::commit(tx, tenant, id, part))
+    }
+
+    /// Forgets the bytes of files of an open upload, for its newest writer.
+    pub async fn restart_files(
         &self,
         tenant: &Tenant,
         id: &str,
         writer: u64,
-        parts: &[CommittedPart],
+        paths: &[String],
     ) -> Result<(), StoreError> {
-        transaction!(self, |tx| uploads::commit(tx, tenant, id, writer, parts))
+        transaction!(self, |tx| upload_parts::restart(
+            tx, tenant, id, writer, paths
+        ))
     }
 
-    /// Forgets the bytes of a file of an open upload, for its newest writer.
-    pub async fn restart_file(
+    /// The parts of an upload, finished or not, in the order in which they have the bytes of each file.
+    pub async fn upload_parts(
         &self,
         tenant: &Tenant,
         id: &str,
-        writer: u64,
-        path: &str,
-    ) -> Result<(), StoreError> {
-        transaction!(self, |tx| uploads::restart(tx, tenant, id, writer, path))
+    ) -> Result<Vec<StoredPart>, StoreError> {
+        let mut tx = self.db.snapshot().await?;
+        uploads::require(&mut tx, tenant, id).await?;
+        upload_parts::all(&mut tx, id).await
     }
 
-    /// Ends a complete upload: the capture is INGESTING and its ingest job QUEUED, or neither. One that
+    /// Those of the parts `ids` in the object store that belong to nothing.
+    pub async fn orphans_of_upload(
+        &self,
+        id: &str,
+        ids: &[PartId],
+    ) -> Result<Vec<PartId>, StoreError> {
+        upload_parts::orphans(&mut self.db.read().await?, id, ids).await
+    }
+
+    /// Ends a complete upload for its newest writer: the capture is INGESTING and its ingest job QUEUED, or neither. One that
     /// has ended is not changed.
     pub async fn finish_upload(
         &self,
         tenant: &Tenant,
         id: &str,
+        writer: u64,
         request: Option<RequestKey>,
     ) -> Result<Capture, StoreError> {
-        transaction!(self, |tx| uploads::finish(tx, tenant, id, request.clone()))
+        transaction!(self, |tx| uploads::finish(
+            tx,
+            tenant,
+            id,
+            writer,
+            request.clone()
+        ))
     }
 
     /// Queues another ingest job of a capture that is UPLOADED or REJECTED.

@@ -92,55 +92,6 @@ async fn a_repeated_request_is_answered_once() {
 }
 
 #[tokio::test]
-async fn one_of_two_writers_of_an_upload_is_accepted() {
-    let Some(arena) = Arena::open().await else {
-        return;
-    };
-    let subject = arena.subject().await;
-    for _ in 0..ROUNDS {
-        let file = UploadedFile {
-            path: "poses.json".into(),
-            bytes: 10,
-            sha256: String::new(),
-        };
-        let new = NewUpload {
-            subject_id: subject.clone(),
-            files: vec![file],
-        };
-        let upload = arena.pair.first.create_upload(&arena.own, new, None).await;
-        let upload = upload.expect("opens");
-        let write = async |store: &Store, to| {
-            let writer = store.take_over_upload(&arena.own, &upload).await;
-            let part = CommittedPart {
-                path: "poses.json".into(),
-                from: 0,
-                to,
-            };
-            let writer = writer.expect("is open");
-            store
-                .commit_parts(&arena.own, &upload, writer, &[part])
-                .await
-        };
-        let (one, two) = tokio::join!(write(&arena.pair.first, 4), write(&arena.pair.second, 10));
-        let expected = if one.is_ok() { 4 } else { 10 };
-        assert!(one.is_ok() != two.is_ok(), "{one:?} {two:?}");
-        let refused = one.and(two).expect_err("one of them");
-        let late = [ErrorReason::UploadOffset, ErrorReason::UploadTakenOver];
-        assert!(
-            reason(&refused).is_some_and(|it| late.contains(&it)),
-            "{refused}"
-        );
-        let after = arena
-            .pair
-            .second
-            .upload(&arena.own, &upload)
-            .await
-            .expect("is open");
-        assert_eq!(after.files[0].committed, expected);
-    }
-}
-
-#[tokio::test]
 async fn each_person_of_a_model_has_a_slot() {
     let Some(arena) = Arena::open().await else {
         return;

@@ -4,6 +4,7 @@
 mod catalogue;
 mod leases;
 mod renders;
+mod uploads;
 
 use crate::checkpoints::retention::Retention;
 use crate::clock::{Clock, ManualClock};
@@ -12,8 +13,8 @@ use crate::store::scripts::queue;
 use crate::store::stage::{Kind, Pair};
 use crate::store::transaction::transaction;
 use crate::store::{
-    CommittedPart, Ending, JobKind, LeaseKey, NewJob, NewModel, NewSubject, NewUpload, NewWorker,
-    Page, RequestKey, Store, StoreError, Target, UploadedFile,
+    Ending, JobKind, LeaseKey, NewJob, NewModel, NewPart, NewPiece, NewSubject, NewUpload,
+    NewWorker, Page, PartId, RequestKey, Store, StoreError, Target, UploadedFile,
 };
 use crate::tenant::Tenant;
 use futures::future::join_all;
@@ -118,7 +119,7 @@ impl Arena {
         let finished = self
             .pair
             .first
-            .finish_upload(&self.own, &upload, None)
+            .finish_upload(&self.own, &upload, 0, None)
             .await;
         finished.expect("is complete");
         let worker = self.worker(&[JobKind::Ingest]).await;

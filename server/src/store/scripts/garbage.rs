@@ -6,9 +6,10 @@
 //! either.
 
 use super::steps::age;
+use super::upload_parts;
 use crate::store::db::{Lock, Tx, sql};
 use crate::store::{KnownGarbage, Reference, StoreError};
-use yoto_proto::keys::{FolderOwner, Lease};
+use yoto_proto::keys::{self, FolderOwner, Lease};
 
 /// Notes a folder, with everything below it, as part of a deleted resource.
 pub async fn deleted(tx: &mut Tx, folder: &str) -> Result<(), StoreError> {
@@ -110,7 +111,7 @@ pub async fn release_upload(
     at: f64,
 ) -> Result<bool, StoreError> {
     tx.lock(Lock::Capture(capture)).await?;
-    let key = format!("uploads/{capture}");
+    let key = keys::upload_folder(capture);
     let owner = FolderOwner::Upload { capture };
     if named(tx, &key, owner, keep_uploads, at).await? {
         return Ok(false);
@@ -119,6 +120,7 @@ pub async fn release_upload(
         .bind(capture)
         .execute(tx, "releasing the files of an upload")
         .await?;
+    upload_parts::forget(tx, capture).await?;
     Ok(true)
 }
 

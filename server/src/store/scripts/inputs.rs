@@ -1,15 +1,16 @@
 //! Inputs of a job, resolved from the catalogue in the transaction of its lease: a worker needs no other
 //! calls, and nothing can change between its lease and its inputs.
 
-use super::{captures, checkpoints, models, outputs, pins, subjects};
+use super::{captures, checkpoints, models, outputs, pins, subjects, upload_parts};
 use crate::checkpoints::best::to_use;
 use crate::store::db::Tx;
-use crate::store::{StoreError, UploadedFile};
+use crate::store::{StoreError, StoredPart, UploadedFile};
 use crate::tenant::Tenant;
+use std::collections::HashMap;
 use yoto_proto::names::{Collection, NameError};
-use yoto_proto::v1::{Checkpoint, IngestSpec, JobSpec, ObjectRef, RenderedFile, job_spec};
-use yoto_proto::worker::v1::{InputFile, Inputs, OtherModel, SubjectShard};
-use yoto_proto::{keys, tiers};
+use yoto_proto::tiers;
+use yoto_proto::v1::{Checkpoint, IngestSpec, JobSpec, RenderedFile, job_spec};
+use yoto_proto::worker::v1::{InputFile, InputPiece, Inputs, OtherModel, SubjectShard};
 
 /// Number of checkpoints in a lease: the one to use, and others in case that one is damaged.
 const CHECKPOINTS: usize = 8;
@@ -49,6 +50,7 @@ pub async fn resolve(
     checkpoints.truncate(CHECKPOINTS);
     Ok(Inputs {
         files: Vec::new(),
+        parts: Vec::new(),
         model: Some(model),
         shards,
         checkpoints,
@@ -97,21 +99,54 @@ async fn ingest_inputs(
 ) -> Result<Inputs, StoreError> {
     let id = parse(Collection::Captures, &ingest.capture)?;
     let files = captures::files(tx, tenant, id).await?;
+    let mut files: Vec<InputFile> = files.into_iter().map(input_file).collect();
+    let index: HashMap<String, usize> = (files.iter().enumerate())
+        .map(|(number, file)| (file.path.clone(), number))
+        .collect();
+    let mut parts = Vec::new();
+    for StoredPart { id, part } in upload_parts::all(tx, id).await? {
+        let number = parts.len() as u32;
+        let mut is_needed = false;
+        for piece in part.pieces {
+            let Some(file) = index.get(&piece.file).and_then(|it| files.get_mut(*it)) else {
+                continue;
+            };
+            if id.writer == 0 && file.bytes == part.object.bytes {
+                // In the form that workers of earlier versions know.
+                file.object = Some(part.object.clone());
+                continue;
+            }
+            is_needed = true;
+            file.pieces.push(InputPiece {
+                part: number,
+                start: piece.start,
+                bytes: piece.bytes,
+            });
+        }
+        if is_needed {
+            parts.push(part.object);
+        }
+    }
+    for file in &files {
+        let bytes: u64 = file.pieces.iter().map(|piece| piece.bytes).sum();
+        if file.object.is_none() && bytes != file.bytes {
+            return Err(unreadable(&format!("{}: bytes are missing", file.path)));
+        }
+    }
     Ok(Inputs {
-        files: files.iter().map(|file| input_file(id, file)).collect(),
+        files,
+        parts,
         ..Inputs::default()
     })
 }
 
-/// An uploaded file as the input of its ingest job.
-fn input_file(capture_id: &str, file: &UploadedFile) -> InputFile {
+/// An uploaded file as the input of its ingest job, without its pieces.
+fn input_file(file: UploadedFile) -> InputFile {
     InputFile {
-        path: file.path.clone(),
-        object: Some(ObjectRef {
-            key: keys::upload(capture_id, &file.path),
-            bytes: file.bytes,
-            sha256: file.sha256.clone(),
-        }),
+        path: file.path,
+        bytes: file.bytes,
+        sha256: file.sha256,
+        ..InputFile::default()
     }
 }
 

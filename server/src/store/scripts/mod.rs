@@ -32,6 +32,7 @@ mod shared_tests;
 pub mod steps;
 pub mod subjects;
 pub mod ticks;
+pub mod upload_parts;
 pub mod uploads;
 pub mod versions;
 pub mod workers;

@@ -4,12 +4,12 @@ use crate::clock::{Clock, ManualClock};
 use crate::store::db::sql;
 use crate::store::stage::{Kind, Pair, on_each_database};
 use crate::store::{
-    CommittedPart, JobKind, NewSubject, NewUpload, NewWorker, StoreError, UploadedFile,
+    JobKind, NewPart, NewPiece, NewSubject, NewUpload, NewWorker, PartId, StoreError, UploadedFile,
 };
 use crate::tenant::Tenant;
 use std::sync::{Arc, LazyLock};
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{ErrorReason, WorkerDevice};
+use yoto_proto::v1::{ErrorReason, ObjectRef, WorkerDevice};
 
 const DAY: f64 = 24.0 * 3600.0;
 
@@ -77,6 +77,7 @@ impl Two {
 on_each_database!(
     a_step_of_the_clock_is_recorded_once,
     only_the_newest_writer_of_an_upload_commits,
+    a_small_part_is_replaced_by_a_larger_one,
     files_are_removed_or_read_again_but_not_both,
     a_worker_that_asked_one_coordinator_is_known_to_the_other,
 );
@@ -112,31 +113,111 @@ async fn a_step_of_the_clock_is_recorded_once(kind: Kind) {
     }
 }
 
-async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {
-    let two = Two::new(kind).await;
-    let id = two.upload().await;
-    let part = |from, to| {
-        [CommittedPart {
+/// A part of `writer` that has bytes of the only file.
+fn part(writer: u64, number: u64, from: u64, to: u64) -> NewPart {
+    NewPart {
+        id: PartId { writer, number },
+        object: ObjectRef {
+            key: format!("{writer}-{number}"),
+            bytes: to - from,
+            sha256: "x".to_owned(),
+        },
+        pieces: vec![NewPiece {
             path: "poses.json".to_owned(),
             from,
             to,
-        }]
-    };
+        }],
+        replaces: None,
+    }
+}
+
+/// The part of `writer` that was never recorded.
+fn late_id(writer: u64) -> PartId {
+    PartId { writer, number: 1 }
+}
+
+async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {
+    let two = Two::new(kind).await;
+    let id = two.upload().await;
     let first = two.pair.first.take_over_upload(own(), &id).await;
     let first = first.expect("is there");
-    let (begin, middle, rest) = (part(0, 4), part(4, 6), part(4, 10));
-    let committed = two.pair.first.commit_parts(own(), &id, first, &begin);
+    let begin = part(first, 0, 0, 4);
+    let committed = two.pair.first.commit_part(own(), &id, &begin);
     committed.await.expect("is the newest");
     let second = two.pair.second.take_over_upload(own(), &id).await;
     let second = second.expect("is there");
-    let late = (two.pair.first).commit_parts(own(), &id, first, &middle);
-    is_refused(late.await, ErrorReason::UploadTakenOver);
-    let late = (two.pair.first).restart_file(own(), &id, first, "poses.json");
+    let late = part(first, 1, 4, 6);
+    is_refused(
+        two.pair.first.commit_part(own(), &id, &late).await,
+        ErrorReason::UploadTakenOver,
+    );
+    let paths = ["poses.json".to_owned()];
+    let late = (two.pair.first).restart_files(own(), &id, first, &paths);
     late.await.expect("changes nothing");
-    let committed = (two.pair.second).commit_parts(own(), &id, second, &rest);
+    let keys = [begin.id, late_id(first), late_id(second)];
+    let orphans = two.pair.first.orphans_of_upload(&id, &keys).await;
+    assert_eq!(
+        orphans.expect("reads"),
+        [late_id(first)],
+        "the newest writer may commit its own yet"
+    );
+    let rest = part(second, 0, 4, 10);
+    let committed = two.pair.second.commit_part(own(), &id, &rest);
     committed.await.expect("follows what was committed");
+    let finished = two.pair.first.finish_upload(own(), &id, first, None).await;
+    is_refused(finished, ErrorReason::UploadTakenOver);
+    let parts = two.pair.first.upload_parts(own(), &id).await;
+    let parts = parts.expect("is there");
+    let pieces: Vec<_> = parts
+        .iter()
+        .flat_map(|it| it.part.pieces.iter().map(move |piece| (it.id, piece)))
+        .map(|(id, piece)| (id.writer, piece.offset, piece.bytes))
+        .collect();
+    assert_eq!(pieces, [(first, 0, 4), (second, 4, 6)]);
+    let finished = two.pair.second.finish_upload(own(), &id, second, None);
+    finished.await.expect("is complete");
     let none = two.pair.first.take_over_upload(own(), "nothing").await;
     assert!(matches!(none, Err(StoreError::NotFound { .. })), "{none:?}");
+}
+
+async fn a_small_part_is_replaced_by_a_larger_one(kind: Kind) {
+    let two = Two::new(kind).await;
+    let id = two.upload().await;
+    let store = &two.pair.first;
+    let writer = store.take_over_upload(own(), &id).await;
+    let writer = writer.expect("is there");
+    let begin = part(writer, 0, 0, 4);
+    let committed = store.commit_part(own(), &id, &begin).await;
+    committed.expect("is the newest");
+    let mut whole = part(writer, 1, 4, 7);
+    whole.object.bytes = 7;
+    whole.replaces = Some(begin.id);
+    let committed = store.commit_part(own(), &id, &whole).await;
+    committed.expect("replaces the first one");
+    let upload = store.upload(own(), &id).await.expect("is there");
+    assert_eq!((upload.files[0].committed, upload.pieces), (7, 1));
+    let newest = upload.newest.expect("has parts");
+    assert_eq!((newest.id, newest.object.bytes), (whole.id, 7));
+    let parts = store.upload_parts(own(), &id).await.expect("reads");
+    let piece = &parts[0].part.pieces[0];
+    assert_eq!((parts.len(), piece.start, piece.bytes), (1, 0, 7));
+    // It is replaced already: the transaction leaves nothing.
+    let mut again = part(writer, 2, 7, 10);
+    again.replaces = Some(begin.id);
+    let refused = store.commit_part(own(), &id, &again).await;
+    assert!(
+        matches!(refused, Err(StoreError::Corrupt { .. })),
+        "{refused:?}"
+    );
+    let upload = store.upload(own(), &id).await.expect("is there");
+    assert_eq!(upload.files[0].committed, 7);
+
+    let paths = ["poses.json".to_owned()];
+    let restarted = store.restart_files(own(), &id, writer, &paths).await;
+    restarted.expect("is the newest");
+    let upload = store.upload(own(), &id).await.expect("is there");
+    assert_eq!((upload.files[0].committed, upload.pieces), (0, 0));
+    assert_eq!(upload.newest, None, "a part without pieces is garbage");
 }
 
 async fn files_are_removed_or_read_again_but_not_both(kind: Kind) {

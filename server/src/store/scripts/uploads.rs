@@ -1,12 +1,11 @@
 //! Uploads: captures that are still arriving. Each file has a number of committed bytes.
 
 use super::steps::age;
-use super::{captures, garbage, jobs, requests};
+use super::{captures, garbage, jobs, requests, upload_parts};
 use crate::store::db::{Lock, Tx, integer, sql};
-use crate::store::{
-    CommittedPart, NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id,
-};
+use crate::store::{NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id};
 use crate::tenant::Tenant;
+use yoto_proto::keys;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Capture, ErrorReason, IngestSpec, JobSpec, job_spec};
 
@@ -15,7 +14,7 @@ const ROWS_PER_STATEMENT: usize = 4000;
 /// The call that opens an upload, under which its request id is stored.
 pub const CREATE: &str = "CreateUpload";
 
-fn not_found(id: &str) -> StoreError {
+pub(super) fn not_found(id: &str) -> StoreError {
     StoreError::NotFound {
         name: Collection::Uploads.name(id),
     }
@@ -110,6 +109,8 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, Store
         open: row.text("state")? == "UPLOADING",
         write_time: row.real("idle_since")?.unwrap_or_default(),
         files: files.collect::<Result<_, StoreError>>()?,
+        newest: upload_parts::newest(tx, id).await?,
+        pieces: upload_parts::pieces(tx, id).await?,
     })
 }
 
@@ -137,77 +138,6 @@ pub async fn coming(tx: &mut Tx) -> Result<u64, StoreError> {
     .number("coming")
 }
 
-/// Records what `writer` has put on disk. Each part begins where the committed bytes of its file end.
-pub async fn commit(
-    tx: &mut Tx,
-    tenant: &Tenant,
-    id: &str,
-    writer: u64,
-    parts: &[CommittedPart],
-) -> Result<(), StoreError> {
-    tx.lock(Lock::Capture(id)).await?;
-    let done = sql(
-        "UPDATE captures SET idle_since = $2 WHERE id = $1 AND state = 'UPLOADING' AND writer = $4
-             AND subject IN (SELECT id FROM subjects WHERE tenant = $3)",
-    )
-    .bind(id)
-    .bind(tx.now())
-    .bind(tenant.id())
-    .bind(integer("writer", writer)?)
-    .execute(tx, "noting the write of an upload")
-    .await?;
-    if done == 0 {
-        return match get(tx, tenant, id).await?.open {
-            true => Err(StoreError::taken_over(id)),
-            false => Err(not_found(id)),
-        };
-    }
-    for part in parts {
-        let done = sql("UPDATE capture_files SET committed = $4
-             WHERE capture = $1 AND path = $2 AND committed = $3 AND $4 <= bytes")
-        .bind(id)
-        .bind(&part.path)
-        .bind(integer("offset", part.from)?)
-        .bind(integer("offset", part.to)?)
-        .execute(tx, "committing a part of an upload")
-        .await?;
-        if done == 0 {
-            return Err(StoreError::Rule {
-                reason: ErrorReason::UploadOffset,
-                message: format!(
-                    "{}: bytes {} to {} do not follow what was committed",
-                    part.path, part.from, part.to
-                ),
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Forgets the bytes of a file that `writer` found to be lost, or to differ from the announced ones. If another writer has
-/// taken over, it finds that itself, and nothing changes.
-pub async fn restart(
-    tx: &mut Tx,
-    tenant: &Tenant,
-    id: &str,
-    writer: u64,
-    path: &str,
-) -> Result<(), StoreError> {
-    tx.lock(Lock::Capture(id)).await?;
-    sql(
-        "UPDATE capture_files SET committed = 0 WHERE capture = $1 AND path = $2
-             AND capture IN (SELECT c.id FROM captures c JOIN subjects s ON s.id = c.subject
-                             WHERE s.tenant = $3 AND c.writer = $4)",
-    )
-    .bind(id)
-    .bind(path)
-    .bind(tenant.id())
-    .bind(integer("writer", writer)?)
-    .execute(tx, "starting a file of an upload anew")
-    .await?;
-    Ok(())
-}
-
 /// Begins a change of a capture, with its lock. Returns the capture if the same request has changed it before.
 async fn begin(
     tx: &mut Tx,
@@ -222,27 +152,33 @@ async fn begin(
     Ok(None)
 }
 
-/// Ends an upload and queues its ingest job. One that has ended already is not changed.
+/// Ends an upload whose files `writer` has compared with their checksums, and queues its ingest job. One that has ended
+/// already is not changed.
 pub async fn finish(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
+    writer: u64,
     request: Option<RequestKey>,
 ) -> Result<Capture, StoreError> {
     if let Some(done) = begin(tx, tenant, id, request.as_ref()).await? {
         return Ok(done);
     }
     let done = sql(
-        "UPDATE captures SET state = 'INGESTING' WHERE id = $1 AND state = 'UPLOADING'
+        "UPDATE captures SET state = 'INGESTING' WHERE id = $1 AND state = 'UPLOADING' AND writer = $3
              AND subject IN (SELECT id FROM subjects WHERE tenant = $2)
              AND NOT EXISTS (SELECT 1 FROM capture_files f WHERE f.capture = $1 AND f.committed < f.bytes)",
     )
     .bind(id)
     .bind(tenant.id())
+    .bind(integer("writer", writer)?)
     .execute(tx, "ending an upload").await?;
     if done > 0 {
         ingest(tx, tenant, id).await?;
     } else if get(tx, tenant, id).await?.open {
+        if !upload_parts::is_newest(tx, id, writer).await? {
+            return Err(StoreError::taken_over(id));
+        }
         return Err(StoreError::Rule {
             reason: ErrorReason::UploadIncomplete,
             message: format!("{} is not complete", Collection::Uploads.name(id)),
@@ -335,7 +271,7 @@ pub async fn expire(tx: &mut Tx, idle: f64, at: f64) -> Result<Vec<String>, Stor
 /// Notes the files of a removed upload as garbage, and frees its request id, so that the same files can be
 /// uploaded again.
 pub async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
-    garbage::deleted(tx, &format!("uploads/{id}")).await?;
+    garbage::deleted(tx, &keys::upload_folder(id)).await?;
     sql("DELETE FROM request_ids WHERE method = $1 AND answer = $2")
         .bind(CREATE)
         .bind(id)

@@ -1,11 +1,14 @@
 //! Uploads, as a client makes them.
 
-use super::{File, Service, chunks, file, headers};
+use super::{File, Service, chunks, file, headers, id};
 use futures::stream;
+use std::path::PathBuf;
 use tonic::Status;
+use yoto_proto::keys;
 use yoto_proto::v1::{
     Capture, CreateUploadRequest, FinishUploadRequest, GetUploadRequest, Upload, WriteUploadRequest,
 };
+use yoto_proto::worker::v1::Lease;
 
 impl Service {
     /// Opens an upload of `files`.
@@ -58,5 +61,42 @@ impl Service {
             file("frames/000000.png", b"not looked at"),
         ];
         self.upload(subject, files).await.expect("uploads")
+    }
+
+    /// The content of the file `path`, put together from the parts in the order of its ingest job.
+    pub fn ingested(&self, lease: &Lease, path: &str) -> Vec<u8> {
+        let inputs = lease.inputs.clone().expect("has inputs");
+        let file = inputs.files.into_iter().find(|file| file.path == path);
+        let file = file.expect("is in the order");
+        if let Some(object) = file.object {
+            return std::fs::read(self.path(&object.key)).expect("is stored");
+        }
+        let mut content = Vec::new();
+        for piece in file.pieces {
+            let part = &inputs.parts[piece.part as usize];
+            let stored = std::fs::read(self.path(&part.key)).expect("is stored");
+            let (start, end) = (piece.start as usize, (piece.start + piece.bytes) as usize);
+            content.extend_from_slice(&stored[start..end]);
+        }
+        assert_eq!(content.len() as u64, file.bytes);
+        assert_eq!(yoto_proto::sha256_hex(&content), file.sha256);
+        content
+    }
+
+    /// Leases the ingest job of the newest upload.
+    pub async fn ingest_lease(&self) -> Lease {
+        let worker = self.worker(&["ingest"]).await;
+        self.lease(&worker).await.expect("the ingest job waits")
+    }
+
+    /// The files of the upload's parts, with their sizes.
+    pub fn parts(&self, upload: &str) -> Vec<(PathBuf, u64)> {
+        let folder = self.path(&keys::upload_parts(id(upload)));
+        let entries = std::fs::read_dir(folder).expect("lists");
+        let parts = entries.map(|entry| {
+            let entry = entry.expect("an entry");
+            (entry.path(), entry.metadata().expect("is there").len())
+        });
+        parts.collect()
     }
 }

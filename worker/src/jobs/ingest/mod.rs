@@ -3,11 +3,13 @@
 //! The worker fetches the files, `yoto_ingest` reads them in a child process, and the worker stores
 //! the result. A fault of the store or of this machine never rejects a capture: the job is retried.
 
+mod fetch;
 mod thumbnail;
 
 use super::context::id;
 use super::{JobContext, JobFailure};
-use yoto_ingest::{Files, IngestError, Ingested, Progress, ingest};
+use fetch::fetch;
+use yoto_ingest::{IngestError, Ingested, Progress, ingest};
 use yoto_proto::keys;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{IngestResult, IngestSpec};
@@ -26,16 +28,7 @@ pub fn run(
     let folder = context.folder().map_err(|error| {
         JobFailure::try_later("MACHINE", "making a folder for the upload", &error)
     })?;
-    let mut files = Files::new();
-    for (number, file) in inputs.files.iter().enumerate() {
-        context.check()?;
-        context.report_pieces("fetching", number, inputs.files.len());
-        let Some(object) = &file.object else { continue };
-        // Under a number: uploaded names are never used as paths on this disk.
-        let path = folder.path().join(format!("upload-{number:06}"));
-        context.get_to_file(object, &path)?;
-        files.insert(file.path.clone(), path);
-    }
+    let files = fetch(context, inputs, folder.path())?;
     let watch = |progress: Option<&Progress>| {
         if let Some(progress) = progress {
             context.report_pieces("decoding", progress.done, progress.total);

@@ -5,13 +5,16 @@ use super::migrations::migrations;
 use crate::checkpoints::retention::Retention;
 use crate::clock::{ManualClock, SystemClock};
 use crate::store::stage::running_job_goes_on;
-use crate::store::{JobKind, NewJob, NewWorker, RequestKey, Store};
+use crate::store::{
+    JobKind, NewJob, NewPart, NewPiece, NewWorker, PartId, RequestKey, Store, Upload,
+};
 use crate::tenant::Tenant;
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
 use sqlx::{Executor, Row};
 use std::path::Path;
 use std::sync::Arc;
-use yoto_proto::v1::{EvaluateSpec, JobSpec, WorkerDevice, job, job_spec};
+use yoto_proto::orders::LEVEL;
+use yoto_proto::v1::{EvaluateSpec, JobSpec, ObjectRef, WorkerDevice, job, job_spec};
 
 /// The store's database.
 fn sqlite(store: &Store) -> &Sqlite {
@@ -206,6 +209,99 @@ async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
         .await
         .expect("writes");
     store.model(&own, "n").await.expect_err("is nobody's");
+}
+
+/// Uploads before their bytes were in parts: one that is open, one whose ingest job waits, one that was read, and one whose
+/// files were removed.
+const UPLOADS: &str = "
+    INSERT INTO subjects (id, display_name, consent_note, tenant) VALUES ('s', 'Ada', '', 'default');
+    INSERT INTO captures (id, subject, state, writer, files_removed)
+        VALUES ('open', 's', 'UPLOADING', 3, 0), ('read', 's', 'INGESTING', 5, 0), ('gone', 's', 'REJECTED', 1, 1);
+    INSERT INTO captures (id, subject, state, shard_key, shard_bytes, shard_sha256)
+        VALUES ('done', 's', 'READY', 'k', 1, 'x');
+    INSERT INTO capture_files (capture, path, bytes, sha256, committed)
+        VALUES ('open', 'poses.json', 2, 'p', 2), ('open', 'video.mp4', 10, 'v', 4), ('open', 'z', 5, 'z', 0),
+               ('read', 'poses.json', 2, 'x', 2), ('done', 'poses.json', 2, 'x', 2), ('gone', 'poses.json', 2, 'x', 2);
+    INSERT INTO jobs (id, kind, capture, spec, tenant)
+        VALUES ('j', 'ingest', 'read', x'0A0F0A0D63617074757265732F72656164', 'default');
+";
+
+#[tokio::test]
+async fn uploads_of_an_earlier_version_are_parts() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("yoto.db");
+    write_schema(&path, 22, UPLOADS).await;
+    let store = Store::open_sqlite(&path, Arc::new(ManualClock::at(2.0))).await;
+    let (store, own) = (store.expect("upgrades"), Tenant::default());
+    let committed = |upload: &Upload| upload.files.iter().map(|it| it.committed).sum::<u64>();
+    let open = store.upload(&own, "open").await.expect("is kept");
+    assert_eq!((committed(&open), open.pieces), (6, 2));
+    let newest = open.newest.expect("has parts");
+    assert_eq!(newest.id.writer, 0);
+    assert_eq!(newest.object.key, "uploads/open/video.mp4");
+    assert_eq!((newest.object.bytes, &*newest.object.sha256), (4, ""));
+    for other in ["done", "gone"] {
+        let parts = store.upload_parts(&own, other).await.expect("is kept");
+        assert!(parts.is_empty(), "nobody reads {other}");
+    }
+
+    // It goes on where it was.
+    let writer = store.take_over_upload(&own, "open").await;
+    let writer = writer.expect("is open");
+    assert_eq!(writer, 4);
+    let piece = |path: &str, from, to| NewPiece {
+        path: path.into(),
+        from,
+        to,
+    };
+    let part = NewPart {
+        id: PartId { writer, number: 0 },
+        object: ObjectRef {
+            key: "new".into(),
+            bytes: 15,
+            sha256: "n".into(),
+        },
+        pieces: vec![piece("video.mp4", 4, 10), piece("z", 0, 5)],
+        replaces: Some(newest.id),
+    };
+    let done = store.commit_part(&own, "open", &part).await;
+    done.expect("follows what was committed");
+    let finished = store.finish_upload(&own, "open", writer, None).await;
+    let finished = finished.expect("is complete");
+
+    // A worker of the earlier version reads what that version has stored, and nothing else.
+    let worker = |order_level| NewWorker {
+        embedded: false,
+        display_name: "old".into(),
+        device: WorkerDevice::default(),
+        kinds: vec![JobKind::Ingest],
+        version: String::new(),
+        order_level,
+    };
+    let lease = async |order_level| {
+        let id = store.register_worker(&own, worker(order_level)).await;
+        let id = id.expect("registers");
+        let leased = store.lease_job(&own, &id, "", false, 20.0).await;
+        leased.expect("answers").leased
+    };
+    let old = lease(1).await.expect("the old job waits");
+    assert_eq!(old.job.name, "jobs/j");
+    assert_eq!(old.inputs.parts, []);
+    let object = old.inputs.files[0].object.clone().expect("is one object");
+    assert_eq!(
+        (&*object.key, &*object.sha256),
+        ("uploads/read/poses.json", "x")
+    );
+    assert!(lease(1).await.is_none(), "the new job is none for it");
+    let new = lease(LEVEL).await.expect("the new job waits");
+    assert_eq!(new.job.name, finished.ingest_job);
+    assert_eq!(new.inputs.parts, [part.object]);
+    let files = &new.inputs.files;
+    let object = files[0].object.clone().expect("is one object");
+    assert_eq!(object.key, "uploads/open/poses.json");
+    let pieces: Vec<_> = files[1..].iter().flat_map(|it| &it.pieces).collect();
+    let pieces: Vec<_> = pieces.iter().map(|it| (it.start, it.bytes)).collect();
+    assert_eq!(pieces, [(0, 10), (10, 5)]);
 }
 
 /// Makes a database with the schema of `version` and some content.
