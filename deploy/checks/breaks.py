@@ -23,7 +23,7 @@ BREAKS = [
     ("recipes", "deploy/compose/haproxy.cfg", "    server coordinator-2 coordinator-2:50051\n", ""),
     ("recipes", "deploy/systemd/yoto-worker@.service", "TimeoutStopSec=75", "TimeoutStopSec=45"),
     ("recipes", "deploy/systemd/yoto-worker@.service", "ProtectClock=true\n", ""),
-    ("recipes", "deploy/slurm/yoto-workers.sbatch", "B:TERM@90", "B:TERM@30"),
+    ("recipes", "deploy/slurm/yoto-workers.sbatch", "B:TERM@90", "B:TERM@20"),
     ("recipes", "deploy/slurm/yoto-workers.sbatch", "\nexec ", "\n"),
     ("recipes", "deploy/chart/Chart.yaml", 'appVersion: "0', 'appVersion: "9'),
     ("compose", "deploy/compose/compose.yaml", "    read_only: true", "    readonly: true"),

@@ -38,11 +38,11 @@ def text(file, start):
     whole = (DEPLOY / file).read_text(encoding="utf-8").replace("\\\n", " ")
     line = next(it for it in whole.splitlines() if start in it and not it.lstrip().startswith("#"))
     words = shlex.split(line[line.index(start) + len(start) :])
-    return file, words, re.findall(r"\bYOTO_[A-Z]+\b", whole)
+    return file, words, re.findall(r"\bYOTO_[A-Z_]+\b", whole)
 
 
 # Variables of recipes that the program never sees.
-OURS = {"YOTO_IMAGE", "YOTO_SETTINGS", "YOTO_STORE", "YOTO_LISTEN"}
+OURS = {"YOTO_IMAGE", "YOTO_SETTINGS", "YOTO_STORE", "YOTO_LISTEN", "YOTO_NOTICE", "YOTO_MAX_IDLE"}
 
 
 def recipes(helm):
@@ -81,7 +81,7 @@ def main():
             if not re.search(rf"{re.escape(option)}\b", page):
                 failures.add(f"{name}: `yoto {command}` does not know {option}")
         for variable in variables:
-            own = variable.startswith("YOTO_") and variable not in OURS and "MAX_IDLE" not in variable
+            own = variable.startswith("YOTO_") and variable not in OURS
             pages = known(program, (command,), texts)
             if own and variable not in pages:
                 failures.add(f"{name}: `yoto {command}` does not read {variable}")

@@ -95,7 +95,7 @@ def slurm():
     """The signal comes before the time is up, and leaves the worker its notice."""
     text = (DEPLOY / "slurm" / "yoto-workers.sbatch").read_text(encoding="utf-8")
     signal = int(re.search(r"^#SBATCH --signal=B:TERM@(\d+)", text, re.M).group(1))
-    notice = int(re.search(r"--notice (\d+)", text).group(1))
+    notice = int(re.search(r"YOTO_NOTICE:-(\d+)", text).group(1))
     must(signal > notice, f"yoto-workers.sbatch: SIGTERM {signal} s before the end, and a notice of {notice} s")
     must(re.search(r"^exec ", text, re.M), "yoto-workers.sbatch: the worker is not the script's process, so SIGTERM does not reach it")
 
