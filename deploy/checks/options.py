@@ -66,10 +66,10 @@ def known(program, words, texts):
     return texts[words]
 
 
-def main():
-    program, helm = sys.argv[1], sys.argv[2] if len(sys.argv) > 2 else ""
+def unknown(program, found):
+    """Sentences about what the program does not know of these recipes, and the number of options."""
     texts, failures, seen = {}, set(), 0
-    for name, words, variables in recipes(helm):
+    for name, words, variables in found:
         command = next(it for it in words if not it.startswith("-"))
         before = words[: words.index(command)]
         for word in words:
@@ -82,10 +82,14 @@ def main():
                 failures.add(f"{name}: `yoto {command}` does not know {option}")
         for variable in variables:
             own = variable.startswith("YOTO_") and variable not in OURS
-            pages = known(program, (command,), texts)
-            if own and variable not in pages:
+            if own and variable not in known(program, (command,), texts):
                 failures.add(f"{name}: `yoto {command}` does not read {variable}")
-    for failure in sorted(failures):
+    return sorted(failures), seen
+
+
+def main():
+    failures, seen = unknown(sys.argv[1], recipes(sys.argv[2] if len(sys.argv) > 2 else ""))
+    for failure in failures:
         print(failure, file=sys.stderr)
     if not failures:
         print(f"{seen} options")
