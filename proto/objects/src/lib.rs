@@ -6,6 +6,7 @@
 //! a fault of the store: it is reported at once, also by a store that waits faults out.
 
 mod error;
+mod probe;
 mod read;
 
 pub use error::ObjectsError;

@@ -12,12 +12,15 @@ pub fn migrations() -> Migrator {
     let init = include_str!("../../../../../migrations/postgres/0021_init.sql").into_sql_str();
     let shared =
         include_str!("../../../../../migrations/postgres/0022_shared_state.sql").into_sql_str();
+    let operators =
+        include_str!("../../../../../migrations/postgres/0024_operators.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
     Migrator::with_migrations(vec![
         step(21, "init", init),
         step(22, "shared state", shared),
+        step(24, "operators", operators),
     ])
 }
 

@@ -43,6 +43,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/sqlite/0021_turns_of_tenants.sql").into_sql_str();
     let shared =
         include_str!("../../../../../migrations/sqlite/0022_shared_state.sql").into_sql_str();
+    let operators =
+        include_str!("../../../../../migrations/sqlite/0024_operators.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -69,6 +71,7 @@ pub fn migrations() -> Migrator {
         step(19, "capture objects", files, false),
         step(21, "turns of tenants", turns, false),
         step(22, "shared state", shared, false),
+        step(24, "operators", operators, false),
     ])
 }
 
