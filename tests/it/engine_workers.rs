@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::job_attempt::Outcome;
-use yoto_proto::v1::{Job, TrainSpec};
+use yoto_proto::v1::{Job, TrainSpec, subject};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Process, Service, output, succeed};
@@ -18,9 +18,9 @@ fn worker<'a>(service: &'a Service, scratch: &'a str, more: &[&'a str]) -> Vec<&
     let own = [
         "worker",
         "--service",
-        &service.address,
+        service.address.as_str(),
         "--objects",
-        &service.objects,
+        service.objects.as_str(),
         "--scratch",
         scratch,
     ];
@@ -33,7 +33,7 @@ fn upload(service: &Service, dir: &Path) -> anyhow::Result<()> {
     write_capture(&SyntheticPerson::cast(1, 7)[0], 8, 48, &capture)?;
     let capture = capture.to_str().context("a path")?;
     let add = ["subject", "add", "ada", capture, "--no-wait", "--server"];
-    succeed(YOTO, &[&add[..], &[&service.address]].concat())?;
+    succeed(YOTO, &[&add[..], &[service.address.as_str()]].concat())?;
     Ok(())
 }
 
@@ -85,7 +85,7 @@ async fn a_worker_for_one_job_says_how_it_went_and_an_idle_one_ends() -> anyhow:
     );
     let client = YotoClient::connect(&service.address).await?;
     let subject = client.find_subject("ada").await?;
-    ensure!(!subject.captures.is_empty(), "{subject:?}");
+    ensure!(subject.state() == subject::State::Ready, "{subject:?}");
     let (code, said) = ends(&["--one-job", "--max-idle", "0.5"])?;
     ensure!(code == Some(3), "{said}");
     Ok(())
@@ -98,7 +98,13 @@ fn a_worker_that_can_not_work_says_why_in_a_line() -> anyhow::Result<()> {
     let scratch = dir.path().join("scratch");
     let scratch = scratch.to_str().context("a path")?;
     let told = |more: &[&str]| -> anyhow::Result<String> {
-        let own = ["worker", "--objects", &objects, "--scratch", scratch];
+        let own = [
+            "worker",
+            "--objects",
+            objects.as_str(),
+            "--scratch",
+            scratch,
+        ];
         let ended = output(YOTO, &[&own[..], more].concat())?;
         ensure!(ended.status.code() == Some(1), "{more:?}: {}", ended.status);
         let said = String::from_utf8_lossy(&ended.stderr).into_owned();
@@ -133,7 +139,13 @@ async fn a_worker_of_a_service_with_two_addresses_uses_the_one_that_answers() ->
         format!("http://127.0.0.1:1,{}", service.address),
         format!("{},http://127.0.0.1:1", service.address),
     ] {
-        let own = ["worker", "--service", &both, "--objects", &service.objects];
+        let own = [
+            "worker",
+            "--service",
+            both.as_str(),
+            "--objects",
+            service.objects.as_str(),
+        ];
         let ended = output(
             YOTO,
             &[&own[..], &["--scratch", scratch, "--one-job"]].concat(),
@@ -166,7 +178,7 @@ async fn a_training_on_a_machine_that_is_taken_back_saves_and_is_not_charged() -
     ];
     succeed(
         YOTO,
-        &[&create[..], &["--server", &service.address]].concat(),
+        &[&create[..], &["--server", service.address.as_str()]].concat(),
     )?;
     let client = YotoClient::connect(&service.address).await?;
     let model = client.find_model("solo").await?.name;
