@@ -56,6 +56,8 @@ pub struct EmbeddedOptions {
     pub storage: StorageLimits,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
     pub scratch: Option<PathBuf>,
+    /// Time from the start of a shutdown until calls are refused. Health says meanwhile that nobody should come.
+    pub drain: Duration,
 }
 
 /// The reason why the embedded service can't start or continue.
@@ -104,6 +106,8 @@ pub struct Embedded {
     drain: CancellationToken,
     /// Ends the in-memory side, which the worker needs while it drains.
     stop: CancellationToken,
+    /// Time from the first to the end of the network side.
+    drain_time: Duration,
     coordinator: Option<JoinHandle<Outcome<ServerError>>>,
     /// The lane for trainings.
     trainer: Option<JoinHandle<Outcome<WorkerError>>>,
@@ -144,6 +148,7 @@ impl Embedded {
                 incoming,
                 listener,
                 drain.clone(),
+                options.drain,
                 stop.clone(),
             ))),
             trainer: None,
@@ -154,6 +159,7 @@ impl Embedded {
             device: "no device: this process only coordinates".to_owned(),
             drain,
             stop,
+            drain_time: options.drain,
         };
         if options.worker {
             let picked = pick_device().await?;
@@ -198,7 +204,11 @@ impl Embedded {
         let worker = Worker::new(self.connector.channel(), &self.objects, device, config)?;
         let drain = self.drain.clone();
         let runtime = tokio::runtime::Handle::current();
-        let run = move || runtime.block_on(worker.run(drain.cancelled_owned()));
+        let run = move || {
+            runtime
+                .block_on(worker.run(drain.cancelled_owned()))
+                .map(drop)
+        };
         Ok(tokio::task::spawn_blocking(run))
     }
 
@@ -246,7 +256,7 @@ impl Embedded {
         let coordinator = joined(
             self.coordinator.take(),
             "coordinator",
-            3 * SERVER_GRACE + SLACK,
+            self.drain_time + 3 * SERVER_GRACE + SLACK,
         )
         .await;
         trainer.and(worker).and(coordinator)
@@ -277,15 +287,19 @@ async fn coordinate(
     incoming: InMemoryIncoming,
     listener: Option<TcpListener>,
     drain: CancellationToken,
+    drain_time: Duration,
     stop: CancellationToken,
 ) -> Outcome<ServerError> {
     let memory = coordinator.serve(incoming, stop.cancelled());
     let network = async {
         match listener {
             Some(listener) => {
-                coordinator
-                    .serve(yoto_server::tcp(listener), drain.cancelled())
-                    .await
+                let drained = async {
+                    drain.cancelled().await;
+                    coordinator.leave();
+                    tokio::time::sleep(drain_time).await;
+                };
+                coordinator.serve(yoto_server::tcp(listener), drained).await
             }
             None => Ok(()),
         }
@@ -367,6 +381,7 @@ mod tests {
             lpips: None,
             storage: StorageLimits::default(),
             scratch: None,
+            drain: Duration::ZERO,
         }
     }
 

@@ -20,7 +20,8 @@ pub fn code(reason: ErrorReason) -> Code {
         R::Busy | R::ShuttingDown | R::StoreUnavailable => Code::Unavailable,
         R::DiskFull => Code::ResourceExhausted,
         R::ObjectAltered | R::CorruptChunk => Code::DataLoss,
-        R::UploadIncomplete
+        R::Draining
+        | R::UploadIncomplete
         | R::UploadOffset
         | R::UploadTakenOver
         | R::UploadFinished

@@ -3,13 +3,14 @@
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
+use crate::health::Health;
 use crate::job_feed::JobFeed;
 use crate::lock::DataDirLock;
 use crate::objects::disk::ObjectDisk;
 use crate::objects::room;
 use crate::store::Store;
 use crate::uploads::UploadLocks;
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use url::Url;
@@ -34,8 +35,10 @@ pub struct Context {
     pub feed: JobFeed,
     /// When the coordinator started.
     pub started: SystemTime,
-    /// Whether the last write of the health check succeeded.
-    pub writable: watch::Sender<bool>,
+    /// What the health check has found.
+    pub health: watch::Sender<Health>,
+    /// The last answer of `/metrics`, and when it was written.
+    pub exposed: tokio::sync::Mutex<Option<(Instant, String)>>,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.

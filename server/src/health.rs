@@ -1,4 +1,5 @@
-//! Health of the service: SERVING while writes to the database succeed.
+//! Health of the service: SERVING while writes to the database succeed and the object store answers, until the coordinator is
+//! about to end.
 //!
 //! With a full disk or a locked file, reads still succeed, so each check writes: it records the time.
 
@@ -9,56 +10,136 @@ use std::time::Duration;
 use tokio::time::{sleep, timeout};
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
+use yoto_objects::ObjectsError;
+use yoto_proto::v1::object_service_server::SERVICE_NAME as OBJECT_SERVICE;
+use yoto_proto::v1::upload_service_server::SERVICE_NAME as UPLOAD_SERVICE;
 
-/// Longest interval between two checks while writes fail.
+/// Longest interval between two checks while something fails.
 const RECHECK: Duration = Duration::from_secs(1);
-/// Time limit of a write, in intervals between checks.
+/// Time limit of a check, in intervals between checks.
 const PATIENCE: u32 = 2;
 
-/// Sets the status of every service of the contract, and that of the server as a whole, whose name is empty.
-pub async fn set(reporter: &HealthReporter, status: ServingStatus) {
-    for name in services().chain([""]) {
-        reporter.set_service_status(name, status).await;
+/// What the checks have found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Health {
+    /// Whether the last write to the database succeeded.
+    pub database: bool,
+    /// Whether the object store has answered.
+    pub objects: bool,
+    /// Whether the coordinator is about to end: it still serves, but nobody should come any more.
+    pub leaving: bool,
+}
+
+impl Default for Health {
+    fn default() -> Self {
+        Self {
+            database: true,
+            objects: true,
+            leaving: false,
+        }
     }
 }
 
-/// Writes the time to the database at each [`crate::ServerConfig::health_interval`], and records whether that
-/// succeeded, until the coordinator stops.
+impl Health {
+    /// Why nobody should come, in words for an operator; empty if all is well. The causes are in the log: strangers may read
+    /// this.
+    pub fn faults(self) -> Vec<&'static str> {
+        let all = [
+            (self.leaving, "this coordinator is ending"),
+            (!self.database, "the database can't be written"),
+            (!self.objects, "the object store does not answer"),
+        ];
+        let found = all.into_iter().filter(|(is_so, _)| *is_so);
+        found.map(|(_, words)| words).collect()
+    }
+
+    /// The status of the service called `name`; of the server as a whole, whose name is empty. Only uploads and downloads
+    /// need the object store.
+    fn of(self, name: &str) -> ServingStatus {
+        let needs_objects = [UPLOAD_SERVICE, OBJECT_SERVICE, ""].contains(&name);
+        match self.database && !self.leaving && (self.objects || !needs_objects) {
+            true => ServingStatus::Serving,
+            false => ServingStatus::NotServing,
+        }
+    }
+}
+
+/// Sets the status of every service of the contract, and that of the server as a whole, whose name is empty.
+pub async fn set(reporter: &HealthReporter, health: Health) {
+    for name in services().chain([""]) {
+        reporter.set_service_status(name, health.of(name)).await;
+    }
+}
+
+/// Writes the time to the database and asks the object store at each [`crate::ServerConfig::health_interval`], and records
+/// whether that succeeded, until the coordinator stops.
 pub async fn run(context: Arc<Context>) {
     let every = context.config.health_interval;
     loop {
-        let worked = *context.writable.borrow();
+        let known = *context.health.borrow();
+        let pause = match known.database && known.objects {
+            true => every,
+            false => every.min(RECHECK),
+        };
         tokio::select! {
             () = context.stop.cancelled() => return,
-            () = sleep(if worked { every } else { every.min(RECHECK) }) => {}
+            () = sleep(pause) => {}
         }
-        // Not cancelled at the limit: whether a step of the clock was recorded would be unknown.
-        let write = context.store.keep_time();
-        tokio::pin!(write);
-        let written = match timeout(every * PATIENCE, &mut write).await {
-            Ok(written) => written,
-            Err(late) => {
-                found(&context, Some(&late));
-                write.await
-            }
-        };
-        match written {
-            Ok(_) => found(&context, None),
-            Err(error) => found(&context, Some(&error)),
-        }
+        let limit = every * PATIENCE;
+        tokio::join!(
+            check_database(&context, limit),
+            check_objects(&context, limit)
+        );
     }
 }
 
-/// Records the outcome of a check. A change is logged, and reaches all listeners.
-fn found(context: &Context, fault: Option<&dyn std::error::Error>) {
+async fn check_database(context: &Context, limit: Duration) {
+    // Not cancelled at the limit: whether a step of the clock was recorded would be unknown.
+    let write = context.store.keep_time();
+    tokio::pin!(write);
+    let written = match timeout(limit, &mut write).await {
+        Ok(written) => written,
+        Err(late) => {
+            found_database(context, Some(&late));
+            write.await
+        }
+    };
+    match written {
+        Ok(_) => found_database(context, None),
+        Err(error) => found_database(context, Some(&error)),
+    }
+}
+
+async fn check_objects(context: &Context, limit: Duration) {
+    let asked = timeout(limit, answers(context)).await;
+    let fault: Option<&dyn std::error::Error> = match &asked {
+        Ok(Ok(())) => None,
+        Ok(Err(error)) => Some(error),
+        Err(late) => Some(late),
+    };
     let works = fault.is_none();
-    let news = context.writable.send_if_modified(|known| {
-        let news = *known != works;
-        *known = works;
-        news
-    });
     match fault {
-        _ if !news => {}
+        _ if !change(context, |health| health.objects = works) => {}
+        None => tracing::info!("the object store answers again"),
+        Some(error) => tracing::error!(%error, "the object store does not answer"),
+    }
+}
+
+/// Asks the object store for something that it does not have.
+async fn answers(context: &Context) -> Result<(), ObjectsError> {
+    context.objects.answers().await?;
+    // A folder that is no longer there has no object either.
+    match context.objects_url.scheme() {
+        "file" => context.disk.is_there().await,
+        _ => Ok(()),
+    }
+}
+
+/// Records the outcome of a write. A change is logged, and reaches all listeners.
+fn found_database(context: &Context, fault: Option<&dyn std::error::Error>) {
+    let works = fault.is_none();
+    match fault {
+        _ if !change(context, |health| health.database = works) => {}
         None => tracing::info!("the database can be written again: the service is healthy"),
         Some(error) => {
             tracing::error!(%error, "the database can't be written: the service is not healthy");
@@ -66,18 +147,55 @@ fn found(context: &Context, fault: Option<&dyn std::error::Error>) {
     }
 }
 
+/// Changes what is known. Returns whether that was news.
+pub fn change(context: &Context, change: impl FnOnce(&mut Health)) -> bool {
+    context.health.send_if_modified(|known| {
+        let before = *known;
+        change(known);
+        *known != before
+    })
+}
+
 /// Sets the status of every service to what [`run`] finds. Never returns.
 pub async fn follow(context: &Context, reporter: &HealthReporter) {
-    let mut writable = context.writable.subscribe();
+    let mut health = context.health.subscribe();
     loop {
-        let status = match *writable.borrow_and_update() {
-            true => ServingStatus::Serving,
-            false => ServingStatus::NotServing,
-        };
-        set(reporter, status).await;
-        if writable.changed().await.is_err() {
+        let known = *health.borrow_and_update();
+        set(reporter, known).await;
+        if health.changed().await.is_err() {
             // Unreachable: the context owns the sender.
             std::future::pending::<()>().await;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_service_is_not_serving_without_what_it_needs() {
+        let all = Health::default();
+        let told = |health: Health| {
+            ["", UPLOAD_SERVICE, "yoto.v1.JobService"]
+                .map(|name| health.of(name) == ServingStatus::Serving)
+        };
+        assert_eq!(told(all), [true; 3]);
+        let objects = Health {
+            objects: false,
+            ..all
+        };
+        assert_eq!(told(objects), [false, false, true]);
+        let database = Health {
+            database: false,
+            ..all
+        };
+        assert_eq!(told(database), [false; 3]);
+        let leaving = Health {
+            leaving: true,
+            ..all
+        };
+        assert_eq!(told(leaving), [false; 3]);
+        assert_eq!(leaving.faults(), ["this coordinator is ending"]);
     }
 }

@@ -5,6 +5,7 @@
 //! stream of connections, over a network or [in memory](in_memory()).
 
 mod api;
+pub mod backup;
 mod changes;
 mod checkpoints;
 pub mod clock;
@@ -14,12 +15,14 @@ mod error;
 pub mod faults;
 mod field_faults;
 mod health;
+mod http;
 mod in_memory;
 mod job_feed;
 mod jobs;
 mod listen;
 mod lock;
 mod methods;
+mod metrics;
 mod objects;
 mod private;
 mod rules;
@@ -101,7 +104,8 @@ impl Coordinator {
             changes: JobChanges::default(),
             feed: JobFeed::default(),
             started,
-            writable: tokio::sync::watch::Sender::new(true),
+            health: tokio::sync::watch::Sender::default(),
+            exposed: tokio::sync::Mutex::default(),
             stop: CancellationToken::new(),
             lock,
             upload_locks: UploadLocks::default(),
@@ -163,6 +167,12 @@ impl Coordinator {
     /// When the database fails.
     pub async fn look_after_leases(&self) -> Result<(), ServerError> {
         Ok(reaper::tick(&self.context).await?)
+    }
+
+    /// Says from now on that nobody should come any more: health is NOT_SERVING, and `/readyz` answers 503. Calls are still
+    /// answered, until a balancer has noticed and the coordinator is closed.
+    pub fn leave(&self) {
+        health::change(&self.context, |health| health.leaving = true);
     }
 
     /// Where the objects are, for workers to open.

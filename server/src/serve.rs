@@ -6,7 +6,8 @@ use crate::api::{
 use crate::context::Context;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
-use crate::health;
+use crate::health::{self, Health};
+use crate::http;
 use crate::tenant::{Tenant, TenantLayer};
 use crate::traffic::{Traffic, TrafficLayer};
 use futures::{Stream, StreamExt};
@@ -17,7 +18,6 @@ use tokio_util::sync::CancellationToken;
 use tonic::service::Routes;
 use tonic::transport::Server;
 use tonic::transport::server::Connected;
-use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 use yoto_proto::limits::WINDOW_BYTES;
 use yoto_proto::v1::job_service_server::JobServiceServer;
@@ -30,7 +30,7 @@ use yoto_proto::v1::subject_service_server::SubjectServiceServer;
 use yoto_proto::v1::upload_service_server::UploadServiceServer;
 use yoto_proto::worker::v1::worker_service_server::WorkerServiceServer;
 
-/// All services, and the handle of the health service among them.
+/// All services with the pages beside them, and the handle of the health service among them.
 async fn routes(
     context: &Arc<Context>,
     drain: &CancellationToken,
@@ -39,7 +39,7 @@ async fn routes(
     let drain = || drain.clone();
     let limit = context().config.traffic.message_bytes;
     let (reporter, health_service) = tonic_health::server::health_reporter();
-    health::set(&reporter, ServingStatus::Serving).await;
+    health::set(&reporter, Health::default()).await;
     let reflection = || {
         tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(yoto_proto::DESCRIPTORS)
@@ -73,6 +73,9 @@ async fn routes(
         .add_service(status)
         .add_service(storage)
         .add_service(workers.max_decoding_message_size(limit));
+    let mut routes = routes;
+    let router = std::mem::take(routes.axum_router_mut());
+    *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))
 }
 
@@ -97,7 +100,11 @@ where
             () = drain.cancelled() => {}
             () = health::follow(&context, &reporter) => {}
         }
-        health::set(&reporter, ServingStatus::NotServing).await;
+        let leaving = Health {
+            leaving: true,
+            ..Health::default()
+        };
+        health::set(&reporter, leaving).await;
         drain.cancel();
     };
     let limits = &context.config.traffic;
@@ -112,6 +119,8 @@ where
     });
     let faults = context.config.faults.clone().map(FaultLayer);
     let serving = Server::builder()
+        // For the pages; gRPC needs HTTP/2.
+        .accept_http1(true)
         .initial_stream_window_size(WINDOW_BYTES)
         .initial_connection_window_size(WINDOW_BYTES)
         .max_concurrent_streams(limits.connection_calls)

@@ -5,6 +5,7 @@ mod bad_input;
 mod bad_media;
 mod between;
 mod containers;
+mod engine_workers;
 mod evaluate;
 mod export;
 mod export_job;

@@ -180,6 +180,7 @@ async fn late_calls_are_refused(
     let publish = PublishCheckpointRequest {
         claim: Some(claim.clone()),
         checkpoint,
+        save_seconds: 0.5,
     };
     let refused = late
         .publish_checkpoint(publish)

@@ -8,4 +8,4 @@ pub mod agent;
 pub mod jobs;
 mod retry;
 
-pub use agent::{Worker, WorkerConfig, WorkerError};
+pub use agent::{Ended, JobEnd, Worker, WorkerConfig, WorkerError};

@@ -1,6 +1,9 @@
 //! Jobs: creation, progress and results.
 
-use super::{ClientError, JobWatch, YotoClient, request_id, retry::repeat};
+use super::{
+    ClientError, JobWatch, YotoClient, request_id,
+    retry::{read, repeat},
+};
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
@@ -84,15 +87,12 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`] when no job has this name.
     pub async fn get_job(&self, name: &str) -> Result<Job, ClientError> {
-        let answer = self
-            .job_service()
-            .get_job(GetJobRequest {
-                name: name.to_owned(),
-            })
-            .await;
-        Ok(answer
-            .map_err(ClientError::refused(format!("reading {name}")))?
-            .into_inner())
+        let get = || {
+            let (mut service, name) = (self.job_service(), name.to_owned());
+            async move { service.get_job(GetJobRequest { name }).await }
+        };
+        let found = read(get).await;
+        found.map_err(ClientError::refused(format!("reading {name}")))
     }
 
     /// Every job, newest first, over all pages.
@@ -112,7 +112,7 @@ impl YotoClient {
         states: &[job::State],
         limit: usize,
     ) -> Result<Vec<Job>, ClientError> {
-        let mut service = self.job_service();
+        let service = self.job_service();
         let (mut jobs, mut page_token) = (Vec::new(), String::new());
         loop {
             let request = ListJobsRequest {
@@ -122,11 +122,12 @@ impl YotoClient {
                 view: JobView::Full.into(),
                 ..ListJobsRequest::default()
             };
-            let page = service
-                .list_jobs(request)
-                .await
-                .map_err(ClientError::refused("listing jobs"))?
-                .into_inner();
+            let list = || {
+                let (mut service, request) = (service.clone(), request.clone());
+                async move { service.list_jobs(request).await }
+            };
+            let page = read(list).await;
+            let page = page.map_err(ClientError::refused("listing jobs"))?;
             jobs.extend(page.jobs);
             page_token = page.next_page_token;
             if page_token.is_empty() || jobs.len() >= limit {

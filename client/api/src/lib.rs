@@ -4,6 +4,7 @@
 //! every caller needs: request ids, repeated calls, paging, uploads and watch streams that survive a
 //! lost connection, and errors that name the file, frame and field at fault.
 
+mod addresses;
 mod error;
 mod jobs;
 mod models;
@@ -18,14 +19,14 @@ mod upload;
 mod watch;
 mod watch_all;
 
+pub use addresses::Addresses;
 pub use error::{ClientError, Refusal};
 pub use resolve::pick_name;
 pub use upload::{FileSource, UploadFile};
 pub use watch::{JobChange, JobWatch};
 pub use watch_all::{JobsChange, JobsFilter, JobsWatch};
 
-use std::time::Duration;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 use yoto_proto::v1::JobPriority;
 
 /// Default address of `yoto serve`.
@@ -49,28 +50,12 @@ pub struct QueueOptions {
 }
 
 impl YotoClient {
-    /// Connects to `server`, e.g. [`DEFAULT_SERVER`].
+    /// Connects to `server`, e.g. [`DEFAULT_SERVER`]; several addresses have commas between them.
     ///
     /// # Errors
-    /// When `server` is not a URL or nothing answers there.
+    /// When `server` is not an address or nothing answers there.
     pub async fn connect(server: &str) -> Result<Self, ClientError> {
-        if let Some((scheme, _)) = server.split_once("://")
-            && scheme != "http"
-        {
-            return Err(ClientError::Name(format!(
-                "{server}: a service speaks HTTP without encryption (http://), through a tunnel beyond \
-                 this machine"
-            )));
-        }
-        let connect_error = |source| ClientError::Connect {
-            server: server.to_owned(),
-            source,
-        };
-        let channel = endpoint(server)
-            .map_err(connect_error)?
-            .connect()
-            .await
-            .map_err(connect_error)?;
+        let channel = Addresses::parse(server)?.connect().await?;
         Ok(Self::new(channel))
     }
 
@@ -88,25 +73,6 @@ impl YotoClient {
     pub fn with_queue_options(self, queue: QueueOptions) -> Self {
         Self { queue, ..self }
     }
-}
-
-/// The connection to `server`, with keep-alives, which detect a lost peer (a sleeping laptop, a
-/// dropped NAT entry) so that watches can reconnect.
-///
-/// An address without a scheme, such as `localhost:50051`, is one of HTTP.
-///
-/// # Errors
-/// When `server` is not a URL.
-pub fn endpoint(server: &str) -> Result<Endpoint, tonic::transport::Error> {
-    let url = match server.contains("://") {
-        true => server.to_owned(),
-        false => format!("http://{server}"),
-    };
-    Ok(Endpoint::from_shared(url)?
-        .connect_timeout(Duration::from_secs(10))
-        .http2_keep_alive_interval(Duration::from_secs(20))
-        .keep_alive_timeout(Duration::from_secs(10))
-        .keep_alive_while_idle(true))
 }
 
 /// Makes repeated delivery of a create request harmless.

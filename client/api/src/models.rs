@@ -1,6 +1,9 @@
 //! Models: shared networks, and the identity slots of the people in them.
 
-use super::{ClientError, YotoClient, request_id, retry::repeat};
+use super::{
+    ClientError, YotoClient, request_id,
+    retry::{read, repeat},
+};
 use prost_types::FieldMask;
 use yoto_proto::names;
 use yoto_proto::pose_track::{PoseTrack, describe};
@@ -49,15 +52,12 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`] when no model has this name.
     pub async fn get_model(&self, name: &str) -> Result<Model, ClientError> {
-        let answer = self
-            .model_service()
-            .get_model(GetModelRequest {
-                name: name.to_owned(),
-            })
-            .await;
-        Ok(answer
-            .map_err(ClientError::refused(format!("reading {name}")))?
-            .into_inner())
+        let get = || {
+            let (mut service, name) = (self.model_service(), name.to_owned());
+            async move { service.get_model(GetModelRequest { name }).await }
+        };
+        let found = read(get).await;
+        found.map_err(ClientError::refused(format!("reading {name}")))
     }
 
     /// Every model, over all pages.
@@ -65,18 +65,19 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`].
     pub async fn list_models(&self) -> Result<Vec<Model>, ClientError> {
-        let mut service = self.model_service();
+        let service = self.model_service();
         let (mut models, mut page_token) = (Vec::new(), String::new());
         loop {
             let request = ListModelsRequest {
                 page_size: 1000,
                 page_token,
             };
-            let page = service
-                .list_models(request)
-                .await
-                .map_err(ClientError::refused("listing models"))?
-                .into_inner();
+            let list = || {
+                let (mut service, request) = (service.clone(), request.clone());
+                async move { service.list_models(request).await }
+            };
+            let page = read(list).await;
+            let page = page.map_err(ClientError::refused("listing models"))?;
             models.extend(page.models);
             page_token = page.next_page_token;
             if page_token.is_empty() {
@@ -137,9 +138,12 @@ impl YotoClient {
                 page_size: 1000,
                 page_token,
             };
-            let answer = self.model_service().list_checkpoints(request).await;
+            let list = || {
+                let (mut service, request) = (self.model_service(), request.clone());
+                async move { service.list_checkpoints(request).await }
+            };
             let doing = format!("listing checkpoints of {model}");
-            let page = answer.map_err(ClientError::refused(doing))?.into_inner();
+            let page = read(list).await.map_err(ClientError::refused(doing))?;
             checkpoints.extend(page.checkpoints);
             page_token = page.next_page_token;
             if page_token.is_empty() {

@@ -1,7 +1,7 @@
 //! Files that jobs have written, each checked against its SHA-256. An interrupted transfer continues
 //! where it ended.
 
-use super::retry::Retries;
+use super::retry::{Retries, read};
 use super::upload::measure;
 use super::{ClientError, YotoClient};
 use sha2::{Digest, Sha256};
@@ -32,9 +32,12 @@ impl YotoClient {
                 page_size: 0,
                 page_token,
             };
-            let answer = self.object_service().list_objects(request).await;
+            let list = || {
+                let (mut service, request) = (self.object_service(), request.clone());
+                async move { service.list_objects(request).await }
+            };
             let doing = format!("listing files of {parent}");
-            let page = answer.map_err(ClientError::refused(doing))?.into_inner();
+            let page = read(list).await.map_err(ClientError::refused(doing))?;
             objects.extend(page.objects);
             page_token = page.next_page_token;
             if page_token.is_empty() {

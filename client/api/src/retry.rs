@@ -9,6 +9,8 @@ use yoto_proto::v1::ErrorReason;
 
 /// How long the service may be out of reach.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(60);
+/// How often a read is repeated.
+const READS_AGAIN: u32 = 2;
 pub(super) const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
@@ -86,6 +88,25 @@ where
     }
 }
 
+/// Repeats a read when its connection breaks: at once, and a moment later. Then another address of the service has answered,
+/// if there is one; nobody has to wait for a service that is gone.
+///
+/// # Errors
+/// The service's refusal, or the last failure.
+pub(super) async fn read<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+where
+    F: Future<Output = Result<Response<T>, Status>>,
+{
+    let mut retries = Retries::new();
+    loop {
+        match call().await {
+            Ok(answer) => return Ok(answer.into_inner()),
+            Err(status) if retries.failures() == READS_AGAIN => return Err(status),
+            Err(status) => retries.wait(status).await?,
+        }
+    }
+}
+
 /// Whether the connection is at fault rather than the request.
 fn is_transport(status: &Status) -> bool {
     if let Some(reason) = reasons::of(status) {
@@ -147,6 +168,10 @@ mod tests {
             7
         );
         assert_eq!(calls.get(), 3);
+        assert_eq!(read(call(Code::Unavailable, 3)).await.expect("answers"), 7);
+        let gone = read(call(Code::Unavailable, 9)).await;
+        assert_eq!(gone.expect_err("is gone").code(), Code::Unavailable);
+        assert_eq!(calls.get(), 3, "nobody waits for it");
         let refused = repeat(call(Code::InvalidArgument, 4)).await;
         assert_eq!(refused.expect_err("is final").code(), Code::InvalidArgument);
         assert_eq!(calls.get(), 1);

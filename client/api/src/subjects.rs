@@ -1,6 +1,9 @@
 //! Subjects: the people of a service.
 
-use super::{ClientError, YotoClient, request_id, retry::repeat};
+use super::{
+    ClientError, YotoClient, request_id,
+    retry::{read, repeat},
+};
 use prost_types::FieldMask;
 use yoto_proto::limits::{ANSWER_BYTES, LONGEST_PAGE_ENTRIES};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
@@ -43,15 +46,12 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`] when there is none.
     pub async fn get_subject(&self, name: &str) -> Result<Subject, ClientError> {
-        let answer = self
-            .subject_service()
-            .get_subject(GetSubjectRequest {
-                name: name.to_owned(),
-            })
-            .await;
-        Ok(answer
-            .map_err(ClientError::refused(format!("reading {name}")))?
-            .into_inner())
+        let get = || {
+            let (mut service, name) = (self.subject_service(), name.to_owned());
+            async move { service.get_subject(GetSubjectRequest { name }).await }
+        };
+        let found = read(get).await;
+        found.map_err(ClientError::refused(format!("reading {name}")))
     }
 
     /// Every subject, over all pages.
@@ -59,18 +59,19 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`].
     pub async fn list_subjects(&self) -> Result<Vec<Subject>, ClientError> {
-        let mut service = self.subject_service();
+        let service = self.subject_service();
         let (mut subjects, mut page_token) = (Vec::new(), String::new());
         loop {
             let request = ListSubjectsRequest {
                 page_size: 1000,
                 page_token,
             };
-            let page = service
-                .list_subjects(request)
-                .await
-                .map_err(ClientError::refused("listing subjects"))?
-                .into_inner();
+            let list = || {
+                let (mut service, request) = (service.clone(), request.clone());
+                async move { service.list_subjects(request).await }
+            };
+            let page = read(list).await;
+            let page = page.map_err(ClientError::refused("listing subjects"))?;
             subjects.extend(page.subjects);
             page_token = page.next_page_token;
             if page_token.is_empty() {
@@ -84,15 +85,12 @@ impl YotoClient {
     /// # Errors
     /// [`ClientError::Refused`] when there is none.
     pub async fn get_capture(&self, name: &str) -> Result<Capture, ClientError> {
-        let answer = self
-            .subject_service()
-            .get_capture(GetCaptureRequest {
-                name: name.to_owned(),
-            })
-            .await;
-        Ok(answer
-            .map_err(ClientError::refused(format!("reading {name}")))?
-            .into_inner())
+        let get = || {
+            let (mut service, name) = (self.subject_service(), name.to_owned());
+            async move { service.get_capture(GetCaptureRequest { name }).await }
+        };
+        let found = read(get).await;
+        found.map_err(ClientError::refused(format!("reading {name}")))
     }
 
     /// Changes the display name or the consent note of a person, whose version must still be that of `subject`.

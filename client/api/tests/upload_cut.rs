@@ -198,8 +198,8 @@ async fn an_upload_survives_200_cuts_and_a_restart_and_sends_nothing_committed_t
         cuts: Arc::default(),
     };
     let way = proxy.start(7).await;
-    let endpoint = yoto_client::endpoint(&format!("http://{way}")).expect("is an address");
-    let client = YotoClient::new(endpoint.connect_lazy());
+    let addresses = yoto_client::Addresses::parse(&way.to_string()).expect("is an address");
+    let client = YotoClient::new(addresses.connect_lazy());
     let total: u64 = files().iter().map(bytes).sum();
     let upload = tokio::spawn({
         let subject = subject.clone();

@@ -28,8 +28,14 @@ use yoto_proto::v1::{JobKind, JobPriority};
 /// The service of a client command.
 #[derive(Debug, Args)]
 pub(crate) struct Server {
-    /// Address of the service.
-    #[arg(long, env = "YOTO_SERVER", default_value = DEFAULT_SERVER, value_name = "URL")]
+    /// Address of the service, or those of its coordinators with commas between them.
+    #[arg(
+        long,
+        visible_alias = "service",
+        env = "YOTO_SERVER",
+        default_value = DEFAULT_SERVER,
+        value_name = "URL"
+    )]
     pub server: String,
 }
 
@@ -37,6 +43,19 @@ impl Server {
     pub async fn connect(&self) -> Result<YotoClient, ClientError> {
         YotoClient::connect(&self.server).await
     }
+}
+
+/// Why something is not done at present.
+#[derive(Debug, Args)]
+pub(crate) struct Reason {
+    /// Reason, which `yoto status` shows.
+    #[arg(
+        long,
+        default_value = "",
+        hide_default_value = true,
+        value_name = "TEXT"
+    )]
+    pub reason: String,
 }
 
 /// Order of a new job in the queue.

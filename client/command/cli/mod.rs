@@ -9,6 +9,8 @@ mod completions;
 use crate::{avatar, demo};
 use crate::{capture, export, job, model, motion, render, scene, service, subject};
 use anyhow::Context;
+#[cfg(feature = "embedded")]
+use clap::{CommandFactory, FromArgMatches};
 use clap::{Parser, Subcommand, ValueEnum};
 use std::process::ExitCode;
 use yoto_client::ClientError;
@@ -61,7 +63,6 @@ enum Format {
 enum Command {
     #[cfg(feature = "embedded")]
     Serve(service::serve::Serve),
-    #[cfg(feature = "embedded")]
     Worker(service::worker::WorkerCommand),
     #[cfg(feature = "embedded")]
     Demo(demo::command::Demo),
@@ -75,6 +76,11 @@ enum Command {
     Job(job::JobCommand),
     Status(service::status::Status),
     Gc(service::gc::Gc),
+    Drain(service::drain::Drain),
+    #[cfg(feature = "embedded")]
+    Backup(service::backup::Backup),
+    #[cfg(feature = "embedded")]
+    Restore(service::backup::Restore),
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     Scene(scene::SceneCommand),
@@ -90,7 +96,11 @@ pub fn main() -> ExitCode {
     // A worker starts this program again to read an upload.
     #[cfg(feature = "embedded")]
     yoto_ingest::become_ingest_child_if_asked();
-    let cli = Cli::parse();
+    let cli = match parsed() {
+        Ok(Some(cli)) => cli,
+        Ok(None) => return ExitCode::SUCCESS,
+        Err(error) => error.exit(),
+    };
     output::set_style(output::Style {
         json: cli.output == Format::Json,
         quiet: cli.quiet,
@@ -105,21 +115,38 @@ pub fn main() -> ExitCode {
         output::error(format_args!("{error:#}"));
     }
     output::finish();
-    outcome.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS)
+    outcome.unwrap_or(ExitCode::FAILURE)
 }
 
-fn run(cli: Cli) -> anyhow::Result<()> {
+/// The command line, with the settings of the file that it names; `None` if it asks only for these to be printed.
+#[cfg(feature = "embedded")]
+fn parsed() -> Result<Option<Cli>, clap::Error> {
+    use crate::service::config;
+    let parsed = config::parse(Cli::command(), std::env::args_os().collect())?;
+    if let Some(text) = config::print(&parsed) {
+        say!("{}", text.trim_end());
+        return Ok(None);
+    }
+    Cli::from_arg_matches(&parsed.matches).map(Some)
+}
+
+#[cfg(not(feature = "embedded"))]
+fn parsed() -> Result<Option<Cli>, clap::Error> {
+    Cli::try_parse().map(Some)
+}
+
+fn run(cli: Cli) -> anyhow::Result<ExitCode> {
     // Before any command computes: a wrong YOTO_CPU is an error, and not a slower or faster form than asked for.
     #[cfg(feature = "embedded")]
     yoto_device::check_cpu_form()?;
     let log_json = cli.log_json || logs_are_json(&cli.command);
     service::logs::init(default_level(&cli.command), log_json);
     let runtime = tokio::runtime::Runtime::new().context("starting the asynchronous runtime")?;
+    let mut code = ExitCode::SUCCESS;
     let outcome = match cli.command {
         #[cfg(feature = "embedded")]
         Command::Serve(command) => runtime.block_on(command.run()),
-        #[cfg(feature = "embedded")]
-        Command::Worker(command) => runtime.block_on(command.run()),
+        Command::Worker(command) => runtime.block_on(command.run()).map(|ended| code = ended),
         #[cfg(feature = "embedded")]
         Command::Demo(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
@@ -132,6 +159,11 @@ fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Job(command) => runtime.block_on(command.run()),
         Command::Status(command) => runtime.block_on(command.run()),
         Command::Gc(command) => runtime.block_on(command.run()),
+        Command::Drain(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Backup(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Restore(command) => runtime.block_on(command.run()),
         Command::Motion(command) => command.run(),
         Command::Scene(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),
@@ -143,7 +175,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
     };
     // A computation that outlives its job must not prevent the process from ending.
     runtime.shutdown_background();
-    outcome
+    outcome.map(|()| code)
 }
 
 /// Whether the command keeps details to its log.
@@ -158,9 +190,9 @@ fn is_brief(command: &Command) -> bool {
 fn logs_are_json(command: &Command) -> bool {
     match command {
         #[cfg(feature = "embedded")]
-        Command::Serve(serve) => serve.logs.log_json,
+        Command::Serve(serve) => serve.logs.are_json(),
         #[cfg(feature = "embedded")]
-        Command::Worker(worker) => worker.logs.log_json,
+        Command::Worker(command) => command.worker.logs.are_json(),
         _ => false,
     }
 }

@@ -48,6 +48,8 @@ fn what_a_newcomer_types_parses() {
         "yoto tradeoff --model duo --size 64 --views 2 --repeats 1 --out o",
         "yoto tradeoff duo --checkpoint 40 --again --out o",
         "yoto serve --listen localhost:0 --log-json",
+        "yoto backup saved --data d",
+        "yoto restore saved --data d --rows-only",
         "yoto --log-json serve",
     ];
     let everywhere = [
@@ -100,6 +102,10 @@ fn what_a_newcomer_types_parses() {
         "yoto export duo --subject ada --format html --out ada.html",
         "yoto export duo --subject ada --no-motion --priority high --owner me --out ada.html",
         "yoto job pause export --reason why",
+        "yoto drain --wait --reason why",
+        "yoto drain --end",
+        "yoto worker cordon gpu-1 --reason why",
+        "yoto worker uncordon gpu-1 --service http://a:1,http://b:1",
         "yoto evaluate duo",
         "yoto evaluate duo --subjects ada,bob --protocol held-out --size 128",
         "yoto evaluate duo --checkpoint 40",
@@ -146,6 +152,8 @@ fn contradictions_are_refused() {
         "yoto render duo --subject ada --orbit 3 --motion bob --out o",
         "yoto render duo --subject ada --orbit 3 --frames 0..9 --out o",
         "yoto demo --subjects 0",
+        "yoto drain --end --wait",
+        "yoto worker cordon",
         "yoto subject add ada",
         "yoto subject add ada c --capture d",
         "yoto subject add ada c --range 9..3",

@@ -7,9 +7,34 @@ use tracing_subscriber::EnvFilter;
 #[cfg(feature = "embedded")]
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(crate) struct LogArgs {
-    /// Write logs as JSON, one object per line.
-    #[arg(long)]
-    pub log_json: bool,
+    /// Format of logs: text for people, or JSON with one object per line.
+    #[arg(
+        long,
+        value_enum,
+        env = "YOTO_LOG_FORMAT",
+        default_value = "text",
+        value_name = "FORMAT"
+    )]
+    log_format: LogFormat,
+    /// The earlier spelling of --log-format json.
+    #[arg(long, hide = true)]
+    log_json: bool,
+}
+
+/// A format of logs.
+#[cfg(feature = "embedded")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum LogFormat {
+    Text,
+    Json,
+}
+
+#[cfg(feature = "embedded")]
+impl LogArgs {
+    /// Whether logs are JSON.
+    pub(crate) fn are_json(self) -> bool {
+        self.log_json || self.log_format == LogFormat::Json
+    }
 }
 
 /// Starts logging at `default_level`, which `RUST_LOG` overrides.

@@ -1,9 +1,13 @@
 //! The service itself: run it, run workers for it, see its status, remove its garbage.
 
+#[cfg(feature = "embedded")]
+pub(crate) mod backup;
+#[cfg(feature = "embedded")]
+pub(crate) mod config;
+pub(crate) mod drain;
 pub(crate) mod gc;
 pub(crate) mod logs;
 #[cfg(feature = "embedded")]
 pub(crate) mod serve;
 pub(crate) mod status;
-#[cfg(feature = "embedded")]
 pub(crate) mod worker;

@@ -3,6 +3,7 @@
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
 use clap::Args;
+use clap::builder::BoolishValueParser;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,10 +17,16 @@ PostgreSQL; the objects stay in the folder.
 SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
 queue, and the process ends, even with connected clients.
 
+On the same port, /healthz, /readyz and /metrics answer to balancers and Prometheus. Each option can also be
+an environment variable, YOTO_LISTEN for --listen, or a key of --config.
+
 Examples:
   yoto serve
   yoto serve --data /srv/yoto --listen 127.0.0.1:6000
   yoto serve --database 'postgres://yoto@db.example/yoto?sslmode=verify-full'
+  yoto serve --print-config > yoto.toml
+  yoto serve --config yoto.toml
+  curl http://127.0.0.1:50051/readyz
   grpcurl -plaintext 127.0.0.1:50051 list";
 
 /// Run the service on this machine: API, jobs, storage and a worker.
@@ -27,7 +34,12 @@ Examples:
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Serve {
     /// Folder for database and objects; created if missing.
-    #[arg(long, value_name = "DIR", default_value = "./yoto-data")]
+    #[arg(
+        long,
+        env = "YOTO_DATA",
+        value_name = "DIR",
+        default_value = "./yoto-data"
+    )]
     data: PathBuf,
     /// PostgreSQL database, postgres://USER@HOST/NAME, instead of SQLite in the data folder. A
     /// password can be in PGPASSWORD or ~/.pgpass.
@@ -39,19 +51,41 @@ pub(crate) struct Serve {
     )]
     database: Option<PostgresUrl>,
     /// Address to listen at: host and port.
-    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051", value_parser = address)]
+    #[arg(
+        long,
+        env = "YOTO_LISTEN",
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:50051",
+        value_parser = address
+    )]
     listen: SocketAddr,
     /// Run no worker: jobs wait for a worker in another process.
-    #[arg(long)]
+    #[arg(long, env = "YOTO_NO_WORKER", value_parser = BoolishValueParser::new())]
     no_worker: bool,
     /// Folder for the files of running jobs: uploads to read, checkpoints to load and save. By default
     /// scratch/ in the data folder.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, env = "YOTO_SCRATCH", value_name = "DIR")]
     scratch: Option<PathBuf>,
     /// Listen beyond this machine without encryption or keys: anyone who can reach the
     /// address can read and change everything.
-    #[arg(long)]
+    #[arg(long, env = "YOTO_INSECURE", value_parser = BoolishValueParser::new())]
     insecure: bool,
+    /// Time from SIGTERM until calls are refused, seconds. Meanwhile `/readyz` and the health of gRPC say that
+    /// nobody should come any more, so that a balancer sends its calls elsewhere. Workers in this process stop at
+    /// once.
+    #[arg(
+        long,
+        env = "YOTO_DRAIN_SECONDS",
+        value_name = "SECONDS",
+        default_value_t = 0.0
+    )]
+    drain_seconds: f64,
+    /// Settings of this command in TOML: each key is an option's name, without dashes before it.
+    #[arg(long, env = "YOTO_CONFIG", value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Print a file for --config with all settings, the values in force and where each comes from, and end.
+    #[arg(long)]
+    print_config: bool,
     #[command(flatten)]
     storage: Storage,
     #[command(flatten)]
@@ -66,16 +100,26 @@ pub(crate) struct Serve {
 #[derive(Debug, Args)]
 struct Storage {
     /// Newest checkpoints that a model keeps, unless `yoto model keep` says otherwise.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, env = "YOTO_KEEP_NEWEST", value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     keep_newest: u32,
     /// A model also keeps every N-th checkpoint; 0: none for this reason.
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, env = "YOTO_KEEP_EVERY", value_name = "N", default_value_t = 10)]
     keep_every: u32,
     /// Hours until objects that nothing refers to are removed.
-    #[arg(long, value_name = "HOURS", default_value_t = 24.0)]
+    #[arg(
+        long,
+        env = "YOTO_GRACE_HOURS",
+        value_name = "HOURS",
+        default_value_t = 24.0
+    )]
     grace_hours: f64,
     /// Free space of the disk, GiB, below which uploads and trainings are refused.
-    #[arg(long, value_name = "GIB", default_value_t = 2.0)]
+    #[arg(
+        long,
+        env = "YOTO_MIN_FREE_GIB",
+        value_name = "GIB",
+        default_value_t = 2.0
+    )]
     min_free_gib: f64,
 }
 
@@ -108,7 +152,12 @@ impl Serve {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         check_exposure(self.listen, self.insecure)?;
         keep_private();
+        let drain = Duration::try_from_secs_f64(self.drain_seconds);
+        let drain = drain.with_context(|| format!("--drain-seconds {}", self.drain_seconds))?;
         let place = self.place();
+        if let Some(path) = &self.config {
+            tell!("settings of {}", path.display());
+        }
         let options = EmbeddedOptions {
             data: self.data,
             database: self.database,
@@ -118,6 +167,7 @@ impl Serve {
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
             scratch: self.scratch,
+            drain,
         };
         let mut service = Embedded::start(options)
             .await

@@ -41,11 +41,15 @@ impl Status {
             status.queued
         );
         for paused in &status.paused {
-            let reason = match paused.reason.as_str() {
-                "" => String::new(),
-                reason => format!(": {reason}"),
-            };
-            say!("paused   {} jobs{reason}", kind_word(paused.kind()));
+            let kind = kind_word(paused.kind());
+            say!("paused   {kind} jobs{}", because(&paused.reason));
+        }
+        if let Some(draining) = &status.draining {
+            say!("drained  no new jobs{}", because(&draining.reason));
+        }
+        for cordon in &status.cordons {
+            let name = others(&cordon.display_name);
+            say!("cordon   {name} gets no jobs{}", because(&cordon.reason));
         }
         say!("objects  {}{}", status.objects, room(&status));
         let upload = limits.upload.unwrap_or_default();
@@ -97,6 +101,14 @@ async fn row(
         seen,
         does,
     ])
+}
+
+/// `: a reason`.
+fn because(reason: &str) -> String {
+    match reason {
+        "" => String::new(),
+        reason => format!(": {}", others(reason)),
+    }
 }
 
 /// The note on a worker that does not understand all orders.

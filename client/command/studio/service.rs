@@ -28,6 +28,7 @@ pub async fn with_service<T>(
         lpips,
         storage: yoto_server::StorageLimits::default(),
         scratch: None,
+        drain: std::time::Duration::ZERO,
     })
     .await
     .context("starting the embedded service")?;

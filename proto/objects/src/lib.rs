@@ -7,6 +7,7 @@
 
 mod error;
 mod parts;
+mod probe;
 mod read;
 
 pub use error::ObjectsError;

@@ -1,19 +1,22 @@
 //! `yoto.v1.StatusService`.
 
-use super::paging;
+use super::{fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::field_faults::both;
 use crate::tenant::Tenant;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::checks::SPEC_BYTES;
 use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::limits as contract;
+use yoto_proto::limits::REASON_CHARACTERS;
 use yoto_proto::orders;
 use yoto_proto::v1::status_service_server::StatusService;
 use yoto_proto::v1::{
-    GetLimitsRequest, GetStatusRequest, ListWorkersRequest, ListWorkersResponse, ServiceLimits,
-    ServiceStatus, UploadLimits,
+    CordonWorkerRequest, CordonWorkerResponse, DrainRequest, DrainResponse, EndDrainRequest,
+    EndDrainResponse, GetLimitsRequest, GetStatusRequest, ListWorkersRequest, ListWorkersResponse,
+    ServiceLimits, ServiceStatus, UncordonWorkerRequest, UncordonWorkerResponse, UploadLimits,
 };
 
 /// The state of the service as a whole.
@@ -36,6 +39,8 @@ impl StatusService for StatusApi {
         let counts = context.store.open_jobs(&tenant).await;
         let (queued, running) = counts.map_err(RequestError::from)?;
         let paused = context.store.paused_kinds(&tenant).await;
+        let draining = context.store.draining().await;
+        let cordons = context.store.cordons(&tenant).await;
         let disk = context.disk.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -48,6 +53,8 @@ impl StatusService for StatusApi {
             disk_free: disk.map(|disk| disk.free),
             disk_total: disk.map(|disk| disk.total),
             paused: paused.map_err(RequestError::from)?,
+            draining: draining.map_err(RequestError::from)?,
+            cordons: cordons.map_err(RequestError::from)?,
         }))
     }
 
@@ -56,6 +63,56 @@ impl StatusService for StatusApi {
         _: Request<GetLimitsRequest>,
     ) -> Result<Response<ServiceLimits>, Status> {
         Ok(Response::new(limits(&self.context)))
+    }
+
+    async fn drain(
+        &self,
+        request: Request<DrainRequest>,
+    ) -> Result<Response<DrainResponse>, Status> {
+        // For the operator: all tenants wait.
+        let reason = &request.get_ref().reason;
+        let reason = fields::line("reason", reason, REASON_CHARACTERS)?;
+        let drained = self.context.store.drain(&reason).await;
+        drained.map_err(RequestError::from)?;
+        tracing::info!(reason, "the service is drained: it takes no new jobs");
+        Ok(Response::new(DrainResponse {}))
+    }
+
+    async fn end_drain(
+        &self,
+        _: Request<EndDrainRequest>,
+    ) -> Result<Response<EndDrainResponse>, Status> {
+        let ended = self.context.store.end_drain().await;
+        ended.map_err(RequestError::from)?;
+        tracing::info!("the drain has ended: the service takes jobs again");
+        Ok(Response::new(EndDrainResponse {}))
+    }
+
+    async fn cordon_worker(
+        &self,
+        request: Request<CordonWorkerRequest>,
+    ) -> Result<Response<CordonWorkerResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let request = request.get_ref();
+        let worker = fields::display_name(&request.display_name);
+        let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
+        let (worker, reason) = both(worker, reason)?;
+        let cordoned = self.context.store.cordon(&tenant, &worker, &reason).await;
+        cordoned.map_err(RequestError::from)?;
+        tracing::info!(worker, reason, "workers cordoned");
+        Ok(Response::new(CordonWorkerResponse {}))
+    }
+
+    async fn uncordon_worker(
+        &self,
+        request: Request<UncordonWorkerRequest>,
+    ) -> Result<Response<UncordonWorkerResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let worker = fields::display_name(&request.get_ref().display_name)?;
+        let uncordoned = self.context.store.uncordon(&tenant, &worker).await;
+        uncordoned.map_err(RequestError::from)?;
+        tracing::info!(worker, "workers uncordoned");
+        Ok(Response::new(UncordonWorkerResponse {}))
     }
 
     async fn list_workers(

@@ -5,6 +5,7 @@
 
 use crate::error::RequestError;
 use crate::field_faults::{FieldFault, FieldFaults};
+use crate::metrics::METRICS;
 use crate::store::StoreError;
 use std::collections::HashMap;
 use tonic::{Code, Status};
@@ -43,10 +44,17 @@ impl From<RequestError> for Status {
             RequestError::Stream(status) => status,
             error @ RequestError::NoTenant => internal(&error),
             RequestError::Store(error) => store(error),
-            RequestError::Objects(error) if error.is_torn() => altered(&error),
-            RequestError::Objects(error) if error.is_full() => unavailable(&error),
-            RequestError::Objects(error) => internal(&error),
+            RequestError::Objects(error) => objects(&error),
         }
+    }
+}
+
+fn objects(error: &ObjectsError) -> Status {
+    METRICS.objects_failed();
+    match error {
+        error if error.is_torn() => altered(error),
+        error if error.is_full() => unavailable(error),
+        error => internal(error),
     }
 }
 

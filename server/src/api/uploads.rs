@@ -2,8 +2,10 @@
 
 use super::fields;
 use crate::context::Context;
+use crate::metrics::METRICS;
 use crate::tenant::Tenant;
 use crate::uploads::{self, describe};
+use futures::TryStreamExt;
 use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
 use yoto_proto::names::Collection;
@@ -46,7 +48,10 @@ impl UploadService for UploadApi {
         let tenant = Tenant::of(&request)?;
         // A separate task: when the caller disconnects, this future is dropped, but what has come is
         // committed nevertheless.
-        let receiving = uploads::receive(Arc::clone(&self.context), tenant, request.into_inner());
+        let chunks = request
+            .into_inner()
+            .inspect_ok(|it| METRICS.uploaded(it.chunk.len()));
+        let receiving = uploads::receive(Arc::clone(&self.context), tenant, chunks);
         let written = tokio::spawn(receiving).await.map_err(|error| {
             tracing::error!(%error, "a write of an upload ended early");
             Status::internal("the write ended early")

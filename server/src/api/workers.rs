@@ -12,6 +12,7 @@ use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
 use yoto_proto::names::Collection;
+use yoto_proto::orders;
 use yoto_proto::v1::JobError;
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::worker_service_server::WorkerService;
@@ -97,6 +98,8 @@ impl WorkerService for WorkerApi {
         Ok(Response::new(RegisterWorkerResponse {
             worker: Collection::Workers.name(&id),
             lease_seconds: self.context.config.lease_seconds,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            order_level: orders::LEVEL,
         }))
     }
 
@@ -148,7 +151,8 @@ impl WorkerService for WorkerApi {
         let checkpoint = request.checkpoint;
         let checkpoint =
             checkpoint.ok_or_else(|| RequestError::invalid("checkpoint", "is missing"))?;
-        report::publish(&self.context, &tenant, &key, checkpoint).await?;
+        let seconds = request.save_seconds;
+        report::publish(&self.context, &tenant, &key, checkpoint, seconds).await?;
         Ok(Response::new(PublishCheckpointResponse {}))
     }
 

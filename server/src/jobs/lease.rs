@@ -2,7 +2,8 @@
 
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{Ending, LeaseKey, LeasedJob, NewWorker, StoreError};
+use crate::metrics::METRICS;
+use crate::store::{Ending, JobKind, LeaseKey, LeasedJob, NewWorker, StoreError};
 use crate::tenant::Tenant;
 use prost::Message;
 use yoto_proto::limits::ANSWER_BYTES;
@@ -78,6 +79,7 @@ pub async fn lease(
         helps,
     } = leased;
     let name = job.name.clone();
+    let kind = job.spec.as_ref().and_then(JobKind::of);
     context.changes.announce(&name);
     let lease = Lease {
         job: Some(job),
@@ -101,6 +103,9 @@ pub async fn lease(
         };
         end_unreadable(context, tenant, &key, bytes, helps).await?;
         return Ok(None);
+    }
+    if let Some(kind) = kind {
+        METRICS.leased(kind);
     }
     tracing::info!(job = name, token, worker = worker_id, helps, "job leased");
     Ok(Some(lease))

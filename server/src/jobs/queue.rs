@@ -11,6 +11,8 @@ use crate::field_faults::all;
 use crate::store::{JobKind, NewJob, RequestKey};
 use crate::tenant::Tenant;
 use yoto_proto::checks;
+use yoto_proto::limits::REQUEST_ID_BYTES;
+use yoto_proto::text::one_line;
 use yoto_proto::v1::{Job, JobSpec, job};
 
 /// Checks a job, whose order is well-formed, and queues it.
@@ -29,8 +31,9 @@ pub async fn create(
     }
     check_spec(context, tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
+    let request_id = id_of(&request);
     let job = context.store.create_job(tenant, new, request).await?;
-    tracing::info!(job = job.name, kind, "job queued");
+    tracing::info!(job = job.name, kind, request_id, "job queued");
     Ok(job)
 }
 
@@ -52,6 +55,12 @@ pub async fn validate(
         owner: new.owner,
         ..Job::default()
     })
+}
+
+/// The caller's id of a request, for the log, in which it leads from the caller to the job. A long one is cut.
+fn id_of(request: &Option<RequestKey>) -> String {
+    let id = request.as_ref().map(|it| it.request_id.as_str());
+    one_line(id.unwrap_or_default(), REQUEST_ID_BYTES)
 }
 
 /// Checks an order without the catalogue.
@@ -82,11 +91,13 @@ pub async fn cancel(
     id: &str,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
+    let request_id = id_of(&request);
     let job = context.store.cancel_job(tenant, id, request).await?;
     context.changes.announce(&job.name);
     tracing::info!(
         job = job.name,
         state = job.state().as_str_name(),
+        request_id,
         "job cancel requested"
     );
     Ok(job)

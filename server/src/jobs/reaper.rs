@@ -1,6 +1,7 @@
 //! Takes jobs back from silent workers.
 
 use crate::context::Context;
+use crate::metrics::METRICS;
 use crate::store::{Reaped, StoreError};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
@@ -47,6 +48,7 @@ pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
 fn told(context: &Context, reaped: Vec<Reaped>) {
     for it in reaped {
         context.changes.announce(&it.job);
+        METRICS.lease_lost(&it.job);
         let (job, worker, losses) = (it.job, it.worker, it.losses);
         tracing::warn!(
             job,

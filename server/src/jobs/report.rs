@@ -4,6 +4,7 @@ use super::checks::parse;
 use super::checks::results::{check_result, require};
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::metrics::METRICS;
 use crate::objects::checksum::is_sha256;
 use crate::store::{Ending, LeaseKey, StoreError, TakenRange};
 use crate::tenant::Tenant;
@@ -23,15 +24,21 @@ pub async fn heartbeat(
     progress: Option<Progress>,
 ) -> Result<bool, RequestError> {
     let seconds = context.config.lease_seconds;
+    let reported = progress.clone();
     let cancel = context
         .store
         .heartbeat(tenant, lease, progress, seconds)
         .await?;
+    // Jobs of other kinds train for no time.
+    if let Some(progress) = reported.filter(|it| it.train_seconds > 0.0) {
+        let job = Collection::Jobs.name(&lease.job_id);
+        METRICS.trainings.reported(&job, &progress);
+    }
     announce(context, lease);
     Ok(cancel)
 }
 
-/// Makes a checkpoint the model's newest.
+/// Makes a checkpoint the model's newest. Its worker took `save_seconds` from the end of the step; 0: it does not say.
 ///
 /// # Errors
 /// When the lease is stale, or the checkpoint is not one of this job and lease.
@@ -40,6 +47,7 @@ pub async fn publish(
     tenant: &Tenant,
     lease: &LeaseKey,
     checkpoint: Checkpoint,
+    save_seconds: f64,
 ) -> Result<(), RequestError> {
     let Some(job_spec::Kind::Train(train)) = context.store.leased_spec(tenant, lease).await?.kind
     else {
@@ -81,10 +89,12 @@ pub async fn publish(
     )
     .await?;
     let default = context.config.storage.retention();
+    let bytes = checkpoint.bytes;
     let published = context
         .store
         .publish_checkpoint(tenant, lease, checkpoint, default);
     published.await?;
+    METRICS.checkpoint(bytes, save_seconds);
     tracing::info!(job = lease.job_id, step, "checkpoint published");
     Ok(())
 }
@@ -166,6 +176,9 @@ pub async fn end(
         }
     }
     context.store.end_job(tenant, lease, ending.clone()).await?;
+    METRICS
+        .trainings
+        .ended(&Collection::Jobs.name(&lease.job_id));
     announce(context, lease);
     let outcome = ending.outcome().as_str_name();
     tracing::info!(

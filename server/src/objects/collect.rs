@@ -7,6 +7,7 @@
 use super::folders::Folder;
 use crate::context::Context;
 use crate::error::RequestError;
+use crate::metrics::METRICS;
 use crate::store::{Horizons, KnownGarbage, PartId, Reference};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -124,6 +125,8 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
             }
         }
     }
+    let removed = found.iter().filter(|it| it.due).map(|it| it.folder.bytes);
+    METRICS.collected(removed.sum());
     Ok(found)
 }
 

@@ -59,6 +59,16 @@ impl ObjectDisk {
             .map_err(|error| failed("creating", &path, error))
     }
 
+    /// Checks that the folder exists.
+    ///
+    /// # Errors
+    /// When it does not, or can't be seen.
+    pub async fn is_there(&self) -> Result<(), ObjectsError> {
+        let seen = tokio::fs::metadata(&self.root).await;
+        seen.map(drop)
+            .map_err(|error| failed("looking for", &self.root, error))
+    }
+
     /// Deletes `folder` with all its objects.
     ///
     /// # Errors

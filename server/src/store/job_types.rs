@@ -24,6 +24,15 @@ pub enum JobKind {
 }
 
 impl JobKind {
+    /// All kinds.
+    pub const ALL: [Self; 5] = [
+        Self::Ingest,
+        Self::Train,
+        Self::Render,
+        Self::Evaluate,
+        Self::Export,
+    ];
+
     /// The name in the database, and for people.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -243,4 +252,26 @@ pub struct Reaped {
     pub losses: u32,
     /// The job's state now.
     pub state: job::State,
+}
+
+/// The open jobs of a kind, of all tenants.
+#[derive(Debug, Clone, Copy)]
+pub struct OpenJobs {
+    /// Their kind.
+    pub kind: JobKind,
+    /// Number of QUEUED jobs.
+    pub queued: u64,
+    /// Number of RUNNING jobs.
+    pub running: u64,
+    /// Age of the oldest QUEUED job, seconds; 0 without any.
+    pub oldest_seconds: f64,
+}
+
+/// The queue at a glance, for an operator.
+#[derive(Debug, Clone)]
+pub struct QueueFigures {
+    /// Of each kind.
+    pub open: Vec<OpenJobs>,
+    /// Number of active workers.
+    pub workers: u64,
 }

@@ -17,8 +17,8 @@ mod types;
 
 pub use db::{PostgresUrl, UrlError};
 pub use job_types::{
-    Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, Reaped,
-    TakenRange,
+    Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, OpenJobs,
+    QueueFigures, Reaped, TakenRange,
 };
 pub use types::{
     Entry, Horizons, KnownGarbage, NewModel, NewPart, NewPiece, NewSubject, NewUpload, NewWorker,

@@ -2,6 +2,7 @@
 
 use super::{Client, Traffic};
 use crate::in_memory::InProcess;
+use crate::metrics::METRICS;
 use std::any::Any;
 use std::io;
 use std::pin::Pin;
@@ -30,6 +31,7 @@ impl Traffic {
     /// Admits a connection unless the limit is reached.
     pub fn admit<IO: Connected>(&self, io: IO) -> Option<Admitted<IO>> {
         let Ok(place) = Arc::clone(&self.connections).try_acquire_owned() else {
+            METRICS.refused();
             tracing::warn!(
                 limit = self.limits.connections,
                 "a connection was refused: too many are open"

@@ -3,9 +3,12 @@
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
+use crate::http::is_grpc;
 use crate::methods::{self, is_unary};
+use crate::metrics::METRICS;
+use bytes::Bytes;
 use futures::future::BoxFuture;
-use http_body_util::BodyExt;
+use http_body_util::{BodyExt, Full};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 use std::task::{Context, Poll};
@@ -13,7 +16,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
-use tonic::codegen::http::{Request, Response};
+use tonic::codegen::http::{Request, Response, StatusCode};
 use tower::{Layer, Service};
 
 /// Wraps the services of a listener.
@@ -36,6 +39,14 @@ impl<S> Layer<S> for TrafficLayer {
 pub struct Limited<S> {
     inner: S,
     traffic: Arc<Traffic>,
+}
+
+/// The refusal of a page.
+fn plain(message: String) -> Response<Body> {
+    let body = Full::new(Bytes::from(message)).map_err(|never| match never {});
+    let mut refused = Response::new(Body::new(body));
+    *refused.status_mut() = StatusCode::SERVICE_UNAVAILABLE;
+    refused
 }
 
 /// A call, from its start to the end of its response stream.
@@ -84,17 +95,26 @@ where
         let traffic = Arc::clone(&self.traffic);
         let limits = &traffic.limits;
         let Ok(place) = Arc::clone(&traffic.calls).try_acquire_owned() else {
-            let refused = busy(format!("{} calls are open already", limits.calls));
-            let refused = Status::from(refused).into_http();
+            METRICS.refused();
+            let message = format!("{} calls are open already", limits.calls);
+            let refused = match is_grpc(request.headers()) {
+                true => Status::from(busy(message)).into_http(),
+                false => plain(message),
+            };
             return Box::pin(std::future::ready(Ok(refused)));
         };
         let client = request.extensions().get::<Arc<Client>>().cloned();
         let call = Call::begin(client.clone(), place);
         let longest = limits.call;
-        let unary = is_unary(request.uri().path());
+        let grpc = is_grpc(request.headers());
+        // A page is one answer too.
+        let unary = !grpc || is_unary(request.uri().path());
         let held = Arc::<Held>::default();
         let (parts, body) = request.into_parts();
         let kind = methods::request(parts.uri.path());
+        if kind.is_some() {
+            METRICS.called(parts.uri.path());
+        }
         let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary, kind);
         let request = Request::from_parts(parts, incoming.into_body());
         let answer = self.inner.call(request);
@@ -104,7 +124,10 @@ where
                     Ok(answer) => answer?,
                     Err(_) => {
                         let message = format!("the call took longer than {} s", longest.as_secs());
-                        return Ok(Status::deadline_exceeded(message).into_http());
+                        return Ok(match grpc {
+                            true => Status::deadline_exceeded(message).into_http(),
+                            false => plain(message),
+                        });
                     }
                 }
             } else {

@@ -1,5 +1,6 @@
 //! The coordinator as its clients and workers see it.
 
+mod backups;
 mod captures;
 mod catalogue;
 mod changes;
@@ -14,6 +15,8 @@ mod helpers;
 mod ingests;
 mod leases;
 mod metrics;
+mod operators;
+mod pages;
 mod postgres;
 mod queue;
 mod results;

@@ -177,6 +177,7 @@ async fn publish_poses(service: &Service, lease: &Lease, step: u64, poses: &[u8]
     let request = PublishCheckpointRequest {
         claim: Some(support::claim(lease)),
         checkpoint: Some(checkpoint),
+        save_seconds: 0.5,
     };
     let published = service.workers().publish_checkpoint(request).await;
     published.expect("publishes");

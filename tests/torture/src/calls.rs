@@ -8,7 +8,7 @@ use tonic::{Code, Response, Status};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
-use yoto_client::endpoint;
+use yoto_client::Addresses;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
@@ -72,8 +72,8 @@ impl Calls {
     /// # Errors
     /// When the address is invalid.
     pub fn to(address: std::net::SocketAddr) -> Result<Self> {
-        let endpoint = endpoint(&format!("http://{address}")).context("the address")?;
-        Ok(Self(endpoint.connect_lazy()))
+        let service = Addresses::parse(&address.to_string()).context("the address")?;
+        Ok(Self(service.connect_lazy()))
     }
 
     /// The connection.

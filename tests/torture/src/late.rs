@@ -90,6 +90,7 @@ pub async fn write_late(
                 step: u64::from(u32::MAX),
                 ..Checkpoint::default()
             }),
+            save_seconds: 0.5,
         };
         let published = answered(|| {
             let (mut service, request) = (calls.workers(), publish.clone());

@@ -55,6 +55,14 @@ pub fn pick() -> PickedDevice {
         .clone()
 }
 
+/// The CPU, whatever else this machine has.
+///
+/// # Panics
+/// If [`check_cpu_form`] fails.
+pub fn cpu() -> PickedDevice {
+    cpu::pick()
+}
+
 impl PickedDevice {
     /// The source of measured seconds.
     pub fn machine(&self) -> Machine {

@@ -1,6 +1,7 @@
 //! One leased job, from its lease to its report.
 
 use super::control::{JobControl, StopReason};
+use super::ended::JobEnd;
 use super::heartbeat::Heartbeat;
 use super::report::report;
 use super::watchdog::silence;
@@ -13,13 +14,14 @@ use tokio::runtime::Handle;
 use tokio::sync::{oneshot, watch};
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
-use yoto_proto::v1::{JobResult, Progress};
+use yoto_proto::v1::{JobResult, Progress, job_spec};
 use yoto_proto::worker::v1::{Claim, Lease};
 
 /// Backpropagation recurses through the graph; the default stack of a thread is tight.
 const STACK_BYTES: usize = 16 << 20;
-/// Time limit for a finished job's report when the worker shuts down.
-const REPORT_GRACE: Duration = Duration::from_secs(3);
+/// Time in which a job without checkpoints stops in order when the worker shuts down. It has nothing to save, and its
+/// token keeps what it still writes apart.
+const AT_ONCE: Duration = Duration::from_secs(1);
 /// Time limit for a report after the lease has expired without an answer, in leases. By the token, the coordinator
 /// knows whether this worker still has the job.
 const LEASES_TO_REPORT: u32 = 30;
@@ -57,11 +59,11 @@ impl<'a> Leased<'a> {
         }
     }
 
-    /// Runs the job and reports its outcome, unless the lease is lost meanwhile.
+    /// Runs the job and reports its outcome, unless the lease is lost meanwhile. Returns how the lease has ended.
     ///
     /// # Errors
     /// [`WorkerError::Hung`] when the job shows no sign of life: its thread can't be ended.
-    pub(super) async fn run(self, stopping: &CancellationToken) -> Result<(), WorkerError> {
+    pub(super) async fn run(self, stopping: &CancellationToken) -> Result<JobEnd, WorkerError> {
         let (job, token) = (self.claim.job.clone(), self.claim.token);
         tracing::info!(job, token, "job leased");
         let (progress, latest) = watch::channel(Progress::default());
@@ -98,37 +100,51 @@ impl<'a> Leased<'a> {
             self.control.lease_lost().await;
             sleep(self.duration * LEASES_TO_REPORT).await;
         };
-        tokio::select! {
+        let end = tokio::select! {
             biased;
             () = self.control.refused() => {
                 tracing::warn!(job, token, ended, "the lease is lost: the outcome is dropped");
+                JobEnd::Returned
             }
             () = given_up => {
                 tracing::warn!(job, token, ended, "no answer: the outcome is dropped");
+                JobEnd::Returned
             }
-            () = report(client, &self.claim, outcome) => tracing::info!(job, token, ended, "job ended"),
-            () = async { stopping.cancelled().await; sleep(REPORT_GRACE).await } => {
+            end = report(client, &self.claim, outcome) => {
+                tracing::info!(job, token, ended, "job ended");
+                end
+            }
+            () = async { stopping.cancelled().await; sleep(self.worker.report).await } => {
                 tracing::warn!(job, token, ended, "shutting down before the outcome could be reported");
+                JobEnd::Returned
             }
-        }
+        };
         // A thread that still computes for this lease must write nothing more.
         self.control.stop(StopReason::LeaseLost);
         keeper.abort();
-        Ok(())
+        Ok(end)
     }
 
-    /// Waits for the job; once the worker is stopping, for the drain time at most.
+    /// Waits for the job; once the worker is stopping, for the drain time at most if it is a training. A job that can't
+    /// save is handed back at once.
     async fn outcome(
         &self,
         progress: watch::Sender<Progress>,
         stopping: &CancellationToken,
     ) -> Outcome {
+        if stopping.is_cancelled() {
+            return Err(JobFailure::Requeue);
+        }
         let mut thread = self.start(progress)?;
         let outcome = tokio::select! {
             outcome = &mut thread => outcome,
             () = stopping.cancelled() => {
                 self.control.stop(StopReason::ShuttingDown);
-                match timeout(self.worker.drain, &mut thread).await {
+                let limit = match self.saves() {
+                    true => self.worker.drain,
+                    false => self.worker.drain.min(AT_ONCE),
+                };
+                match timeout(limit, &mut thread).await {
                     Ok(outcome) => outcome,
                     Err(_) => {
                         tracing::warn!(job = self.claim.job, "the job did not stop in time and is returned as it is");
@@ -139,6 +155,15 @@ impl<'a> Leased<'a> {
         };
         // The thread always answers, even after a panic.
         outcome.unwrap_or_else(|_| Err(internal("the job's thread ended without an answer".into())))
+    }
+
+    /// Whether the job saves its state when it is stopped.
+    fn saves(&self) -> bool {
+        let spec = self.lease.job.as_ref().and_then(|it| it.spec.as_ref());
+        matches!(
+            spec.and_then(|it| it.kind.as_ref()),
+            Some(job_spec::Kind::Train(_))
+        )
     }
 
     /// Starts the job on its own thread. Not on the runtime's blocking pool: a runtime

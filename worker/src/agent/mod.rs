@@ -4,6 +4,7 @@
 //! own thread; [`control`] is their only shared state.
 
 pub mod control;
+mod ended;
 mod heartbeat;
 mod leased;
 mod report;
@@ -13,8 +14,11 @@ mod silence_tests;
 mod watchdog;
 
 use crate::retry::{is_transient, is_unreadable};
+use ended::Idle;
+pub use ended::{Ended, JobEnd};
 use leased::Leased;
 use scratch::Scratch;
+use std::cmp::Ordering;
 use std::future::Future;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -35,7 +39,9 @@ use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders;
 use yoto_proto::v1::JobKind;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
-use yoto_proto::worker::v1::{Lease, LeaseJobRequest, RegisterWorkerRequest};
+use yoto_proto::worker::v1::{
+    Lease, LeaseJobRequest, RegisterWorkerRequest, RegisterWorkerResponse,
+};
 
 /// Kinds of jobs that this program runs.
 pub const KINDS: &[JobKind] = &[
@@ -47,6 +53,8 @@ pub const KINDS: &[JobKind] = &[
 ];
 /// Longest wait for an answer before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// Longest time from a worker's end to that of its process.
+const SLACK: Duration = Duration::from_secs(1);
 
 /// Settings of a worker; the default suits embedded and separate workers.
 #[derive(Debug, Clone)]
@@ -64,8 +72,15 @@ pub struct WorkerConfig {
     pub idle_poll_seconds: f64,
     /// Shortest pause between two heartbeats that carry new progress, seconds.
     pub progress_seconds: f64,
-    /// Time limit for a running job to save and stop when the worker shuts down, seconds.
+    /// Time limit for a training to save and stop when the worker shuts down, seconds.
     pub drain_seconds: f64,
+    /// Time limit for the report of a job's end when the worker shuts down, seconds.
+    pub report_seconds: f64,
+    /// Whether the worker ends after one job, and, without [`max_idle_seconds`](Self::max_idle_seconds), at once if no
+    /// job waits.
+    pub one_job: bool,
+    /// Time without a job after which the worker ends, seconds.
+    pub max_idle_seconds: Option<f64>,
     /// Shortest silence of a job after which this worker ends, seconds. A slow job may be silent for
     /// 20 of its steps.
     pub silence_seconds: f64,
@@ -90,11 +105,29 @@ impl Default for WorkerConfig {
             idle_poll_seconds: 2.0,
             progress_seconds: 0.5,
             drain_seconds: 10.0,
+            report_seconds: 3.0,
+            one_job: false,
+            max_idle_seconds: None,
             silence_seconds: 60.0,
             ingest: IngestSettings::default(),
             lpips: None,
             scratch: std::env::temp_dir(),
             after_job: || {},
+        }
+    }
+}
+
+impl WorkerConfig {
+    /// A worker that ends within `seconds` after it is asked to stop, as machines that are taken back give notice.
+    #[must_use]
+    pub fn with_notice(self, seconds: f64) -> Self {
+        let report_seconds = Self::default().report_seconds.min(seconds / 4.0);
+        // The rest is for the end of the process.
+        let rest = SLACK.as_secs_f64().min(seconds / 4.0);
+        Self {
+            drain_seconds: seconds - report_seconds - rest,
+            report_seconds,
+            ..self
         }
     }
 }
@@ -108,6 +141,24 @@ pub enum WorkerError {
     /// The coordinator refuses this worker.
     #[error("the coordinator refuses this worker: {0}")]
     Refused(#[source] Box<Status>),
+    /// The coordinator has no such service for workers.
+    #[error(
+        "the service at this address does not speak with workers of version {}: use the service's own version of yoto, \
+         and check the address ({told})",
+        env!("CARGO_PKG_VERSION")
+    )]
+    Protocol {
+        /// The answer.
+        told: String,
+    },
+    /// No coordinator has answered for the longest time that this worker may be idle.
+    #[error("no coordinator of the service has answered for {seconds} s: {told}")]
+    Unreachable {
+        /// The time.
+        seconds: u64,
+        /// The last fault.
+        told: String,
+    },
     /// A job hangs in a thread that nothing can end. Its lease is not renewed, so another worker gets it;
     /// this process has to end.
     #[error(
@@ -149,6 +200,9 @@ pub struct Worker {
     idle_poll: Duration,
     progress: Duration,
     drain: Duration,
+    report: Duration,
+    one_job: bool,
+    max_idle: Option<Duration>,
     silence: Duration,
     ingest: Arc<IngestSettings>,
     lpips: Option<LpipsWeights>,
@@ -196,6 +250,11 @@ impl Worker {
             idle_poll: seconds("idle_poll_seconds", config.idle_poll_seconds)?,
             progress: seconds("progress_seconds", config.progress_seconds)?,
             drain: seconds("drain_seconds", config.drain_seconds)?,
+            report: seconds("report_seconds", config.report_seconds)?,
+            one_job: config.one_job,
+            max_idle: (config.max_idle_seconds)
+                .map(|idle| seconds("max_idle_seconds", idle))
+                .transpose()?,
             silence: seconds("silence_seconds", config.silence_seconds)?,
             ingest: Arc::new(config.ingest),
             lpips: config.lpips,
@@ -204,12 +263,13 @@ impl Worker {
         })
     }
 
-    /// Leases and runs jobs until `shutdown`, then lets a running job save, returns it, and ends
-    /// within the drain time and a few seconds.
+    /// Leases and runs jobs until `shutdown`, then lets a training save, returns a job that can't, and ends within the times
+    /// for both. Returns earlier after one job, or when it has been idle for too long, if its configuration says so.
     ///
     /// # Errors
-    /// When the coordinator refuses this worker, or a job hangs. An unreachable coordinator is not an error.
-    pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<(), WorkerError> {
+    /// When the coordinator refuses this worker, or a job hangs. An unreachable coordinator is an error only for a worker
+    /// that may not be idle for ever.
+    pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<Ended, WorkerError> {
         let stopping = CancellationToken::new();
         let work = self.work(&stopping);
         tokio::pin!(work);
@@ -217,17 +277,29 @@ impl Worker {
             ended = &mut work => return ended,
             () = shutdown => stopping.cancel(),
         }
-        work.await
+        // A coordinator that does not answer would delay the end.
+        let limit = self
+            .drain
+            .saturating_add(self.report)
+            .saturating_add(SLACK / 2);
+        match timeout(limit, work).await {
+            Ok(ended) => ended,
+            Err(_) => {
+                tracing::warn!("the worker ends without an answer of the coordinator");
+                Ok(Ended::Stopped)
+            }
+        }
     }
 
-    async fn work(&self, stopping: &CancellationToken) -> Result<(), WorkerError> {
+    async fn work(&self, stopping: &CancellationToken) -> Result<Ended, WorkerError> {
         let mut name = String::new();
-        let mut idle = Backoff::new(self.poll, self.idle_poll);
+        let mut pauses = Backoff::new(self.poll, self.idle_poll);
+        let mut idle = Idle::new(self.max_idle);
         // The same until it is answered: a lease whose answer was lost is found again.
         let mut call = Uuid::new_v4();
         while !stopping.is_cancelled() {
             if name.is_empty() {
-                match self.register(stopping).await? {
+                match self.register(stopping, &mut idle).await? {
                     Some(given) => name = given,
                     None => break,
                 }
@@ -240,16 +312,22 @@ impl Worker {
             }
             match answer {
                 Ok(Some(lease)) => {
-                    Leased::new(self, &name, lease, asked).run(stopping).await?;
+                    let end = Leased::new(self, &name, lease, asked).run(stopping).await?;
                     (self.after_job)();
-                    idle.reset();
+                    if self.one_job {
+                        return Ok(Ended::OneJob(end));
+                    }
+                    pauses.reset();
+                    idle = Idle::new(self.max_idle);
                     continue;
                 }
-                Ok(None) => {}
+                Ok(None) if self.one_job && self.max_idle.is_none() => return Ok(Ended::Idle),
+                Ok(None) => idle.answered(),
                 // The coordinator no longer knows this worker.
                 Err(status) if status.code() == Code::NotFound => name.clear(),
                 Err(status) if is_transient(status.code()) => {
                     tracing::debug!(%status, "asking for work failed, trying again");
+                    idle.failed(&status);
                 }
                 // A new call id, so that the coordinator does not repeat this lease.
                 Err(status) if is_unreadable(status.code()) => {
@@ -258,13 +336,20 @@ impl Worker {
                 }
                 Err(status) => return Err(WorkerError::Refused(Box::new(status))),
             }
-            pause(idle.pause(), stopping).await;
+            if let Some(ended) = idle.end() {
+                return ended;
+            }
+            pause(idle.at_most(pauses.pause()), stopping).await;
         }
-        Ok(())
+        Ok(Ended::Stopped)
     }
 
     /// This worker's name from the coordinator; none if shutdown comes first.
-    async fn register(&self, stopping: &CancellationToken) -> Result<Option<String>, WorkerError> {
+    async fn register(
+        &self,
+        stopping: &CancellationToken,
+        idle: &mut Idle,
+    ) -> Result<Option<String>, WorkerError> {
         let request = RegisterWorkerRequest {
             display_name: self.display_name.clone(),
             device: Some(self.device.info.clone()),
@@ -284,6 +369,7 @@ impl Worker {
                         device = self.device.info.adapter,
                         "registered"
                     );
+                    tell_version(&registered);
                     return Ok(Some(registered.worker));
                 }
                 Err(status) if is_transient(status.code()) => {
@@ -291,10 +377,19 @@ impl Worker {
                         tracing::warn!(%status, "the coordinator can't be reached, trying until it can");
                         told = true;
                     }
+                    idle.failed(&status);
+                }
+                Err(status) if status.code() == Code::Unimplemented => {
+                    return Err(WorkerError::Protocol {
+                        told: status.message().to_owned(),
+                    });
                 }
                 Err(status) => return Err(WorkerError::Refused(Box::new(status))),
             }
-            pause(backoff.pause(), stopping).await;
+            if let Some(ended) = idle.end() {
+                return ended.map(|_| None);
+            }
+            pause(idle.at_most(backoff.pause()), stopping).await;
         }
         Ok(None)
     }
@@ -307,6 +402,24 @@ impl Worker {
             help: true,
         };
         Ok(answer(client.lease_job(request)).await?.lease)
+    }
+}
+
+/// One line if the coordinator is of another version, as far as orders differ.
+fn tell_version(service: &RegisterWorkerResponse) {
+    let (version, own) = (service.version.as_str(), env!("CARGO_PKG_VERSION"));
+    match service.order_level.cmp(&orders::LEVEL) {
+        Ordering::Equal => {}
+        Ordering::Greater => tracing::warn!(
+            service = version,
+            worker = own,
+            "this worker is of an earlier version than the service: orders that it does not understand wait for other workers"
+        ),
+        Ordering::Less => tracing::info!(
+            service = version,
+            worker = own,
+            "this worker is of a later version than the service: it understands all of the service's orders"
+        ),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Reports a job's outcome, until the coordinator has received it.
 
 use super::answer;
+use super::ended::JobEnd;
 use crate::jobs::JobFailure;
 use crate::retry::{is_stale_lease, is_transient};
 use std::time::Duration;
@@ -12,16 +13,16 @@ use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{Claim, EndJobRequest};
 
-/// Delivers `outcome`. Returns once the coordinator accepts it, or reports that the lease is lost;
+/// Delivers `outcome`. Returns the end of the lease once the coordinator accepts it, or reports that the lease is lost;
 /// retries while the connection is broken. The caller limits it.
 pub(super) async fn report(
     client: WorkerServiceClient<Channel>,
     claim: &Claim,
     outcome: Result<JobResult, JobFailure>,
-) {
+) -> JobEnd {
     let failure = match outcome {
         Ok(result) => match deliver(&client, claim, Outcome::Succeeded(result)).await {
-            Ok(()) => return,
+            Ok(()) => return JobEnd::Succeeded,
             Err(status) if is_stale_lease(&status) => return superseded(claim, &status),
             Err(status) => {
                 JobFailure::failed("INTERNAL", "the coordinator refused the result", &status)
@@ -29,11 +30,13 @@ pub(super) async fn report(
         },
         Err(failure) => failure,
     };
+    let end = JobEnd::of(&failure);
     let Some(outcome) = failure.into_outcome() else {
-        return;
+        return end;
     };
-    if let Err(status) = deliver(&client, claim, outcome).await {
-        superseded(claim, &status);
+    match deliver(&client, claim, outcome).await {
+        Ok(()) => end,
+        Err(status) => superseded(claim, &status),
     }
 }
 
@@ -60,7 +63,9 @@ async fn deliver(
     }
 }
 
-fn superseded(claim: &Claim, status: &Status) {
+/// The coordinator has refused the outcome: the job is no longer this worker's.
+fn superseded(claim: &Claim, status: &Status) -> JobEnd {
     let (job, token) = (&claim.job, claim.token);
     tracing::warn!(job, token, %status, "the coordinator does not accept the job's outcome");
+    JobEnd::Returned
 }

@@ -5,6 +5,7 @@ use object_store::memory::InMemory;
 use std::sync::Mutex;
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response};
@@ -90,6 +91,19 @@ impl WorkerService for Locked {
 
 /// The outcome that a worker reports after a lease of `lease_time` without an answer.
 async fn outcome(kind: Option<job_spec::Kind>, inputs: Inputs, lease_time: Duration) -> Outcome {
+    let config = WorkerConfig::default();
+    let (outcome, working) = worked(kind, inputs, lease_time, config).await;
+    working.abort();
+    outcome
+}
+
+/// The same of a worker with these settings, and its task.
+async fn worked(
+    kind: Option<job_spec::Kind>,
+    inputs: Inputs,
+    lease_time: Duration,
+    config: WorkerConfig,
+) -> (Outcome, JoinHandle<Result<Ended, WorkerError>>) {
     let (ended, mut outcomes) = mpsc::unbounded_channel();
     let lease = Lease {
         job: Some(Job {
@@ -117,13 +131,13 @@ async fn outcome(kind: Option<job_spec::Kind>, inputs: Inputs, lease_time: Durat
     let endpoint = tonic::transport::Endpoint::from_shared(format!("http://{address}"));
     let channel = endpoint.expect("an address").connect_lazy();
     let objects = Objects::over(Arc::new(InMemory::new()));
-    let config = WorkerConfig::default();
     let worker = Worker::with_objects(channel, objects, yoto_device::pick(), config);
     let working = tokio::spawn(worker.expect("a worker").run(std::future::pending()));
     let told = timeout(Duration::from_secs(60), outcomes.recv()).await;
-    working.abort();
-    serving.abort();
-    told.expect("in time").expect("an outcome")
+    let told = told.expect("in time").expect("an outcome");
+    // The coordinator serves until the test ends: its answer has to reach the worker.
+    drop(serving);
+    (told, working)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -149,4 +163,18 @@ async fn a_job_that_stopped_without_an_answer_is_returned() {
     // The lease expires at once.
     let told = outcome(kind, inputs, Duration::from_nanos(1)).await;
     assert!(matches!(told, Outcome::Returned(_)), "{told:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_for_one_job_tells_that_it_failed() {
+    let config = WorkerConfig {
+        one_job: true,
+        ..WorkerConfig::default()
+    };
+    // A job without an order fails at once.
+    let lease = Duration::from_millis(300);
+    let (_, working) = worked(None, Inputs::default(), lease, config).await;
+    let ended = timeout(Duration::from_secs(60), working).await;
+    let ended = ended.expect("in time").expect("no panic");
+    assert_eq!(ended.expect("no error"), Ended::OneJob(JobEnd::Failed));
 }

@@ -7,6 +7,7 @@ use super::context::id;
 use super::{JobContext, JobFailure, shard};
 use std::fs;
 use std::path::Path;
+use std::time::Instant;
 use tempfile::TempDir;
 use yoto_avatar::render::Renderer;
 use yoto_proto::keys;
@@ -27,6 +28,8 @@ pub(crate) struct Downloaded {
 /// State of a training when it is saved.
 #[derive(Debug, Clone)]
 pub(crate) struct Saved {
+    /// When the trainer began to save.
+    pub(crate) began: Instant,
     /// `models/{id}`.
     pub(crate) model: String,
     pub(crate) step: u64,
@@ -192,7 +195,7 @@ pub(crate) fn publish(
         JobFailure::failed("INTERNAL", "writing a checkpoint's manifest", &error)
     })?;
     let object = context.put(&format!("{prefix}/{}", files::MANIFEST), json)?;
-    context.publish(Checkpoint {
+    let checkpoint = Checkpoint {
         name: names::checkpoint(&saved.model, saved.step),
         step: saved.step,
         manifest: Some(object),
@@ -202,7 +205,8 @@ pub(crate) fn publish(
         image_size: saved.image_size,
         shards: saved.shards.clone(),
         ..Checkpoint::default()
-    })?;
+    };
+    context.publish(checkpoint, saved.began.elapsed().as_secs_f64())?;
     Ok(manifest.bytes())
 }
 

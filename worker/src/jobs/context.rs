@@ -154,10 +154,11 @@ impl JobContext {
     /// # Errors
     /// [`JobFailure::LeaseLost`] when the token is stale or the lease expires, or the
     /// coordinator's refusal.
-    pub fn publish(&self, checkpoint: Checkpoint) -> Result<(), JobFailure> {
+    pub fn publish(&self, checkpoint: Checkpoint, save_seconds: f64) -> Result<(), JobFailure> {
         let request = PublishCheckpointRequest {
             claim: Some(self.claim.clone()),
             checkpoint: Some(checkpoint),
+            save_seconds,
         };
         self.deliver("publishing a checkpoint", || {
             let (mut client, request) = (self.client.clone(), request.clone());

@@ -1,9 +1,10 @@
 //! Jobs for their owners, and answers to repeated requests.
 
-use crate::store::scripts::{jobs, metrics, outputs, pauses, requests, versions};
+use crate::store::scripts::{jobs, metrics, outputs, pauses, requests, versions, workers};
 use crate::store::transaction::transaction;
 use crate::store::{
-    Entry, JobFilter, JobKind, JobVersions, NewJob, Page, RequestKey, Store, StoreError,
+    Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey, Store,
+    StoreError,
 };
 use crate::tenant::Tenant;
 use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
@@ -88,6 +89,15 @@ impl Store {
     /// Numbers of QUEUED and RUNNING jobs.
     pub async fn open_jobs(&self, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
         jobs::open(&mut self.db.read().await?, tenant).await
+    }
+
+    /// The open jobs and the workers of all tenants.
+    pub async fn queue_figures(&self) -> Result<QueueFigures, StoreError> {
+        let mut tx = self.db.read().await?;
+        Ok(QueueFigures {
+            open: jobs::figures(&mut tx).await?,
+            workers: workers::count(&mut tx).await?,
+        })
     }
 
     /// Ends a QUEUED job and marks a RUNNING one for cancellation; an ended job is not changed. A repeated call

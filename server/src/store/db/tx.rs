@@ -3,7 +3,9 @@
 use super::locks::{Lock, Locks};
 use super::{Row, Statement, postgres, sql, sqlite};
 use crate::faults::{self, Moment};
+use crate::metrics::METRICS;
 use crate::store::StoreError;
+use std::time::Instant;
 
 /// A transaction: the only way of the store's scripts to the database.
 #[derive(Debug)]
@@ -104,10 +106,12 @@ impl Tx {
     /// When the database fails. It is unknown then whether they are.
     pub async fn commit(self) -> Result<(), StoreError> {
         faults::reached(Moment::BeforeCommit);
+        let began = Instant::now();
         match self.driver {
             Driver::Sqlite(connection) => connection.commit().await?,
             Driver::Postgres(connection) => connection.commit().await?,
         }
+        METRICS.committed(began.elapsed());
         faults::reached(Moment::AfterCommit);
         Ok(())
     }

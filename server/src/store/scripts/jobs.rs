@@ -1,8 +1,10 @@
 //! The users' side of jobs: create, read, list, cancel.
 
-use super::{attempts, models, outcome, pins, requests};
+use super::{attempts, models, operators, outcome, pins, requests};
 use crate::store::db::{Lock, Row, Tx, sql, state};
-use crate::store::{Entry, JobFilter, JobKind, NewJob, Page, RequestKey, StoreError, new_id};
+use crate::store::{
+    Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, new_id,
+};
 use crate::tenant::Tenant;
 use prost::Message;
 use yoto_proto::names::Collection;
@@ -95,8 +97,9 @@ pub async fn create(
     get(tx, tenant, &id).await
 }
 
-/// Queues a job and returns its id. The names in the order were parsed before.
+/// Queues a job and returns its id, unless the service is drained. The names in the order were parsed before.
 pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String, StoreError> {
+    operators::require_open(tx).await?;
     let unreadable = |detail: String| StoreError::Corrupt {
         what: "spec",
         detail,
@@ -293,6 +296,35 @@ pub async fn open(tx: &mut Tx, tenant: &Tenant) -> Result<(u64, u64), StoreError
     .one(tx, "counting jobs")
     .await?;
     Ok((row.number("queued")?, row.number("running")?))
+}
+
+/// The open jobs of each kind, of all tenants.
+pub async fn figures(tx: &mut Tx) -> Result<Vec<OpenJobs>, StoreError> {
+    let rows = sql(
+        "SELECT kind, count(*) FILTER (WHERE state = 'QUEUED') AS queued,
+             count(*) FILTER (WHERE state = 'RUNNING') AS running,
+             min(create_time) FILTER (WHERE state = 'QUEUED') AS oldest
+         FROM jobs WHERE state IN ('QUEUED', 'RUNNING') GROUP BY kind",
+    )
+    .rows(tx, "counting jobs by kind")
+    .await?;
+    let now = tx.now();
+    let mut open = JobKind::ALL.map(|kind| OpenJobs {
+        kind,
+        queued: 0,
+        running: 0,
+        oldest_seconds: 0.0,
+    });
+    for row in rows {
+        let kind = JobKind::of_column(&row.text("kind")?)?;
+        for it in open.iter_mut().filter(|it| it.kind == kind) {
+            it.queued = row.number("queued")?;
+            it.running = row.number("running")?;
+            let oldest = row.real("oldest")?;
+            it.oldest_seconds = oldest.map_or(0.0, |since| (now - since).max(0.0));
+        }
+    }
+    Ok(open.to_vec())
 }
 
 /// Ends a QUEUED job at once and marks a RUNNING one; a repeated `request` changes nothing.

@@ -18,6 +18,7 @@ pub mod jobs;
 pub mod leases;
 pub mod metrics;
 pub mod models;
+pub mod operators;
 pub mod outcome;
 pub mod outputs;
 mod page;

@@ -1,7 +1,9 @@
 //! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the oldest
-//! job. A model has one trainer at a time, paused kinds wait, and a worker gets no order that it does not understand. A
+//! job. A model has one trainer at a time, paused kinds wait, a cordoned worker gets nothing, nor does anyone
+//! during a drain, and a worker gets no order that it does not understand. A
 //! worker runs the jobs of its tenant. Without a job in the queue, it helps with a render.
 
+use super::operators::admitted;
 use crate::store::StoreError;
 use crate::store::db::{Tx, claimed, sql};
 
@@ -24,7 +26,9 @@ pub struct Next {
 /// finds them once and not for each job.
 macro_rules! waiting {
     () => {
-        "q.state = 'QUEUED' AND q.tenant = (SELECT tenant FROM workers WHERE id = $1)
+        concat!(
+            admitted!(),
+            " AND q.state = 'QUEUED' AND q.tenant = (SELECT tenant FROM workers WHERE id = $1)
            AND (q.not_before IS NULL OR q.not_before <= $2)
            AND q.kind IN (SELECT kind FROM worker_kinds WHERE worker = $1
                           EXCEPT SELECT kind FROM paused_kinds
@@ -33,6 +37,7 @@ macro_rules! waiting {
            AND NOT (q.kind = 'train' AND EXISTS (
                SELECT 1 FROM jobs r
                WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING'))"
+        )
     };
 }
 
@@ -86,8 +91,10 @@ pub async fn to_help(
     worker_id: &str,
     above: Option<i64>,
 ) -> Result<Option<String>, StoreError> {
-    let row = sql("SELECT j.id FROM jobs j
-         WHERE j.state = 'RUNNING' AND j.tenant = (SELECT tenant FROM workers WHERE id = $1)
+    let row = sql(concat!(
+        "SELECT j.id FROM jobs j WHERE ",
+        admitted!(),
+        " AND j.state = 'RUNNING' AND j.tenant = (SELECT tenant FROM workers WHERE id = $1)
              AND j.kind = 'render' AND j.cancel_requested = 0
              AND j.kind IN (SELECT kind FROM worker_kinds WHERE worker = $1
                             EXCEPT SELECT kind FROM paused_kinds
@@ -100,7 +107,8 @@ pub async fn to_help(
                              WHERE a.job = j.id AND a.worker = $1 AND a.outcome <> 'HELPED')
          ORDER BY j.priority DESC,
              (SELECT count(*) FROM render_ranges r WHERE r.job = j.id AND r.token IS NOT NULL),
-             j.ord LIMIT 1")
+             j.ord LIMIT 1"
+    ))
     .bind(worker_id)
     .bind(above)
     .bind(LOSSES)

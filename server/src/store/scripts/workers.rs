@@ -117,6 +117,16 @@ pub async fn active(
     rows.iter().map(read).collect()
 }
 
+/// Number of workers with a job, or that have asked for one lately, of all tenants.
+pub async fn count(tx: &mut Tx) -> Result<u64, StoreError> {
+    sql("SELECT count(*) AS workers FROM workers w
+         WHERE w.asked_time > $1 OR EXISTS (SELECT 1 FROM leases l WHERE l.worker = w.id)")
+    .bind(tx.now() - ACTIVE)
+    .one(tx, "counting workers")
+    .await?
+    .number("workers")
+}
+
 /// All registered workers, newest first.
 pub async fn list(
     tx: &mut Tx,

@@ -19,8 +19,13 @@ use yoto_proto::{keys, names, sha256_hex};
 impl Service {
     /// Registers a worker that runs `kinds`.
     pub async fn worker(&self, kinds: &[&str]) -> String {
+        self.worker_called("test worker", kinds).await
+    }
+
+    /// The same with a name.
+    pub async fn worker_called(&self, display_name: &str, kinds: &[&str]) -> String {
         let request = RegisterWorkerRequest {
-            display_name: "test worker".into(),
+            display_name: display_name.into(),
             device: Some(WorkerDevice {
                 backend: "cpu".into(),
                 ..<_>::default()
@@ -152,6 +157,7 @@ impl Service {
         let request = PublishCheckpointRequest {
             claim: Some(claim(lease)),
             checkpoint: Some(checkpoint.clone()),
+            save_seconds: 0.5,
         };
         self.workers().publish_checkpoint(request).await?;
         Ok(checkpoint)

@@ -99,6 +99,7 @@ impl Scene {
         let request = PublishCheckpointRequest {
             claim: Some(claim.clone()),
             checkpoint: Some(checkpoint),
+            save_seconds: 0.5,
         };
         self.workers().publish_checkpoint(request).await?;
         let result = TrainResult {

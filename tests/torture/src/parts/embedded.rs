@@ -16,6 +16,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         listen: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
         worker: true,
         scratch: None,
+        drain: std::time::Duration::ZERO,
         ingest: IngestSettings::default(),
         lpips: None,
         storage: StorageLimits {

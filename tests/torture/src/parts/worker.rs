@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use object_store::local::LocalFileSystem;
 use std::path::Path;
 use std::sync::Arc;
-use yoto_client::endpoint;
+use yoto_client::Addresses;
 use yoto_objects::Objects;
 use yoto_worker::{Worker, WorkerConfig};
 
@@ -25,7 +25,9 @@ pub async fn run(
     if let Some(bytes) = largest_file {
         disk::limit(bytes)?;
     }
-    let channel = endpoint(server).context("the address")?.connect_lazy();
+    let channel = Addresses::parse(server)
+        .context("the address")?
+        .connect_lazy();
     let picked = tokio::task::spawn_blocking(yoto_device::pick).await?;
     let store = LocalFileSystem::new_with_prefix(objects)?.with_fsync(true);
     let store = FaultyStore::new(store, controls.clone());
@@ -38,5 +40,6 @@ pub async fn run(
     };
     let objects = Objects::over(Arc::new(store));
     let worker = Worker::with_objects(channel, objects, picked, config)?;
-    worker.run(asked_to_stop()).await.context("working")
+    worker.run(asked_to_stop()).await.context("working")?;
+    Ok(())
 }

@@ -228,6 +228,7 @@ impl<'a> Session<'a> {
 
     /// Writes the checkpoint of this step to this machine's disk.
     fn save(&mut self) -> Result<(TempDir, Saved), JobFailure> {
+        let began = Instant::now();
         let progress = self.trainer.progress();
         let folder = self.context.folder().map_err(|error| local(&error))?;
         self.trainer
@@ -241,6 +242,7 @@ impl<'a> Session<'a> {
         }
         let (job_seconds, job_steps) = self.spent();
         let saved = Saved {
+            began,
             model: self.plan.model.name.clone(),
             step: progress.step,
             job_seconds,

@@ -14,6 +14,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/postgres/0022_shared_state.sql").into_sql_str();
     let parts =
         include_str!("../../../../../migrations/postgres/0023_upload_parts.sql").into_sql_str();
+    let operators =
+        include_str!("../../../../../migrations/postgres/0024_operators.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -21,6 +23,7 @@ pub fn migrations() -> Migrator {
         step(21, "init", init),
         step(22, "shared state", shared),
         step(23, "upload parts", parts),
+        step(24, "operators", operators),
     ])
 }
 

@@ -1,5 +1,6 @@
 //! The address of a database.
 
+use percent_encoding::percent_decode_str;
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -25,6 +26,18 @@ impl PostgresUrl {
     /// The whole address, with the password.
     pub(super) fn secret(&self) -> &str {
         self.0.as_str()
+    }
+
+    /// The address without the password, and the password, for PostgreSQL's own programs.
+    pub(crate) fn for_programs(&self) -> (String, Option<String>) {
+        let mut address = self.0.clone();
+        let password = address.password().map(|it| {
+            let decoded = percent_decode_str(it).decode_utf8_lossy();
+            decoded.into_owned()
+        });
+        // An address of a server can have a password, so this does not fail.
+        let _ = address.set_password(None);
+        (address.into(), password)
     }
 }
 
@@ -76,6 +89,15 @@ mod tests {
         for shown in [format!("{url}"), format!("{url:?}")] {
             assert_eq!(shown, "postgresql://yoto@db.example:5433/people");
         }
+    }
+
+    #[test]
+    fn programs_get_the_password_apart() {
+        let url: PostgresUrl = "postgres://a:p%40ss@h/n?sslmode=require"
+            .parse()
+            .expect("good");
+        let expected = "postgres://a@h/n?sslmode=require".to_owned();
+        assert_eq!(url.for_programs(), (expected, Some("p@ss".to_owned())));
     }
 
     #[test]

@@ -1,0 +1,118 @@
+//! `yoto backup` and `yoto restore`: a whole service at one point.
+
+use anyhow::Context;
+use clap::Args;
+use indicatif::BinaryBytes;
+use std::path::PathBuf;
+use yoto_server::PostgresUrl;
+use yoto_server::backup::{Copied, Place, backup, restore};
+use yoto_terminal::output;
+use yoto_terminal::progress::count;
+
+const BACKUP_HELP: &str = "\
+The service may run meanwhile. Rows are copied first, as of one moment, and then the objects; the copy has
+to end within the time of grace (`yoto serve --grace-hours`), and without `yoto gc --now`. Rows in PostgreSQL need
+pg_dump.
+
+Examples:
+  yoto backup /backup/monday
+  yoto backup /backup/monday --data /srv/yoto --database postgres://yoto@db.example/yoto";
+
+const RESTORE_HELP: &str = "\
+The data folder must be empty or missing, and so must the tables of a database in PostgreSQL, which needs
+pg_restore. Jobs that ran at the time of the backup go on from their last checkpoints.
+
+Examples:
+  yoto restore /backup/monday --data /srv/yoto
+  yoto restore /backup/monday --data /srv/yoto --database postgres://yoto@db.example/yoto";
+
+/// Where the service has its state.
+#[derive(Debug, Args)]
+struct Service {
+    /// Data folder of the service.
+    #[arg(
+        long,
+        env = "YOTO_DATA",
+        value_name = "DIR",
+        default_value = "./yoto-data"
+    )]
+    data: PathBuf,
+    /// PostgreSQL database of the service, if its rows are not in the data folder.
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "YOTO_DATABASE",
+        hide_env_values = true
+    )]
+    database: Option<PostgresUrl>,
+    /// Copy no objects: their store has copies of its own.
+    #[arg(long)]
+    rows_only: bool,
+}
+
+impl Service {
+    fn place(self) -> Place {
+        Place {
+            data_dir: self.data,
+            database: self.database,
+            objects: !self.rows_only,
+        }
+    }
+}
+
+/// Copy a service into a folder.
+#[derive(Debug, Args)]
+#[command(after_help = BACKUP_HELP)]
+pub(crate) struct Backup {
+    /// Folder to write to; created if missing, otherwise empty.
+    folder: PathBuf,
+    #[command(flatten)]
+    service: Service,
+}
+
+/// Make a service of a backup.
+#[derive(Debug, Args)]
+#[command(after_help = RESTORE_HELP)]
+pub(crate) struct Restore {
+    /// Folder of the backup.
+    folder: PathBuf,
+    #[command(flatten)]
+    service: Service,
+}
+
+impl Backup {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let from = self.service.place();
+        let copied = backup(&from, &self.folder).await;
+        let copied = copied.context("making a backup")?;
+        output::put("files", output::paths(&[&self.folder]));
+        say!("{} are in {}", told(&from, copied), self.folder.display());
+        Ok(())
+    }
+}
+
+impl Restore {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let to = self.service.place();
+        let copied = restore(&self.folder, &to).await;
+        let copied = copied.context("restoring a backup")?;
+        let data = to.data_dir.display().to_string();
+        say!(
+            "{} are in {data}; start it with `yoto serve`",
+            told(&to, copied)
+        );
+        Ok(())
+    }
+}
+
+/// `all rows, and 12 objects of 3.00 MiB,`.
+fn told(place: &Place, copied: Copied) -> String {
+    match place.objects {
+        false => "all rows, without objects,".to_owned(),
+        true => {
+            let objects = usize::try_from(copied.objects).unwrap_or(usize::MAX);
+            let bytes = BinaryBytes(copied.bytes);
+            format!("all rows, and {} of {bytes},", count(objects, "object"))
+        }
+    }
+}

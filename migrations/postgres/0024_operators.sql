@@ -1,0 +1,16 @@
+-- What operators say of the service and of its workers: see SQLite's step of this number.
+
+-- While there is a row, the service takes no new jobs and gives no leases.
+CREATE TABLE drains (
+    id     BIGINT PRIMARY KEY CHECK (id = 1),
+    reason TEXT NOT NULL,
+    since  DOUBLE PRECISION NOT NULL
+);
+-- Workers with these display names get no leases, also after they have registered again.
+CREATE TABLE cordons (
+    tenant TEXT NOT NULL,
+    worker TEXT COLLATE "C" NOT NULL,
+    reason TEXT NOT NULL,
+    since  DOUBLE PRECISION NOT NULL,
+    PRIMARY KEY (tenant, worker)
+);

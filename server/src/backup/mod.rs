@@ -1,0 +1,170 @@
+//! Copies of a whole service, and the way back.
+//!
+//! Rows come first, then objects. An object is written before a row names it, and stays for the time of grace after no row
+//! does: objects that are copied after the rows, and within that time, have all that the rows name. So the service may run
+//! meanwhile, and what it adds after the copy of the rows is not in the backup.
+
+mod database;
+mod folders;
+
+pub use database::PROGRAMS;
+
+use crate::lock::DataDirLock;
+use crate::store::PostgresUrl;
+use crate::{DATABASE_FILE, OBJECTS_FOLDER, ServerError, private};
+use std::io;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// The file that a complete backup has, and its text.
+const MARKER: (&str, &str) = ("yoto-backup.txt", "yoto backup 1\n");
+/// The rows of PostgreSQL in a backup.
+const DUMP: &str = "yoto.dump";
+
+/// Where a service has its state.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// The data folder.
+    pub data_dir: PathBuf,
+    /// A database of PostgreSQL instead of the file in the data folder.
+    pub database: Option<PostgresUrl>,
+    /// Whether the objects are in the data folder. Those of another store are not copied.
+    pub objects: bool,
+}
+
+/// What was copied.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Copied {
+    /// Number of objects.
+    pub objects: u64,
+    /// Their bytes.
+    pub bytes: u64,
+}
+
+/// The reason why a backup can't be made or restored.
+#[derive(Debug, Error)]
+pub enum BackupError {
+    /// The folder to write to has something in it.
+    #[error("{} is not empty: choose another folder", .0.display())]
+    NotEmpty(PathBuf),
+    /// The folder is not a backup.
+    #[error("{} is no complete backup: it has no {}", .0.display(), MARKER.0)]
+    NoBackup(PathBuf),
+    /// The backup has no rows of this kind of database.
+    #[error("the backup in {} is one of {was}: {advice}", folder.display())]
+    OtherDatabase {
+        /// The backup.
+        folder: PathBuf,
+        /// What it has.
+        was: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// There is nothing to copy.
+    #[error("there is no service's database at {}", .0.display())]
+    NoService(PathBuf),
+    /// A file or folder fails.
+    #[error("{action} {}: {source}", path.display())]
+    File {
+        /// E.g. "copying".
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// SQLite fails.
+    #[error("copying the database: {0}")]
+    Database(#[from] sqlx::Error),
+    /// A program of PostgreSQL fails.
+    #[error("{program}: {told}")]
+    Program {
+        /// Its name.
+        program: &'static str,
+        /// Its own words.
+        told: String,
+    },
+    /// The data folder is in use.
+    #[error(transparent)]
+    Server(#[from] ServerError),
+}
+
+impl BackupError {
+    fn file(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::File {
+            action,
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
+/// Copies the state at `from` into the folder `to`, which is created if missing. The service may run.
+///
+/// # Errors
+/// When the folder is not empty, or something can't be read or written. The folder is no backup then.
+pub async fn backup(from: &Place, to: &Path) -> Result<Copied, BackupError> {
+    make_empty(to)?;
+    match &from.database {
+        Some(url) => database::dump(url, &to.join(DUMP)).await?,
+        None => database::copy(&from.data_dir.join(DATABASE_FILE), &to.join(DATABASE_FILE)).await?,
+    }
+    let copied = match from.objects {
+        true => {
+            let objects = from.data_dir.join(OBJECTS_FOLDER);
+            folders::copy(&objects, &to.join(OBJECTS_FOLDER)).await?
+        }
+        false => Copied::default(),
+    };
+    let marker = to.join(MARKER.0);
+    std::fs::write(&marker, MARKER.1).map_err(BackupError::file("writing", &marker))?;
+    Ok(copied)
+}
+
+/// Copies the backup in the folder `from` to `to`, where no service has been: an empty or missing data folder, and an empty
+/// database of PostgreSQL.
+///
+/// # Errors
+/// When `from` is no complete backup, something is at `to` already, or something can't be read or written.
+pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
+    let marker = std::fs::read_to_string(from.join(MARKER.0));
+    if marker.ok().as_deref() != Some(MARKER.1) {
+        return Err(BackupError::NoBackup(from.to_owned()));
+    }
+    let (dump, file) = (from.join(DUMP), from.join(DATABASE_FILE));
+    let other = |was, advice| BackupError::OtherDatabase {
+        folder: from.to_owned(),
+        was,
+        advice,
+    };
+    match (&to.database, dump.exists()) {
+        (Some(_), false) => return Err(other("SQLite", "leave --database out")),
+        (None, true) => return Err(other("PostgreSQL", "name an empty one with --database")),
+        _ => {}
+    }
+    make_empty(&to.data_dir)?;
+    let _lock = DataDirLock::take(&to.data_dir)?;
+    match &to.database {
+        Some(url) => database::undump(url, &dump).await?,
+        None => folders::copy_file(&file, &to.data_dir.join(DATABASE_FILE))
+            .map(drop)
+            .map_err(BackupError::file("copying", &file))?,
+    }
+    match to.objects {
+        true => {
+            let objects = from.join(OBJECTS_FOLDER);
+            folders::copy(&objects, &to.data_dir.join(OBJECTS_FOLDER)).await
+        }
+        false => Ok(Copied::default()),
+    }
+}
+
+/// Creates `folder`, for this user alone, unless it is there and empty.
+fn make_empty(folder: &Path) -> Result<(), BackupError> {
+    private::create_dir_all(folder).map_err(BackupError::file("creating", folder))?;
+    let mut found = std::fs::read_dir(folder).map_err(BackupError::file("reading", folder))?;
+    match found.next() {
+        None => Ok(()),
+        Some(_) => Err(BackupError::NotEmpty(folder.to_owned())),
+    }
+}

@@ -1,0 +1,85 @@
+//! Backups of a service that runs, and their restoration.
+
+use crate::support::{Database, Service};
+use std::path::Path;
+use tempfile::TempDir;
+use yoto_proto::v1::{GetSubjectRequest, job};
+use yoto_server::backup::{BackupError, Place, backup, restore};
+
+fn place(folder: &Path, database: &Database) -> Place {
+    Place {
+        data_dir: folder.to_owned(),
+        database: database.url(),
+        objects: true,
+    }
+}
+
+#[tokio::test]
+async fn a_backup_of_a_running_service_is_a_service_at_one_point() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    let job = service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    service.publish(&lease, 3).await.expect("holds the lease");
+    let folder = TempDir::new().expect("a folder");
+    let saved = folder.path().join("saved");
+    let from = place(service.dir.path(), &service.database);
+    let copied = backup(&from, &saved).await.expect("copies");
+    let stored = service.stored_files().len() as u64;
+    assert_eq!(copied.objects, stored, "all that there is");
+    let later = service.subject("Bob").await;
+
+    let again = TempDir::new().expect("a folder");
+    let database = Database::of(again.path());
+    let to = place(again.path(), &database);
+    assert_eq!(restore(&saved, &to).await.expect("copies back"), copied);
+    database.keep(again.path());
+    let restored = Service::start_in(again, |_| {}).await;
+    assert_eq!(restored.get_subject(&subject.name).await, subject);
+    assert_eq!(restored.stored_files().len() as u64, stored);
+    let request = GetSubjectRequest { name: later.name };
+    let unknown = restored.subjects().get_subject(request).await;
+    unknown.expect_err("came after the backup");
+    // Its worker may still be there: the lease goes on in the copy as well.
+    let running = restored.get_job(&job.name).await;
+    assert_eq!(running.state(), job::State::Running);
+    restored.publish(&lease, 5).await.expect("holds the lease");
+}
+
+#[tokio::test]
+async fn a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one() {
+    let service = Service::start().await;
+    let from = place(service.dir.path(), &service.database);
+    let folder = TempDir::new().expect("a folder");
+    std::fs::write(folder.path().join("letter.txt"), "dear").expect("writes");
+    let full = backup(&from, folder.path()).await;
+    assert!(matches!(full, Err(BackupError::NotEmpty(_))), "{full:?}");
+
+    let other = TempDir::new().expect("a folder");
+    let target = Place {
+        data_dir: other.path().join("data"),
+        database: None,
+        objects: true,
+    };
+    let none = restore(folder.path(), &target).await;
+    assert!(matches!(none, Err(BackupError::NoBackup(_))), "{none:?}");
+    let empty = Place {
+        data_dir: other.path().to_owned(),
+        ..target.clone()
+    };
+    let none = backup(&empty, &other.path().join("saved")).await;
+    assert!(matches!(none, Err(BackupError::NoService(_))), "{none:?}");
+
+    let saved = folder.path().join("saved");
+    backup(&from, &saved).await.expect("copies");
+    let onto = restore(&saved, &from).await;
+    assert!(
+        matches!(
+            onto,
+            Err(BackupError::NotEmpty(_) | BackupError::Program { .. })
+        ),
+        "{onto:?}"
+    );
+}
