@@ -7,7 +7,12 @@
 
 /// An uploaded file of a capture: `uploads/{capture}/{path}`.
 pub fn upload(capture_id: &str, path: &str) -> String {
-    format!("uploads/{capture_id}/{path}")
+    format!("{}/{path}", upload_folder(capture_id))
+}
+
+/// The folder with the uploaded files of a capture.
+pub fn upload_folder(capture_id: &str) -> String {
+    format!("uploads/{capture_id}")
 }
 
 /// The training shard of a capture.

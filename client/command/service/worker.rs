@@ -12,7 +12,8 @@ use yoto_worker::{Worker, WorkerConfig};
 
 const AFTER_HELP: &str = "\
 The worker pulls jobs from the service and reads and writes the object store by itself,
-so it needs the service's address and the store's URL (`yoto serve` prints both).
+so it needs the service's address and the store's URL (`yoto serve` prints both). For s3:// it
+reads AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION and AWS_ENDPOINT_URL, as the service does.
 
 SIGTERM or ctrl-c: a training job saves a checkpoint and returns to the queue.
 

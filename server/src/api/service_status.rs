@@ -36,7 +36,7 @@ impl StatusService for StatusApi {
         let counts = context.store.open_jobs(&tenant).await;
         let (queued, running) = counts.map_err(RequestError::from)?;
         let paused = context.store.paused_kinds(&tenant).await;
-        let disk = context.disk.room();
+        let disk = context.place.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             order_level: orders::LEVEL,
@@ -81,7 +81,7 @@ impl StatusService for StatusApi {
 /// What this service allows: the contract's limits, and those that its operator has set.
 fn limits(context: &Context) -> ServiceLimits {
     let (upload, storage) = (&context.config.upload, &context.config.storage);
-    let room = context.disk.room();
+    let room = context.place.room();
     let room = room.map(|it| it.free.saturating_sub(storage.min_free_bytes));
     ServiceLimits {
         upload: Some(UploadLimits {

@@ -4,5 +4,6 @@ pub mod collect;
 pub mod disk;
 mod folders;
 pub mod parts;
+pub mod place;
 pub mod room;
 pub mod upload;

@@ -196,7 +196,7 @@ mod tests {
     #[tokio::test]
     async fn a_piece_is_written_over_what_was_never_acknowledged() {
         let dir = tempfile::tempdir().expect("a folder");
-        let objects = ObjectDisk::at(dir.path().to_owned());
+        let objects = ObjectDisk::create(dir.path().to_owned()).expect("is there");
         let write = |piece| objects.write_pieces(vec![piece]);
         write(piece(0, b"0123456789")).await.expect("writes");
         write(piece(4, b"abc")).await.expect("writes");

@@ -65,7 +65,9 @@ impl Batch {
             offset: part.from,
             chunks,
         });
-        let written = context.disk.write_pieces(pieces.collect()).await;
+        let written = (context.place.uploads())
+            .write_pieces(pieces.collect())
+            .await;
         if let Err(ObjectsError::Size { key, found, .. }) = &written
             && let Some(part) = parts.iter().find(|it| keys::upload(id, &it.path) == *key)
         {

@@ -52,6 +52,7 @@ pub async fn finish(
             .await?;
     }
     let capture = context.store.finish_upload(tenant, id, request).await?;
+    context.place.forget_upload(id).await;
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture uploaded");
     Ok(capture)
@@ -66,16 +67,20 @@ async fn verify(
     file: UploadFile,
 ) -> Result<(), RequestError> {
     let key = keys::upload(id, &file.path);
-    if file.bytes == 0 {
-        context.objects.put(&key, Bytes::new()).await?;
-    }
-    let found = match context.disk.sha256(&key, file.bytes).await {
+    let hashed = match file.bytes {
+        0 => Ok(context.objects.put(&key, Bytes::new()).await?.sha256),
+        bytes => context.place.uploads().sha256(&key, bytes).await,
+    };
+    let found = match hashed {
         Err(ObjectsError::Size { found, .. }) => {
             return Err(lost(context, tenant, id, writer, &file.path, found).await);
         }
         hashed => hashed?,
     };
     if found == file.sha256 {
+        if file.bytes > 0 {
+            context.place.publish(&key, file.bytes).await?;
+        }
         return Ok(());
     }
     (context.store)

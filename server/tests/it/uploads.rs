@@ -33,12 +33,7 @@ async fn an_upload_becomes_an_ingest_job_with_all_its_files() {
         object.key,
         keys::upload(id(&capture.name), "frames/000000.png")
     );
-    let root = service
-        .coordinator
-        .objects_url()
-        .to_file_path()
-        .expect("a local store");
-    let stored = std::fs::read(root.join(&object.key)).expect("is stored");
+    let stored = std::fs::read(service.path(&object.key)).expect("is stored");
     assert_eq!(stored, b"not looked at");
     assert_eq!(yoto_proto::sha256_hex(&stored), object.sha256);
 
@@ -172,9 +167,8 @@ async fn what_is_good_in_a_stream_is_committed_and_the_rest_refused() {
 
 /// The content of an uploaded file.
 fn stored(service: &Service, capture: &Capture, path: &str) -> Vec<u8> {
-    let root = service.coordinator.objects_url().to_file_path();
     let key = keys::upload(id(&capture.name), path);
-    std::fs::read(root.expect("a local store").join(key)).expect("is stored")
+    std::fs::read(service.path(&key)).expect("is stored")
 }
 
 #[tokio::test]

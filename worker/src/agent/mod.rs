@@ -27,7 +27,7 @@ use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
-use yoto_objects::{Objects, ObjectsError};
+use yoto_objects::{Objects, ObjectsError, Rights};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders;
@@ -100,7 +100,7 @@ impl Default for WorkerConfig {
 /// The reason why a worker can't start or continue.
 #[derive(Debug, Error)]
 pub enum WorkerError {
-    /// The object store does not open.
+    /// The object store can't be used.
     #[error(transparent)]
     Objects(#[from] ObjectsError),
     /// The coordinator refuses this worker.
@@ -156,7 +156,7 @@ pub struct Worker {
 
 impl Worker {
     /// A worker that asks the coordinator behind `channel` for work, reads and writes
-    /// objects at `objects_url` (`file:///…`), and computes on `device`.
+    /// objects at `objects_url` (`file:///…` or `s3://…`), and computes on `device`.
     ///
     /// # Errors
     /// When the object store does not open, or a setting is invalid.
@@ -202,12 +202,17 @@ impl Worker {
         })
     }
 
-    /// Leases and runs jobs until `shutdown`, then lets a running job save, returns it, and ends
+    /// Checks the object store, leases and runs jobs until `shutdown`, then lets a running job save, returns it, and ends
     /// within the drain time and a few seconds.
     ///
     /// # Errors
-    /// When the coordinator refuses this worker, or a job hangs. An unreachable coordinator is not an error.
+    /// When the store can't be used, the coordinator refuses this worker, or a job hangs. An unreachable coordinator is not
+    /// an error.
     pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<(), WorkerError> {
+        // The coordinator has checked its own.
+        if !self.embedded {
+            self.objects.check(Rights::ReadWrite).await?;
+        }
         let stopping = CancellationToken::new();
         let work = self.work(&stopping);
         tokio::pin!(work);
