@@ -38,7 +38,7 @@ for file in README.md LICENSE-MIT LICENSE-APACHE; do
     [ -f "$file" ] || fail "$file is missing"
 done
 
-strip=strip
+strip="strip"
 if [ "$target" != "$host" ]; then
     [ "$target" = aarch64-unknown-linux-gnu ] ||
         fail "$target can't be built on $host; aarch64-unknown-linux-gnu can"
@@ -81,7 +81,7 @@ cargo build --locked --profile release -p yoto --bin yoto "${options[@]}"
 chmod 755 "$folder/yoto"
 install -m 644 README.md LICENSE-MIT LICENSE-APACHE "$folder/"
 install -D -m 644 deploy/README.md "$folder/deploy/README.md"
-install -D -m 644 deploy/systemd/yoto.service "$folder/deploy/systemd/yoto.service"
+install -D -m 644 -t "$folder/deploy/systemd" deploy/systemd/*.service
 
 mkdir -p "$out"
 # Sorted, and owned by root, so that the same files make the same archive.

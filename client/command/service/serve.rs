@@ -43,7 +43,13 @@ pub(crate) struct Serve {
     database: Option<PostgresUrl>,
     /// Store for objects, s3://BUCKET/PREFIX or file:///FOLDER, instead of objects/ in the data folder.
     /// Credentials are in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY), never in the URL.
-    #[arg(long, value_name = "URL", env = "YOTO_OBJECTS", hide_env_values = true)]
+    #[arg(
+        long,
+        visible_alias = "store",
+        value_name = "URL",
+        env = "YOTO_OBJECTS",
+        hide_env_values = true
+    )]
     objects: Option<Url>,
     /// Address to listen at: host and port.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:50051", value_parser = address)]

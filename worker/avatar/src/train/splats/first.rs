@@ -27,7 +27,7 @@ pub(crate) fn first_splats(
     count: usize,
 ) -> Result<FirstSplats, TrainError> {
     let film = Film::new(subject, pose)?;
-    let shell = film.shell_of(count);
+    let shell = film.shell_of(count)?;
     let cells = shell.normals.len();
     if cells == 0 {
         return Err(TrainError::People(format!(

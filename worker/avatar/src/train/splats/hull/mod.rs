@@ -3,16 +3,20 @@
 //! shell is where splats start: within a few centimetres of the surface, and nowhere that a frame sees
 //! through, so that nothing has to be unlearned in poses that no frame shows.
 
+mod body_depth;
+mod cells;
+
 use crate::host::read;
 use crate::motion::posed;
 use crate::motion::prior::Halo;
 use crate::render::RenderError;
 use crate::render::splats::sight;
 use crate::train::people::{TrainFrame, TrainSubject};
+use body_depth::BodyDepth;
+use cells::Cells;
 use rayon::prelude::*;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Pose;
-use yoto_ops::warp::WarpGrid;
 use yoto_ops::warp::inverse::solve::apply;
 use yoto_ops::warp::skin::cpu::forward;
 
@@ -161,8 +165,8 @@ impl<'a> Film<'a> {
         misses.get(rank).copied().unwrap_or(0).min(most)
     }
 
-    /// The cells of the hull's shell, `spacing` metres wide.
-    fn shell(&self, spacing: f64, forgiven: usize) -> Shell {
+    /// The cells of the hull, `spacing` metres wide, by their indices.
+    fn inside(&self, spacing: f64, forgiven: usize) -> (Cells, Vec<usize>) {
         let cells = Cells::new(&self.subject.body.grid, spacing);
         let halo = Halo::new(&self.subject.body.skeleton);
         let middle = |index: usize| cells.middle(cells.coordinates(index));
@@ -174,7 +178,22 @@ impl<'a> Film<'a> {
         let needed = ((SHOWN * self.frames.len() as f64).ceil() as usize).max(1);
         let votes = self.votes(points, forgiven).into_iter();
         let left = votes.filter(|(_, votes)| votes.on >= needed);
-        let left: Vec<usize> = left.map(|(index, _)| near[index]).collect();
+        let left = left.map(|(index, _)| near[index]).collect();
+        (cells, left)
+    }
+
+    /// The cells of the hull's shell, `spacing` metres wide.
+    fn shell(&self, spacing: f64, forgiven: usize, body: &BodyDepth) -> Result<Shell, RenderError> {
+        let (cells, mut left) = self.inside(spacing, forgiven);
+        if body.bounds() {
+            let points = cells.middles(&left);
+            let bones = self.bones(&points)?.into_iter();
+            let mut held = points
+                .into_iter()
+                .zip(bones)
+                .map(|(point, bone)| body.holds(point, bone));
+            left.retain(|_| held.next().unwrap_or(false));
+        }
         let mut inside = vec![false; cells.count()];
         for index in &left {
             inside[*index] = true;
@@ -191,12 +210,12 @@ impl<'a> Film<'a> {
                 shell.normals.push(outward(full));
             }
         }
-        shell
+        Ok(shell)
     }
 
     /// A shell with at least `count` cells and not many more, or the finest that is allowed; without
     /// cells where poses and masks do not agree.
-    pub fn shell_of(&self, count: usize) -> Shell {
+    pub fn shell_of(&self, count: usize) -> Result<Shell, RenderError> {
         /// Most shells that are tried.
         const ROUNDS: usize = 6;
         /// Cells that are asked for, as a multiple of those needed.
@@ -207,9 +226,11 @@ impl<'a> Film<'a> {
             .product();
         let [first, least] = CELLS.map(|width| width.max((volume / MOST_CELLS).cbrt()));
         let forgiven = self.forgiven();
-        let mut shell = self.shell(first, forgiven);
+        let (cells, inside) = self.inside(first, forgiven);
+        let body = self.depth(cells.middles(&inside))?;
+        let mut shell = self.shell(first, forgiven, &body)?;
         if shell.normals.len() < FEWEST {
-            return Shell::empty(first);
+            return Ok(Shell::empty(first));
         }
         for _ in 0..ROUNDS {
             let found = shell.normals.len();
@@ -218,13 +239,13 @@ impl<'a> Film<'a> {
             }
             // A surface has cells as the inverse square of their width.
             let finer = shell.spacing * (found as f64 / (SURPLUS * count as f64)).sqrt();
-            let next = self.shell(finer.max(least), forgiven);
+            let next = self.shell(finer.max(least), forgiven, &body)?;
             if next.normals.len() <= found {
                 break;
             }
             shell = next;
         }
-        shell
+        Ok(shell)
     }
 }
 
@@ -237,49 +258,6 @@ const SIDES: [[isize; 3]; 6] = [
     [0, 0, 1],
     [0, 0, -1],
 ];
-
-/// Cubes that fill a box, x fastest.
-struct Cells {
-    min: [f32; 3],
-    spacing: f64,
-    dims: [usize; 3],
-}
-
-impl Cells {
-    /// Cubes with sides of `spacing` metres in the box of `grid`.
-    fn new(grid: &WarpGrid, spacing: f64) -> Self {
-        let side = |a: usize| f64::from(grid.max[a] - grid.min[a]);
-        Self {
-            min: grid.min,
-            spacing,
-            dims: std::array::from_fn(|a| (side(a) / spacing).ceil() as usize),
-        }
-    }
-
-    fn count(&self) -> usize {
-        self.dims.iter().product()
-    }
-
-    /// Column, row and layer of the cell with this `index`.
-    fn coordinates(&self, index: usize) -> [usize; 3] {
-        let [x, y, _] = self.dims;
-        [index % x, index / x % y, index / (x * y)]
-    }
-
-    /// The index of the cell with the coordinates `cell`; `None` outside the box.
-    fn index(&self, cell: [usize; 3]) -> Option<usize> {
-        let [x, y, _] = self.dims;
-        let inside = (0..3).all(|a| cell[a] < self.dims[a]);
-        inside.then(|| (cell[2] * y + cell[1]) * x + cell[0])
-    }
-
-    /// The middle of the cell with the coordinates `cell`, metres.
-    fn middle(&self, cell: [usize; 3]) -> [f32; 3] {
-        std::array::from_fn(|a| {
-            (f64::from(self.min[a]) + self.spacing * (cell[a] as f64 + 0.5)) as f32
-        })
-    }
-}
 
 /// In how many frames a point is where.
 #[derive(Clone, Copy, Default)]
