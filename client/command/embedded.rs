@@ -43,6 +43,8 @@ pub struct EmbeddedOptions {
     pub data: PathBuf,
     /// A database of PostgreSQL.
     pub database: Option<PostgresUrl>,
+    /// Where objects are stored; by default a folder in `data`.
+    pub objects: Option<Url>,
     /// Address for clients of other processes, if any.
     pub listen: Option<SocketAddr>,
     /// Whether to run jobs in this process.
@@ -135,6 +137,7 @@ impl Embedded {
         let config = ServerConfig {
             shutdown_grace: SERVER_GRACE,
             database: options.database,
+            objects: options.objects,
             storage: options.storage,
             ..ServerConfig::new(&options.data)
         };
@@ -375,6 +378,7 @@ mod tests {
         EmbeddedOptions {
             data,
             database: None,
+            objects: None,
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
             worker: true,
             ingest: IngestSettings::default(),

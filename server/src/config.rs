@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use url::Url;
+use yoto_objects::Environment;
 use yoto_proto::limits;
 
 /// Settings of a [`crate::Coordinator`].
@@ -19,8 +20,10 @@ pub struct ServerConfig {
     pub data_dir: PathBuf,
     /// The database; none means a file of SQLite in the data folder.
     pub database: Option<PostgresUrl>,
-    /// Where objects are stored, `file:///…`; none means `objects/` in the data folder.
+    /// Where objects are stored, `file:///…` or `s3://…`; none means `objects/` in the data folder.
     pub objects: Option<Url>,
+    /// Settings and credentials of a remote store.
+    pub environment: Environment,
     /// Longest silence of a worker before its job goes to another.
     pub lease_seconds: f64,
     /// Interval of the search for expired leases.
@@ -58,8 +61,11 @@ pub struct StorageLimits {
     pub grace: Duration,
     /// Interval of the search for such objects.
     pub collect_interval: Duration,
-    /// Free bytes of the disk below which uploads and trainings are refused.
+    /// Free bytes of the disk, or of the limit, below which uploads and trainings are refused.
     pub min_free_bytes: u64,
+    /// Bytes that all objects may have together, as counted at each collection; none: as many as the disk or the store
+    /// takes.
+    pub limit_bytes: Option<u64>,
     /// Time from the last write of an upload until its files are garbage once they were read.
     pub keep_uploads: Duration,
     /// Age at which answers to request ids are forgotten.
@@ -78,6 +84,7 @@ impl Default for StorageLimits {
             grace: DAY,
             collect_interval: Duration::from_secs(3600),
             min_free_bytes: 2 << 30,
+            limit_bytes: None,
             keep_uploads: 7 * DAY,
             keep_request_ids: 7 * DAY,
             keep_attempts: 90 * DAY,
@@ -120,6 +127,7 @@ impl ServerConfig {
             data_dir: data_dir.into(),
             database: None,
             objects: None,
+            environment: Environment::of_process(),
             lease_seconds: 20.0,
             reap_interval: Duration::from_millis(500),
             max_lost_workers: 5,

@@ -6,8 +6,8 @@ use crate::error::RequestError;
 use crate::health::Health;
 use crate::job_feed::JobFeed;
 use crate::lock::DataDirLock;
-use crate::objects::disk::ObjectDisk;
-use crate::objects::room;
+use crate::objects::place::Place;
+use crate::objects::room::{self, Room};
 use crate::store::Store;
 use crate::uploads::UploadLocks;
 use std::time::{Instant, SystemTime};
@@ -27,8 +27,8 @@ pub struct Context {
     pub objects: Objects,
     /// Where the objects are.
     pub objects_url: Url,
-    /// The folder of a local object store.
-    pub disk: ObjectDisk,
+    /// Where that is, for operations that the object store's interface lacks.
+    pub place: Place,
     /// Wakes the watchers of jobs.
     pub changes: JobChanges,
     /// The changes of all jobs, for those who watch them.
@@ -52,8 +52,10 @@ pub struct Context {
 
 impl Context {
     /// Refuses if `coming` more bytes would leave less than the configured free space on the disk of the object
-    /// store.
+    /// store, or of what its limit allows; or on the disk of the data folder, where the database is.
     pub fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {
-        room::check(self.disk.room(), coming, self.config.storage.min_free_bytes)
+        let min_free = self.config.storage.min_free_bytes;
+        room::check(self.place.room(), coming, min_free)?;
+        room::check(Room::of(&self.config.data_dir), coming, min_free)
     }
 }

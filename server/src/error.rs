@@ -81,9 +81,9 @@ pub enum RequestError {
         /// As received.
         found: u32,
     },
-    /// The disk is nearly full.
+    /// The disk is nearly full, or the limit of the store is nearly reached.
     #[error(
-        "the disk of the service has {free} bytes free, and {needed} are needed: `yoto gc` removes what \
+        "the store of the service has {free} bytes free, and {needed} are needed: `yoto gc` removes what \
          belongs to nothing, `yoto model checkpoints` and `yoto job list` show what can be deleted"
     )]
     DiskFull {

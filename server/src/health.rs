@@ -129,10 +129,7 @@ async fn check_objects(context: &Context, limit: Duration) {
 async fn answers(context: &Context) -> Result<(), ObjectsError> {
     context.objects.answers().await?;
     // A folder that is no longer there has no object either.
-    match context.objects_url.scheme() {
-        "file" => context.disk.is_there().await,
-        _ => Ok(()),
-    }
+    context.place.is_there().await
 }
 
 /// Records the outcome of a write. A change is logged, and reaches all listeners.

@@ -48,7 +48,7 @@ use job_feed::JobFeed;
 use jobs::reaper;
 use lock::DataDirLock;
 use objects::collect;
-use objects::disk::ObjectDisk;
+use objects::place::Place;
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
@@ -88,7 +88,7 @@ impl Coordinator {
             Some(url) => url.clone(),
             None => folder_url(&data_dir.join(OBJECTS_FOLDER))?,
         };
-        let (disk, objects) = ObjectDisk::open(&objects_url)?;
+        let (place, objects) = Place::open(&objects_url, &config).await?;
         let clock = config.clock.clone();
         let store = match &config.database {
             Some(url) => Store::open_postgres(url, clock).await?,
@@ -100,7 +100,7 @@ impl Coordinator {
             store,
             objects,
             objects_url,
-            disk,
+            place,
             changes: JobChanges::default(),
             feed: JobFeed::default(),
             started,

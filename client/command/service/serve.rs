@@ -7,12 +7,14 @@ use clap::builder::BoolishValueParser;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
+use url::Url;
 use yoto_server::{PostgresUrl, StorageLimits};
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
 checkpoints, renders). Only one process can serve a folder at a time. --database has the rows in
-PostgreSQL; the objects stay in the folder.
+PostgreSQL, and --objects has the objects in S3-compatible storage. Its settings are environment variables:
+AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, and AWS_ENDPOINT_URL unless it is AWS.
 
 SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
 queue, and the process ends, even with connected clients.
@@ -27,6 +29,7 @@ Examples:
   yoto serve --print-config > yoto.toml
   yoto serve --config yoto.toml
   curl http://127.0.0.1:50051/readyz
+  yoto serve --objects s3://bucket/prefix
   grpcurl -plaintext 127.0.0.1:50051 list";
 
 /// Run the service on this machine: API, jobs, storage and a worker.
@@ -50,6 +53,16 @@ pub(crate) struct Serve {
         hide_env_values = true
     )]
     database: Option<PostgresUrl>,
+    /// Store for objects, s3://BUCKET/PREFIX or file:///FOLDER, instead of objects/ in the data folder.
+    /// Credentials are in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY), never in the URL.
+    #[arg(
+        long,
+        visible_alias = "store",
+        value_name = "URL",
+        env = "YOTO_OBJECTS",
+        hide_env_values = true
+    )]
+    objects: Option<Url>,
     /// Address to listen at: host and port.
     #[arg(
         long,
@@ -113,7 +126,7 @@ struct Storage {
         default_value_t = 24.0
     )]
     grace_hours: f64,
-    /// Free space of the disk, GiB, below which uploads and trainings are refused.
+    /// Free space of the disk, or of --max-objects-gib, GiB, below which uploads and trainings are refused.
     #[arg(
         long,
         env = "YOTO_MIN_FREE_GIB",
@@ -121,6 +134,9 @@ struct Storage {
         default_value_t = 2.0
     )]
     min_free_gib: f64,
+    /// Space that all objects may have, GiB, as counted once an hour. By default as much as the disk has, or S3 takes.
+    #[arg(long, env = "YOTO_MAX_OBJECTS_GIB", value_name = "GIB")]
+    max_objects_gib: Option<f64>,
 }
 
 impl Storage {
@@ -129,14 +145,25 @@ impl Storage {
         let grace = grace.with_context(|| format!("--grace-hours {}", self.grace_hours))?;
         let free = self.min_free_gib;
         anyhow::ensure!(free >= 0.0, "--min-free-gib {free} is below 0");
+        let most = self.max_objects_gib;
+        anyhow::ensure!(
+            most.is_none_or(|most| most > free),
+            "--max-objects-gib {} is not above --min-free-gib {free}: nothing could be stored",
+            most.unwrap_or_default()
+        );
         Ok(StorageLimits {
             keep_newest: self.keep_newest,
             keep_every: self.keep_every,
             grace,
-            min_free_bytes: (free * (1_u64 << 30) as f64) as u64,
+            min_free_bytes: bytes(free),
+            limit_bytes: most.map(bytes),
             ..StorageLimits::default()
         })
     }
+}
+
+fn bytes(gib: f64) -> u64 {
+    (gib * (1_u64 << 30) as f64) as u64
 }
 
 impl Serve {
@@ -161,6 +188,7 @@ impl Serve {
         let options = EmbeddedOptions {
             data: self.data,
             database: self.database,
+            objects: self.objects,
             listen: Some(self.listen),
             worker: !self.no_worker,
             ingest: self.ingest.settings(),
@@ -256,6 +284,7 @@ mod tests {
             keep_every: 10,
             grace_hours,
             min_free_gib,
+            max_objects_gib: None,
         };
         let limits = storage(24.0, 2.0).limits().expect("good");
         let default = StorageLimits::default();
@@ -275,6 +304,15 @@ mod tests {
             (1.0, -1.0),
         ] {
             assert!(storage(hours, gib).limits().is_err(), "{hours} {gib}");
+        }
+        let limited = |gib| Storage {
+            max_objects_gib: Some(gib),
+            ..storage(24.0, 2.0)
+        };
+        let limits = limited(3.0).limits().expect("good");
+        assert_eq!(limits.limit_bytes, Some(3 << 30));
+        for gib in [2.0, -1.0, f64::NAN] {
+            assert!(limited(gib).limits().is_err(), "{gib}");
         }
     }
 

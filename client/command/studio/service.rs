@@ -22,6 +22,7 @@ pub async fn with_service<T>(
     let mut service = Embedded::start(EmbeddedOptions {
         data,
         database: None,
+        objects: None,
         listen: None,
         worker: true,
         ingest,

@@ -1,5 +1,6 @@
 //! Failures of the object store.
 
+use crate::class::{self, Class};
 use std::error::Error;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
@@ -15,6 +16,14 @@ pub enum ObjectsError {
         /// The URL, without credentials.
         url: Url,
         /// The fault.
+        reason: String,
+    },
+    /// The store was tried, and something is wrong.
+    #[error("the object store {url} can't be used: {reason}")]
+    Unusable {
+        /// The URL, without credentials.
+        url: Url,
+        /// What to do about it.
         reason: String,
     },
     /// The key is invalid.
@@ -84,8 +93,32 @@ impl ObjectsError {
             Self::Missing { .. } | Self::Size { .. } | Self::Altered { .. } | Self::Key { .. } => {
                 true
             }
-            Self::Url { .. } | Self::Store { .. } | Self::Disk { .. } => false,
+            Self::Url { .. } | Self::Unusable { .. } | Self::Store { .. } | Self::Disk { .. } => {
+                false
+            }
         }
+    }
+
+    /// Whether the store does not answer, or not now. The same call may succeed later.
+    pub fn is_unavailable(&self) -> bool {
+        self.class() == Some(Class::Unavailable)
+    }
+
+    /// Whether the store refuses this service, e.g. its credentials, until the operator changes something.
+    pub fn is_refused(&self) -> bool {
+        self.class() == Some(Class::Refused)
+    }
+
+    fn class(&self) -> Option<Class> {
+        match self {
+            Self::Store { cause, .. } => Some(class::of(cause)),
+            _ => None,
+        }
+    }
+
+    /// The error and its causes, in one line.
+    pub fn with_causes(&self) -> String {
+        class::text(self)
     }
 
     /// Whether a disk is full or a quota exceeded. The same write may succeed once there is room.
@@ -112,9 +145,9 @@ impl ObjectsError {
 
     pub(crate) fn of_store(action: &'static str, key: &str, cause: object_store::Error) -> Self {
         let key = key.to_owned();
-        match cause {
-            object_store::Error::NotFound { .. } => Self::Missing { key },
-            cause => Self::Store { action, key, cause },
+        match class::of(&cause) {
+            Class::Missing => Self::Missing { key },
+            _ => Self::Store { action, key, cause },
         }
     }
 }

@@ -5,26 +5,32 @@
 //! or not at all, and once a write has returned it is on disk. A missing or altered object is an answer, not
 //! a fault of the store: it is reported at once, also by a store that waits faults out.
 
+mod check;
+mod class;
+mod environment;
 mod error;
+mod listing;
+mod open;
 mod parts;
 mod probe;
 mod read;
+mod s3;
+mod write;
 
+pub use check::Rights;
+pub use environment::Environment;
 pub use error::ObjectsError;
+pub use listing::Listed;
+pub use open::{folder, shown};
 pub use parts::{Extent, Part, Piece};
 
-use bytes::Bytes;
-use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
-use object_store::prefix::PrefixStore;
 use object_store::{ObjectStore, ObjectStoreExt};
 use std::future::Future;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use url::Url;
 use yoto_proto::backoff::Backoff;
-use yoto_proto::sha256_hex;
 use yoto_proto::v1::ObjectRef;
 
 /// Attempts of a patient store.
@@ -37,28 +43,19 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 #[derive(Debug, Clone)]
 pub struct Objects {
     store: Arc<dyn ObjectStore>,
+    /// The URL of a store that is no folder of this machine.
+    remote: Option<Arc<Url>>,
     attempts: u32,
 }
 
 impl Objects {
-    /// Opens the store at `url`, e.g. `file:///var/lib/yoto/objects`, whose folder exists.
-    ///
-    /// # Errors
-    /// When the scheme is not supported, or the folder is missing.
-    pub fn open(url: &Url) -> Result<Self, ObjectsError> {
-        let refused = |error: object_store::Error| ObjectsError::url(url, error);
-        if url.scheme() == "file" {
-            let folder = folder(url)?;
-            let store = LocalFileSystem::new_with_prefix(folder).map_err(refused)?;
-            return Ok(Self::over(Arc::new(store.with_fsync(true))));
-        }
-        let (store, prefix) = object_store::parse_url(url).map_err(refused)?;
-        Ok(Self::over(Arc::new(PrefixStore::new(store, prefix))))
-    }
-
     /// Uses a store that is open already.
     pub fn over(store: Arc<dyn ObjectStore>) -> Self {
-        Self { store, attempts: 1 }
+        Self {
+            store,
+            remote: None,
+            attempts: 1,
+        }
     }
 
     /// The same store, whose faults are waited out: each read and write is tried [`ATTEMPTS`] times. For
@@ -67,23 +64,6 @@ impl Objects {
     pub fn patient(mut self) -> Self {
         self.attempts = ATTEMPTS;
         self
-    }
-
-    /// Writes a complete object, and gives it its checksum.
-    ///
-    /// # Errors
-    /// When the key is malformed or the store fails.
-    pub async fn put(&self, key: &str, bytes: Bytes) -> Result<ObjectRef, ObjectsError> {
-        let path = parse(key)?;
-        self.attempt("writing", key, || {
-            self.store.put(&path, bytes.clone().into())
-        })
-        .await?;
-        Ok(ObjectRef {
-            key: key.into(),
-            bytes: bytes.len() as u64,
-            sha256: sha256_hex(&bytes),
-        })
     }
 
     /// Checks that the object exists and has the size in `object`.
@@ -111,40 +91,23 @@ impl Objects {
         loop {
             match call().await {
                 Ok(value) => return Ok(value),
-                Err(error @ object_store::Error::NotFound { .. }) => {
-                    return Err(ObjectsError::of_store(action, key, error));
-                }
-                Err(error) if attempts == self.attempts => {
-                    return Err(ObjectsError::of_store(action, key, error));
-                }
                 Err(error) => {
-                    tracing::debug!(key, attempts, %error, "object store fault, trying again");
+                    let error = ObjectsError::of_store(action, key, error);
+                    if attempts == self.attempts || error.is_torn() || error.is_refused() {
+                        return Err(error);
+                    }
+                    tracing::debug!(
+                        key,
+                        attempts,
+                        error = error.with_causes(),
+                        "object store fault, trying again"
+                    );
                     attempts += 1;
                     tokio::time::sleep(backoff.pause()).await;
                 }
             }
         }
     }
-}
-
-/// The folder that a `file` URL names.
-///
-/// # Errors
-/// When it names none.
-pub fn folder(url: &Url) -> Result<PathBuf, ObjectsError> {
-    let path = url.to_file_path();
-    path.map_err(|()| ObjectsError::url(url, "names no folder of this machine"))
-}
-
-/// `url` as people may see it: without user, password and parameters, in which credentials may be.
-pub fn shown(url: &Url) -> Url {
-    let mut shown = url.clone();
-    // Both fail for URLs that can't have a user at all.
-    let _ = shown.set_username("");
-    let _ = shown.set_password(None);
-    shown.set_query(None);
-    shown.set_fragment(None);
-    shown
 }
 
 fn parse(key: &str) -> Result<Key, ObjectsError> {
@@ -165,5 +128,9 @@ fn same_size(object: &ObjectRef, found: u64) -> Result<(), ObjectsError> {
     })
 }
 
+#[cfg(test)]
+mod remote_tests;
+#[cfg(test)]
+mod store_tests;
 #[cfg(test)]
 mod tests;

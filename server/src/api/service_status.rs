@@ -41,7 +41,7 @@ impl StatusService for StatusApi {
         let paused = context.store.paused_kinds(&tenant).await;
         let draining = context.store.draining().await;
         let cordons = context.store.cordons(&tenant).await;
-        let disk = context.disk.room();
+        let disk = context.place.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             order_level: orders::LEVEL,
@@ -138,7 +138,7 @@ impl StatusService for StatusApi {
 /// What this service allows: the contract's limits, and those that its operator has set.
 fn limits(context: &Context) -> ServiceLimits {
     let (upload, storage) = (&context.config.upload, &context.config.storage);
-    let room = context.disk.room();
+    let room = context.place.room();
     let room = room.map(|it| it.free.saturating_sub(storage.min_free_bytes));
     ServiceLimits {
         upload: Some(UploadLimits {

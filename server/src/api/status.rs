@@ -51,11 +51,25 @@ impl From<RequestError> for Status {
 
 fn objects(error: &ObjectsError) -> Status {
     METRICS.objects_failed();
-    match error {
-        error if error.is_torn() => altered(error),
-        error if error.is_full() => unavailable(error),
-        error => internal(error),
+    if error.is_torn() {
+        return altered(error);
     }
+    let text = error.with_causes();
+    if error.is_refused() {
+        tracing::error!(
+            error = text,
+            "the object store refuses this service: its operator has to change something"
+        );
+        return unavailable_for_now();
+    }
+    if error.is_full() || error.is_unavailable() {
+        tracing::warn!(
+            error = text,
+            "the object store is unavailable for a request"
+        );
+        return unavailable_for_now();
+    }
+    internal(&text)
 }
 
 fn store(error: StoreError) -> Status {
@@ -207,15 +221,20 @@ fn altered(error: &ObjectsError) -> Status {
     status(Reason::ObjectAltered, text, &[])
 }
 
-/// The error when the database or the disk fails for now: the same call may succeed later.
-fn unavailable(error: &dyn std::error::Error) -> Status {
+/// The error when the database fails for now: the same call may succeed later.
+fn unavailable(error: &StoreError) -> Status {
     tracing::warn!(%error, "the store is unavailable for a request");
-    let text = "the service can't read or write its store: it is locked, or its disk is full; \
+    unavailable_for_now()
+}
+
+/// Nothing that a client does ends it; it waits.
+fn unavailable_for_now() -> Status {
+    let text = "the service can't read or write its store: it is locked, full, or does not answer; \
                 see the coordinator's log";
     status(Reason::StoreUnavailable, text.to_owned(), &[])
 }
 
-fn internal(error: &dyn std::error::Error) -> Status {
+fn internal(error: &impl std::fmt::Display) -> Status {
     tracing::error!(%error, "internal error in a request");
     let text = "internal error of the coordinator; see its log".to_owned();
     status(Reason::Internal, text, &[])

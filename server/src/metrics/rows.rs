@@ -47,7 +47,7 @@ async fn read(context: &Context) -> Registry {
     let ready = Gauge::<i64>::default();
     ready.set(i64::from(context.health.borrow().faults().is_empty()));
     registry.register("ready", "1 if this coordinator can serve", ready);
-    if let Some(room) = context.disk.room() {
+    if let Some(room) = context.place.room() {
         for (name, bytes) in [("disk_free", room.free), ("disk_size", room.total)] {
             let gauge = Gauge::<i64>::default();
             gauge.set(i64::try_from(bytes).unwrap_or(i64::MAX));

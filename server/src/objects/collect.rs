@@ -77,7 +77,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
     }
     // In this order: an object is written before a row names it, and noted before it is looked for.
     let known = context.store.garbage().await?;
-    let folders = context.disk.folders().await?;
+    let folders = context.place.folders().await?;
     let keys: Vec<String> = folders.iter().map(|it| it.key.clone()).collect();
     let references = context.store.references(&keys, kept(context)).await?;
     let grace = context.config.storage.grace.as_secs_f64();
@@ -114,13 +114,13 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
             it.due = false;
             continue;
         }
-        match context.disk.delete_folder(&it.folder.key).await {
+        match context.place.delete_folder(&it.folder.key).await {
             Ok(()) => {
                 let Folder { key, bytes, .. } = &it.folder;
                 tracing::info!(key, bytes, deleted = it.deleted, "garbage removed");
             }
             Err(error) => {
-                tracing::error!(%error, "could not remove garbage");
+                tracing::error!(error = error.with_causes(), "could not remove garbage");
                 it.due = false;
             }
         }

@@ -18,30 +18,24 @@ impl ObjectDisk {
     /// The folder at `url` (`file:///folder`), created if missing, with its store.
     ///
     /// # Errors
-    /// When the scheme is not `file`, or the folder can't be used.
+    /// When the URL names no folder, or the folder can't be used.
     pub fn open(url: &Url) -> Result<(Self, Objects), ObjectsError> {
-        if url.scheme() != "file" {
-            return Err(ObjectsError::Url {
-                url: yoto_objects::shown(url),
-                reason: "only file:/// is supported".into(),
-            });
-        }
-        let root = yoto_objects::folder(url)?;
-        private::create_dir_all(&root).map_err(|error| failed("creating", &root, error))?;
-        Ok((Self::at(root), Objects::open(url)?))
+        let disk = Self::create(yoto_objects::folder(url)?)?;
+        Ok((disk, Objects::open(url)?))
     }
 
-    /// The folder `root`, which exists.
-    pub(super) fn at(root: PathBuf) -> Self {
-        Self { root }
+    /// The folder `root`, created if missing.
+    ///
+    /// # Errors
+    /// When it can't be used.
+    pub fn create(root: PathBuf) -> Result<Self, ObjectsError> {
+        private::create_dir_all(&root).map_err(|error| failed("creating", &root, error))?;
+        Ok(Self { root })
     }
 
     /// Free and total bytes; `None` if the system does not report them.
     pub fn room(&self) -> Option<Room> {
-        Some(Room {
-            free: fs4::available_space(&self.root).ok()?,
-            total: fs4::total_space(&self.root).ok()?,
-        })
+        Room::of(&self.root)
     }
 
     /// Makes `folder`, which other users of this machine can't look into, for objects of people. The store makes missing

@@ -4,4 +4,5 @@ pub mod checksum;
 pub mod collect;
 pub mod disk;
 mod folders;
+pub mod place;
 pub mod room;

@@ -1,6 +1,7 @@
 //! The limit on free space, below which nothing large is begun: a full disk stops the database as well.
 
 use crate::error::RequestError;
+use std::path::Path;
 
 /// Room on a disk, bytes.
 #[derive(Debug, Clone, Copy)]
@@ -9,6 +10,16 @@ pub struct Room {
     pub free: u64,
     /// All bytes.
     pub total: u64,
+}
+
+impl Room {
+    /// Of the disk with `folder`; `None` if the system does not report it.
+    pub fn of(folder: &Path) -> Option<Self> {
+        Some(Self {
+            free: fs4::available_space(folder).ok()?,
+            total: fs4::total_space(folder).ok()?,
+        })
+    }
 }
 
 /// Refuses if `disk` would have less than `min_free` bytes free with `coming` more. A disk whose figures

@@ -22,6 +22,7 @@ mod queue;
 mod results;
 mod retention;
 mod retries;
+mod s3;
 mod scenes;
 mod service;
 mod status;

@@ -1,12 +1,15 @@
 //! PostgreSQL: all tests of this program again, and what only it does.
 
-use crate::support::ON_POSTGRES;
+use crate::support::{ON_POSTGRES, ON_S3};
 use std::process::Command;
 use yoto_test_postgres::Database;
 
 #[test]
 fn all_of_this_holds_on_postgres_too() {
-    if std::env::var_os(ON_POSTGRES).is_some() || Database::create().is_none() {
+    let again = [ON_POSTGRES, ON_S3]
+        .iter()
+        .any(|it| std::env::var_os(it).is_some());
+    if again || Database::create().is_none() {
         return;
     }
     let program = std::env::current_exe().expect("this program");

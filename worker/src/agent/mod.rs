@@ -33,7 +33,7 @@ use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
-use yoto_objects::{Objects, ObjectsError};
+use yoto_objects::{Objects, ObjectsError, Rights};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders;
@@ -135,7 +135,7 @@ impl WorkerConfig {
 /// The reason why a worker can't start or continue.
 #[derive(Debug, Error)]
 pub enum WorkerError {
-    /// The object store does not open.
+    /// The object store can't be used.
     #[error(transparent)]
     Objects(#[from] ObjectsError),
     /// The coordinator refuses this worker.
@@ -212,7 +212,7 @@ pub struct Worker {
 
 impl Worker {
     /// A worker that asks the coordinator behind `channel` for work, reads and writes
-    /// objects at `objects_url` (`file:///…`), and computes on `device`.
+    /// objects at `objects_url` (`file:///…` or `s3://…`), and computes on `device`.
     ///
     /// # Errors
     /// When the object store does not open, or a setting is invalid.
@@ -263,13 +263,18 @@ impl Worker {
         })
     }
 
-    /// Leases and runs jobs until `shutdown`, then lets a training save, returns a job that can't, and ends within the times
-    /// for both. Returns earlier after one job, or when it has been idle for too long, if its configuration says so.
+    /// Checks the object store, leases and runs jobs until `shutdown`, then lets a training save, returns a job that can't, and ends
+    /// within the times for both. Returns earlier after one job, or when it has been idle for too long, if its configuration
+    /// says so.
     ///
     /// # Errors
-    /// When the coordinator refuses this worker, or a job hangs. An unreachable coordinator is an error only for a worker
-    /// that may not be idle for ever.
+    /// When the store can't be used, the coordinator refuses this worker, or a job hangs. An unreachable coordinator is an error
+    /// only for a worker that may not be idle for ever.
     pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<Ended, WorkerError> {
+        // The coordinator has checked its own.
+        if !self.embedded {
+            self.objects.check(Rights::ReadWrite).await?;
+        }
         let stopping = CancellationToken::new();
         let work = self.work(&stopping);
         tokio::pin!(work);

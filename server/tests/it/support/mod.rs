@@ -10,6 +10,7 @@ mod capture;
 mod catalogue;
 mod database;
 mod expect;
+mod objects;
 mod trained;
 mod uploads;
 mod workers;
@@ -17,6 +18,7 @@ mod workers;
 pub use capture::{File, chunk, chunks, file, headers};
 pub use database::{Database, ON_POSTGRES};
 pub use expect::{assert_invalid, assert_refused, eventually};
+pub use objects::ON_S3;
 pub use trained::Trained;
 pub use workers::{claim, job_error, job_name};
 
@@ -59,6 +61,7 @@ impl Service {
         let database = Database::of(dir.path());
         let mut config = ServerConfig::new(dir.path());
         config.database = database.url();
+        config.objects = objects::url(dir.path());
         config.reap_interval = Duration::from_millis(20);
         change(&mut config);
         let coordinator = Coordinator::open(config).await.expect("opens");
@@ -123,38 +126,6 @@ impl Service {
 
     pub fn uploads(&self) -> UploadServiceClient<Channel> {
         UploadServiceClient::new(self.channel.clone())
-    }
-
-    /// Whether the object store has this file or folder.
-    pub fn has(&self, key: &str) -> bool {
-        self.path(key).exists()
-    }
-
-    /// Where the object store has `key`.
-    pub fn path(&self, key: &str) -> PathBuf {
-        let root = self.coordinator.objects_url().to_file_path();
-        root.expect("a local store").join(key)
-    }
-
-    /// Every file below the object store's root.
-    pub fn stored_files(&self) -> Vec<PathBuf> {
-        let root = self
-            .coordinator
-            .objects_url()
-            .to_file_path()
-            .expect("a local store");
-        let (mut files, mut folders) = (Vec::new(), vec![root]);
-        while let Some(folder) = folders.pop() {
-            for entry in std::fs::read_dir(folder).expect("lists") {
-                let path = entry.expect("an entry").path();
-                if path.is_dir() {
-                    folders.push(path)
-                } else {
-                    files.push(path)
-                }
-            }
-        }
-        files
     }
 }
 

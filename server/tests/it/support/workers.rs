@@ -1,10 +1,8 @@
 //! The workers' calls.
 
 use super::{Service, eventually, id};
-use object_store::ObjectStoreExt;
-use object_store::local::LocalFileSystem;
-use object_store::path::Path as Key;
 use tonic::Status;
+use yoto_objects::Objects;
 use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::{
     Checkpoint, IngestResult, JobError, JobKind, JobResult, ObjectRef, RenderResult, RenderedFile,
@@ -14,7 +12,7 @@ use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::{
     Claim, EndJobRequest, Lease, LeaseJobRequest, PublishCheckpointRequest, RegisterWorkerRequest,
 };
-use yoto_proto::{keys, names, sha256_hex};
+use yoto_proto::{keys, names};
 
 impl Service {
     /// Registers a worker that runs `kinds`.
@@ -74,21 +72,9 @@ impl Service {
 
     /// Writes an object as a worker would.
     pub async fn put(&self, key: &str, bytes: &[u8]) -> ObjectRef {
-        let root = self
-            .coordinator
-            .objects_url()
-            .to_file_path()
-            .expect("a local store");
-        let store = LocalFileSystem::new_with_prefix(root).expect("opens");
-        store
-            .put(&Key::parse(key).expect("a key"), bytes.to_vec().into())
-            .await
-            .expect("writes");
-        ObjectRef {
-            key: key.into(),
-            bytes: bytes.len() as u64,
-            sha256: sha256_hex(bytes),
-        }
+        let objects = Objects::open(self.coordinator.objects_url()).expect("opens");
+        let written = objects.put(key, bytes.to_vec().into()).await;
+        written.expect("writes")
     }
 
     pub async fn complete(&self, lease: &Lease, kind: job_result::Kind) -> Result<(), Status> {

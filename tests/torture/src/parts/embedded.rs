@@ -13,6 +13,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
     let options = EmbeddedOptions {
         data,
         database: None,
+        objects: None,
         listen: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
         worker: true,
         scratch: None,

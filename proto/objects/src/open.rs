@@ -1,0 +1,109 @@
+//! Stores by their URLs.
+
+use super::{Environment, Objects, ObjectsError, s3};
+use object_store::ObjectStore;
+use object_store::local::LocalFileSystem;
+use object_store::path::Path as Key;
+use object_store::prefix::PrefixStore;
+use std::path::PathBuf;
+use std::sync::Arc;
+use url::Url;
+
+impl Objects {
+    /// Opens the store at `url`: `file:///var/lib/yoto/objects`, whose folder exists, or `s3://BUCKET/PREFIX`, with
+    /// credentials and settings of the environment. Nothing is sent yet ([`Objects::check`]).
+    ///
+    /// # Errors
+    /// When the scheme is not supported, the URL has credentials, a setting is wrong, or the folder is missing.
+    pub fn open(url: &Url) -> Result<Self, ObjectsError> {
+        Self::open_with(url, &Environment::of_process())
+    }
+
+    /// [`Objects::open`] with another environment.
+    ///
+    /// # Errors
+    /// As [`Objects::open`].
+    pub fn open_with(url: &Url, environment: &Environment) -> Result<Self, ObjectsError> {
+        if url.scheme() == "file" {
+            let store = LocalFileSystem::new_with_prefix(folder(url)?);
+            let store = store.map_err(|error| ObjectsError::url(url, error))?;
+            return Ok(Self::over(Arc::new(store.with_fsync(true))));
+        }
+        if shown(url) != *url {
+            let reason = "it has credentials or parameters in it, and URLs are printed and stored: set \
+                          AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY in the environment";
+            return Err(ObjectsError::url(url, reason));
+        }
+        s3::set_provider_of_tls();
+        let (store, prefix) = remote(url, environment)?;
+        let store: Arc<dyn ObjectStore> = match prefix.as_ref() {
+            "" => store,
+            _ => Arc::new(PrefixStore::new(store, prefix)),
+        };
+        Ok(Self {
+            remote: Some(Arc::new(url.clone())),
+            ..Self::over(store)
+        })
+    }
+
+    /// Whether the store is no folder of this machine.
+    pub fn is_remote(&self) -> bool {
+        self.remote.is_some()
+    }
+}
+
+/// The bucket of `url`, and the prefix in it.
+fn remote(
+    url: &Url,
+    environment: &Environment,
+) -> Result<(Arc<dyn ObjectStore>, Key), ObjectsError> {
+    let prefix = || Key::from_url_path(url.path());
+    match url.scheme() {
+        "s3" => {
+            let prefix = prefix().map_err(|error| ObjectsError::url(url, error))?;
+            Ok((Arc::new(s3::bucket(url, environment)?), prefix))
+        }
+        #[cfg(feature = "gcs")]
+        "gs" => with_environment(url, environment),
+        #[cfg(feature = "azure")]
+        "az" => with_environment(url, environment),
+        _ => {
+            let reason = "a store is file:///FOLDER or s3://BUCKET/PREFIX";
+            Err(ObjectsError::url(url, reason))
+        }
+    }
+}
+
+/// A store of another cloud, with the variables that its own tools read.
+#[cfg(any(feature = "gcs", feature = "azure"))]
+fn with_environment(
+    url: &Url,
+    environment: &Environment,
+) -> Result<(Arc<dyn ObjectStore>, Key), ObjectsError> {
+    let options = environment
+        .iter()
+        .map(|(key, value)| (key.to_ascii_lowercase(), value));
+    let opened = object_store::parse_url_opts(url, options);
+    let (store, prefix) = opened.map_err(|error| ObjectsError::url(url, error))?;
+    Ok((Arc::from(store), prefix))
+}
+
+/// The folder that a `file` URL names.
+///
+/// # Errors
+/// When it names none.
+pub fn folder(url: &Url) -> Result<PathBuf, ObjectsError> {
+    let path = url.to_file_path();
+    path.map_err(|()| ObjectsError::url(url, "names no folder of this machine"))
+}
+
+/// `url` as people may see it: without user, password and parameters, in which credentials may be.
+pub fn shown(url: &Url) -> Url {
+    let mut shown = url.clone();
+    // Both fail for URLs that can't have a user at all.
+    let _ = shown.set_username("");
+    let _ = shown.set_password(None);
+    shown.set_query(None);
+    shown.set_fragment(None);
+    shown
+}
