@@ -1,7 +1,7 @@
 //! The figures of the coordinator, as Prometheus reads them.
 
+use super::figures::exposed;
 use crate::context::Context;
-use crate::metrics::exposed;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;

@@ -3,6 +3,7 @@
 //! They are merged into the same router, so connections and calls count towards the same limits. Each page answers GET and
 //! HEAD alone. A page for people, or JSON for programs, is another file here and another line in [`pages`].
 
+mod figures;
 mod metrics;
 mod probes;
 

@@ -1,22 +1,22 @@
 //! Figures for operators, in the names and units of Prometheus.
 //!
-//! Counters are those of the process. What is in rows is read when someone asks ([`exposed`]), so it is the same on all
+//! Counters are those of the process. What is in rows is read when someone asks (`http/figures.rs`), so it is the same on all
 //! coordinators of a database: a dashboard takes the largest value and not the sum.
 
-mod rows;
 mod trainings;
 
-pub use rows::exposed;
-
+use crate::clock::{Clock, SystemClock};
 use crate::store::JobKind;
 use prometheus_client::encoding::EncodeLabelSet;
+use prometheus_client::encoding::text::encode_registry;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
+use std::fmt;
 use std::sync::LazyLock;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use trainings::Trainings;
 
 /// The figures of this process.
@@ -46,7 +46,8 @@ pub struct Metrics {
 /// A label for the kind of a job.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 pub struct OfKind {
-    kind: &'static str,
+    /// Its name.
+    pub kind: &'static str,
 }
 
 /// A label for a method of the contract.
@@ -142,6 +143,14 @@ impl Metrics {
         }
     }
 
+    /// Appends all figures to `text`.
+    ///
+    /// # Errors
+    /// Never in practice: when a string can't be written to.
+    pub fn encode(&self, text: &mut String) -> fmt::Result {
+        encode_registry(text, &self.registry)
+    }
+
     /// Bytes of an upload have arrived.
     pub fn uploaded(&self, bytes: usize) {
         self.uploaded.inc_by(bytes as u64);
@@ -155,10 +164,7 @@ impl Metrics {
     /// A collection has ended, which removed `bytes`.
     pub fn collected(&self, bytes: u64) {
         self.collected_bytes.inc_by(bytes);
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        let now = now.map_or(0, |it| it.as_secs());
-        self.last_collection
-            .set(i64::try_from(now).unwrap_or(i64::MAX));
+        self.last_collection.set(SystemClock.now() as i64);
     }
 
     /// A call of the method at `path`, which is one of the contract.

@@ -1,7 +1,7 @@
 //! Figures that are read when someone asks for them: rows of the database, the disk, the health.
 
-use super::{METRICS, OfKind};
 use crate::context::Context;
+use crate::metrics::{METRICS, OfKind};
 use crate::store::{OpenJobs, StoreError};
 use prometheus_client::encoding::EncodeLabelSet;
 use prometheus_client::encoding::text::{encode_eof, encode_registry};
@@ -35,7 +35,7 @@ pub async fn exposed(context: &Context) -> Result<String, fmt::Error> {
         return Ok(text.clone());
     }
     let mut text = String::new();
-    encode_registry(&mut text, &METRICS.registry)?;
+    METRICS.encode(&mut text)?;
     encode_registry(&mut text, &read(context).await)?;
     encode_eof(&mut text)?;
     *last = Some((Instant::now(), text.clone()));
