@@ -79,6 +79,8 @@ STEPS = [
     ("its time has come", "UPDATE jobs SET not_before = extract(epoch FROM now()) - 1 WHERE id = 'r2';", 4, 2),
     ("renders are paused", "INSERT INTO paused_kinds VALUES ('default', 'render', '', 0);", 3, 2),
     ("another tenant's pause is not this one's", "UPDATE paused_kinds SET tenant = 'other';", 4, 2),
+    ("the service is drained: pods that work go on", "INSERT INTO drains VALUES (1, '', 0);", 2, 1),
+    ("the drain ends", "DELETE FROM drains;", 4, 2),
     ("the training ends: the other of its model can run", ended("t1"), 4, 2),
     ("it is cancelled", "UPDATE jobs SET state = 'CANCELLED', end_time = 1 WHERE id = 't2';", 4, 1),
     ("render and helper end", ended("r1") + "UPDATE job_attempts SET lease_deadline = NULL, end_time = 1, outcome = 'HELPED';", 2, 1),
@@ -101,7 +103,7 @@ def main():
         for file in sorted(MIGRATIONS.glob("*.sql")):
             postgres.psql(folder, file.read_text(encoding="utf-8"))
         # KEDA's role, as docs/deploying.md makes it.
-        postgres.psql(folder, "CREATE ROLE keda LOGIN; GRANT SELECT ON jobs, leases, workers, paused_kinds TO keda;")
+        postgres.psql(folder, "CREATE ROLE keda LOGIN; GRANT SELECT ON jobs, leases, workers, paused_kinds, drains TO keda;")
         for what, statements, light, train in STEPS:
             postgres.psql(folder, statements)
             for pool, wanted in (("light", light), ("train", train)):

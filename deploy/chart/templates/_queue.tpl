@@ -14,6 +14,7 @@ SELECT
   (SELECT count(DISTINCT CASE WHEN q.kind = 'train' THEN q.model ELSE q.id END) FROM jobs q
    WHERE q.state = 'QUEUED' AND q.kind IN ({{ join ", " $kinds }})
      AND (q.not_before IS NULL OR q.not_before <= extract(epoch FROM clock_timestamp()))
+     AND NOT EXISTS (SELECT 1 FROM drains)
      AND NOT EXISTS (SELECT 1 FROM paused_kinds p WHERE p.tenant = q.tenant AND p.kind = q.kind)
      AND NOT (q.kind = 'train' AND EXISTS (
        SELECT 1 FROM jobs r WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING')))
