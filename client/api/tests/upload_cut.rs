@@ -5,6 +5,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,8 +16,11 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use yoto_client::{FileSource, UploadFile, YotoClient};
+use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
-use yoto_proto::v1::{GetUploadRequest, capture};
+use yoto_proto::v1::{GetUploadRequest, JobKind, WorkerDevice, capture};
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{InputFile, LeaseJobRequest, RegisterWorkerRequest};
 use yoto_server::{Coordinator, ServerConfig};
 
 /// Number of connections that are cut.
@@ -233,17 +237,12 @@ async fn an_upload_survives_200_cuts_and_a_restart_and_sends_nothing_committed_t
     assert_eq!(proxy.cuts.load(Ordering::SeqCst), CUTS);
     let known = service.client().await.get_subject(&subject).await;
     assert_eq!(known.expect("is there").captures.len(), 1, "one upload");
+    let stored = stored(&service, folder.path()).await;
     for file in files() {
-        let key = format!(
-            "uploads/{}/{}",
-            &capture.name["captures/".len()..],
-            file.path
-        );
-        let stored = std::fs::read(folder.path().join("objects").join(key)).expect("is stored");
         let FileSource::Memory(sent) = file.source else {
             panic!("all files are in memory")
         };
-        assert!(stored == sent, "{} differs", file.path);
+        assert!(stored[&file.path] == sent, "{} differs", file.path);
     }
     service.stop().await;
 }
@@ -304,6 +303,38 @@ async fn half_uploaded(folder: &Path) -> (Service, YotoClient, String, String) {
     (service, direct, subject, upload)
 }
 
+/// The content of each file of the only upload, put together from the objects of its ingest job.
+async fn stored(service: &Service, folder: &Path) -> HashMap<String, Vec<u8>> {
+    let server = format!("http://{}", service.address);
+    let workers = WorkerServiceClient::connect(server).await;
+    let mut workers = workers.expect("connects");
+    let request = RegisterWorkerRequest {
+        display_name: "reader".into(),
+        device: Some(WorkerDevice::default()),
+        kinds: vec![JobKind::Ingest.into()],
+        order_level: LEVEL,
+        ..RegisterWorkerRequest::default()
+    };
+    let registered = workers.register_worker(request).await.expect("registers");
+    let request = LeaseJobRequest {
+        worker: registered.into_inner().worker,
+        ..LeaseJobRequest::default()
+    };
+    let lease = workers.lease_job(request).await.expect("answers");
+    let lease = lease.into_inner().lease.expect("the job waits");
+    let inputs = lease.inputs.expect("has inputs");
+    let read = |key: &str| std::fs::read(folder.join("objects").join(key)).expect("is stored");
+    let parts: Vec<Vec<u8>> = inputs.parts.iter().map(|part| read(&part.key)).collect();
+    let whole = |file: InputFile| {
+        let pieces = file.pieces.iter().map(|piece| {
+            let start = piece.start as usize;
+            &parts[piece.part as usize][start..start + piece.bytes as usize]
+        });
+        (file.path, pieces.collect::<Vec<_>>().concat())
+    };
+    inputs.files.into_iter().map(whole).collect()
+}
+
 /// Committed bytes of an upload; with `stop_writer`, after its writer has ended.
 async fn committed(service: &Service, upload: &str, stop_writer: bool) -> u64 {
     let server = format!("http://{}", service.address);
@@ -321,12 +352,11 @@ async fn bytes_that_the_disk_has_lost_are_sent_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (service, direct, subject, upload) = half_uploaded(folder.path()).await;
     committed(&service, &upload, true).await;
-    let files_of = folder.path().join("objects").join(&upload);
-    let video = std::fs::File::options()
-        .write(true)
-        .open(files_of.join("video.mp4"));
-    video
-        .and_then(|it| it.set_len(1000))
+    let parts = folder.path().join("objects").join(&upload).join("parts");
+    let mut parts = std::fs::read_dir(parts).expect("has parts");
+    let part = parts.next().expect("has one").expect("can be seen").path();
+    let part = std::fs::File::options().write(true).open(part);
+    part.and_then(|it| it.set_len(1000))
         .expect("the disk loses bytes");
     let uploaded = direct.upload_capture(&subject, files(), |_| {}).await;
     let capture = uploaded.expect("is uploaded");

@@ -1,7 +1,9 @@
 //! Objects are removed once nothing refers to them, and never before.
 
 use crate::support;
-use crate::support::{Service, Trained, assert_refused, chunks, file, headers, id, job_name};
+use crate::support::{
+    Service, Trained, assert_refused, chunks, eventually, file, headers, id, job_name,
+};
 use std::fs;
 use std::time::Duration;
 use tonic::Code;
@@ -303,7 +305,7 @@ async fn open_uploads_share_the_room_on_the_disk() {
 async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
     let service = Service::start_with(|config| {
         at_once(config);
-        config.upload.expiry = Duration::ZERO;
+        config.upload.expiry = Duration::from_secs(1);
     })
     .await;
     let ada = service.subject("Ada").await;
@@ -324,8 +326,12 @@ async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
     let key = keys::upload_folder(id(&upload.name));
     service.collect(true, false).await;
     assert!(service.has(&key), "nothing was to change");
-    service.collect(false, false).await;
-    assert!(!service.has(&key) && !service.has("uploads"));
+    eventually("the upload is idle for too long", async || {
+        service.collect(false, false).await;
+        (!service.has(&key)).then_some(())
+    })
+    .await;
+    assert!(!service.has("uploads"));
     assert!(service.get_subject(&ada.name).await.captures.is_empty());
     let late = chunks(&upload.name, &files);
     assert_refused(service.write(late).await, Code::NotFound, "NOT_FOUND");

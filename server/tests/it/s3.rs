@@ -9,10 +9,13 @@ use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_server::{Coordinator, ServerConfig};
 use yoto_test_s3::{BUCKET, Fault, Server};
 
-/// Tests of what only a folder has: its kind and its room, its owner, files of a writer that was killed, and a file in
-/// its place.
+/// Tests of what only a folder has: its kind and its room, its owner, files of a writer that was killed, a file in
+/// its place, another name for it, and a copy of it.
 const OF_FOLDERS: &[&str] = &[
+    "backups::a_backup_of_a_running_service_is_a_service_at_one_point",
     "garbage::the_remains_of_a_killed_writer_and_empty_folders_go",
+    "pages::a_coordinator_without_its_database_or_its_objects_is_not_ready",
+    "pages::figures_tell_the_queue_and_what_happened",
     "service::files_are_accessible_to_the_service_s_user_alone",
     "service::large_messages_pass_and_inner_errors_stay_inside",
     "status::the_status_counts_jobs_and_knows_who_asks_for_them",
