@@ -33,6 +33,8 @@ pub struct Context {
     pub changes: JobChanges,
     /// The changes of all jobs, for those who watch them.
     pub feed: JobFeed,
+    /// Which of several coordinators of one database it is: the same after each start.
+    pub instance: String,
     /// When the coordinator started.
     pub started: SystemTime,
     /// What the health check has found.

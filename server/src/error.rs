@@ -36,6 +36,19 @@ pub enum ServerError {
     /// The object store can't be opened.
     #[error(transparent)]
     Objects(#[from] ObjectsError),
+    /// The object store is not the one of the database.
+    #[error(
+        "the objects of this database are not at {url}: it was begun with another store, whose object {key} contains {id}; \
+         name that store for all coordinators, copy this object too if you have moved its objects, or name another database"
+    )]
+    OtherObjects {
+        /// The store, without credentials.
+        url: String,
+        /// The object that names the store.
+        key: &'static str,
+        /// What it should contain.
+        id: String,
+    },
     /// The gRPC transport failed.
     #[error("serving gRPC")]
     Transport(#[from] tonic::transport::Error),

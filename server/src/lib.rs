@@ -17,6 +17,7 @@ mod field_faults;
 mod health;
 mod http;
 mod in_memory;
+mod instance;
 mod job_feed;
 mod jobs;
 mod listen;
@@ -48,6 +49,7 @@ use job_feed::JobFeed;
 use jobs::reaper;
 use lock::DataDirLock;
 use objects::collect;
+use objects::marker;
 use objects::place::Place;
 use std::future::Future;
 use std::path::Path;
@@ -94,6 +96,8 @@ impl Coordinator {
             Some(url) => Store::open_postgres(url, clock).await?,
             None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await?,
         };
+        marker::check(&objects, &objects_url, &store).await?;
+        let instance = instance::of(&data_dir)?;
         let started = config.clock.time();
         let context = Arc::new(Context {
             config,
@@ -103,6 +107,7 @@ impl Coordinator {
             place,
             changes: JobChanges::default(),
             feed: JobFeed::default(),
+            instance,
             started,
             health: tokio::sync::watch::Sender::default(),
             exposed: tokio::sync::Mutex::default(),

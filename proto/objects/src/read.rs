@@ -34,6 +34,21 @@ impl Objects {
         Ok(bytes)
     }
 
+    /// All bytes of a small object, which are not compared with a checksum; `None` if it is missing.
+    ///
+    /// # Errors
+    /// When the key is malformed or the store fails.
+    pub async fn find(&self, key: &str) -> Result<Option<Bytes>, ObjectsError> {
+        let path = parse(key)?;
+        let bytes = self.attempt("reading", key, || async {
+            self.store.get(&path).await?.bytes().await
+        });
+        match bytes.await {
+            Err(ObjectsError::Missing { .. }) => Ok(None),
+            found => found.map(Some),
+        }
+    }
+
     /// Copies `object` into the file at `to`, so that one larger than memory can be read.
     ///
     /// # Errors

@@ -90,7 +90,7 @@ impl WorkerService for WorkerApi {
             display_name,
             device,
             kinds,
-            embedded,
+            embedded: embedded.then(|| self.context.instance.clone()),
             version: worker_text::line(request.version),
             order_level: request.order_level,
         };

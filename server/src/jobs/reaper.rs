@@ -41,7 +41,8 @@ pub async fn tick(context: &Context) -> Result<(), StoreError> {
 /// When the store fails.
 pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
     let cap = context.config.max_lost_workers;
-    told(context, context.store.take_back_embedded(cap).await?);
+    let taken = context.store.take_back_embedded(&context.instance, cap);
+    told(context, taken.await?);
     Ok(())
 }
 

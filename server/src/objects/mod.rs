@@ -4,5 +4,6 @@ pub mod checksum;
 pub mod collect;
 pub mod disk;
 mod folders;
+pub mod marker;
 pub mod place;
 pub mod room;

@@ -11,7 +11,7 @@ mod job_types;
 mod race_tests;
 mod scripts;
 #[cfg(test)]
-mod stage;
+pub mod stage;
 mod transaction;
 mod types;
 
@@ -56,7 +56,8 @@ impl Store {
     /// `clock` is a test's.
     ///
     /// # Errors
-    /// When the database can't be reached, is in use by another coordinator, or is of another program or a newer version.
+    /// When the database can't be reached, is in use by a coordinator of another version, or is of another program or a newer
+    /// version.
     pub async fn open_postgres(
         url: &PostgresUrl,
         clock: Arc<dyn Clock>,

@@ -1,7 +1,6 @@
 //! Stores for tests, each in a database of its own of either kind.
 
 use super::Store;
-use super::db;
 use crate::checkpoints::retention::Retention;
 use crate::clock::Clock;
 use crate::store::{Ending, LeaseKey};
@@ -88,8 +87,8 @@ impl Kind {
                 let database = Database::create().expect("PostgreSQL");
                 let url = database.url().parse().expect("an address");
                 let open = async || {
-                    let opened = db::Database::open_postgres_beside(&url, Arc::clone(&clock)).await;
-                    Store::of(opened.expect("opens"))
+                    let opened = Store::open_postgres(&url, Arc::clone(&clock)).await;
+                    opened.expect("opens")
                 };
                 let (first, second) = tokio::join!(open(), open());
                 Pair {
@@ -123,7 +122,7 @@ macro_rules! on_each_database {
         }
     };
 }
-pub(super) use on_each_database;
+pub(crate) use on_each_database;
 
 /// The training `j` runs by the token 77 of the worker `w` in a database that was brought up to date: its lease lasts, and it
 /// publishes and returns.

@@ -340,8 +340,8 @@ pub struct NewWorker {
     pub device: WorkerDevice,
     /// Kinds of jobs that it runs.
     pub kinds: Vec<JobKind>,
-    /// Whether it runs in the coordinator's process.
-    pub embedded: bool,
+    /// The coordinator in whose process it runs.
+    pub embedded: Option<String>,
     /// Version of its program.
     pub version: String,
     /// The newest orders that it understands.

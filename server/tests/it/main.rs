@@ -5,6 +5,7 @@ mod captures;
 mod catalogue;
 mod changes;
 mod clock;
+mod coordinators;
 mod deletions;
 mod evaluations;
 mod exports;

@@ -4,7 +4,9 @@ use crate::rules::steps::Reading;
 use crate::store::db::Lock;
 use crate::store::scripts::reaping::Lost;
 use crate::store::scripts::steps::Checks;
-use crate::store::scripts::{attempts, garbage, reaping, requests, steps, uploads, workers};
+use crate::store::scripts::{
+    attempts, garbage, object_store, reaping, requests, steps, uploads, workers,
+};
 use crate::store::transaction::transaction;
 use crate::store::{Horizons, KnownGarbage, Reaped, Reference, Store, StoreError};
 
@@ -22,9 +24,38 @@ impl Store {
         self.take_back(&lost?, cap).await
     }
 
-    /// Takes back the jobs of workers that ran in an earlier process of the coordinator.
-    pub async fn take_back_embedded(&self, cap: u32) -> Result<Vec<Reaped>, StoreError> {
-        let lost = reaping::embedded(&mut self.db.read().await?).await?;
+    /// The id of the object store of this database. If it has none yet, it gets the one that `mark` tells, which no other
+    /// coordinator of this database calls meanwhile. The inner error is that of `mark`.
+    pub async fn object_store<F, E>(
+        &self,
+        mark: impl Fn() -> F,
+    ) -> Result<Result<String, E>, StoreError>
+    where
+        F: Future<Output = Result<String, E>>,
+    {
+        if let Some(id) = object_store::id(&mut self.db.read().await?).await? {
+            return Ok(Ok(id));
+        }
+        transaction!(self, |tx| async {
+            tx.lock(Lock::ObjectStore).await?;
+            if let Some(id) = object_store::id(tx).await? {
+                return Ok(Ok(id));
+            }
+            let marked = mark().await;
+            if let Ok(id) = &marked {
+                object_store::note(tx, id).await?;
+            }
+            Ok(marked)
+        })
+    }
+
+    /// Takes back the jobs of workers that ran in an earlier process of the coordinator `instance`.
+    pub async fn take_back_embedded(
+        &self,
+        instance: &str,
+        cap: u32,
+    ) -> Result<Vec<Reaped>, StoreError> {
+        let lost = reaping::embedded(&mut self.db.read().await?, instance).await?;
         self.take_back(&lost, cap).await
     }
 

@@ -5,6 +5,8 @@
 /// otherwise the decision may be wrong by the time of the write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lock<'a> {
+    /// The choice of the object store, which the first coordinator of a database makes.
+    ObjectStore,
     /// The search for lost workers, which one of several coordinators does at a time.
     Reaping,
     /// The search for idle uploads and for rows that are older than their horizon.
@@ -32,12 +34,13 @@ impl Locks {
     #[cfg(debug_assertions)]
     pub fn take(&mut self, lock: Lock<'_>) {
         let (kind, id) = match lock {
-            Lock::Reaping => (0, ""),
-            Lock::Forgetting => (1, ""),
-            Lock::Job(id) => (2, id),
-            Lock::Model(id) => (3, id),
-            Lock::Subject(id) => (4, id),
-            Lock::Capture(id) => (5, id),
+            Lock::ObjectStore => (0, ""),
+            Lock::Reaping => (1, ""),
+            Lock::Forgetting => (2, ""),
+            Lock::Job(id) => (3, id),
+            Lock::Model(id) => (4, id),
+            Lock::Subject(id) => (5, id),
+            Lock::Capture(id) => (6, id),
         };
         let lock = (kind, id.to_owned());
         let later = self.held.last().filter(|last| **last > lock);

@@ -59,25 +59,13 @@ impl Database {
     /// test's.
     ///
     /// # Errors
-    /// When the database can't be reached, is in use by another coordinator, or is of another program or a newer version.
+    /// When the database can't be reached, is in use by a coordinator of another version, or is of another program or a newer
+    /// version.
     pub async fn open_postgres(
         url: &PostgresUrl,
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StoreError> {
         let driver = Driver::Postgres(Postgres::open(url).await?.into());
-        Ok(Self { driver, clock })
-    }
-
-    /// The same for one of several coordinators.
-    ///
-    /// # Errors
-    /// As above.
-    #[cfg(test)]
-    pub async fn open_postgres_beside(
-        url: &PostgresUrl,
-        clock: Arc<dyn Clock>,
-    ) -> Result<Self, StoreError> {
-        let driver = Driver::Postgres(Postgres::open_beside(url).await?.into());
         Ok(Self { driver, clock })
     }
 
@@ -95,10 +83,10 @@ impl Database {
         &*self.clock
     }
 
-    /// Makes sure that no other coordinator has the database.
+    /// Makes sure that no coordinator of another version has the database.
     ///
     /// # Errors
-    /// When another one has taken it, or the database can't be reached.
+    /// When one has taken it, or the database can't be reached.
     pub async fn renew(&self) -> Result<(), StoreError> {
         match &self.driver {
             // The lock of the data folder lasts as long as the process.

@@ -80,7 +80,7 @@ impl Arena {
 
     async fn worker(&self, kinds: &[JobKind]) -> String {
         let new = NewWorker {
-            embedded: false,
+            embedded: None,
             display_name: "w".into(),
             device: WorkerDevice::default(),
             kinds: kinds.to_vec(),

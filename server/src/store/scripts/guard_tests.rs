@@ -35,7 +35,7 @@ impl Stage {
             display_name: "w".into(),
             device: WorkerDevice::default(),
             kinds: vec![JobKind::Train, JobKind::Render],
-            embedded: false,
+            embedded: None,
             version: String::new(),
             order_level: 1,
         };

@@ -50,13 +50,15 @@ pub async fn tick(tx: &mut Tx, lease_seconds: f64) -> Result<Vec<Lost>, StoreErr
     rows.iter().map(lost).collect()
 }
 
-/// The leases of workers that ran in an earlier process of the coordinator.
-pub async fn embedded(tx: &mut Tx) -> Result<Vec<Lost>, StoreError> {
+/// The leases of workers that ran in an earlier process of the coordinator `instance`. Those of a version that had no
+/// instances ran in the only coordinator.
+pub async fn embedded(tx: &mut Tx, instance: &str) -> Result<Vec<Lost>, StoreError> {
     let rows = sql(
         "SELECT l.job, l.token, l.worker, l.lease_deadline, l.token <> j.lease AS helps
          FROM leases l JOIN jobs j ON j.id = l.job JOIN workers w ON w.id = l.worker
-         WHERE w.embedded = 1 ORDER BY helps, j.ord",
+         WHERE w.embedded = 1 AND (w.instance = $1 OR w.instance IS NULL) ORDER BY helps, j.ord",
     )
+    .bind(instance)
     .rows(tx, "looking for leases of an earlier process")
     .await?;
     rows.iter().map(lost).collect()

@@ -244,7 +244,7 @@ async fn a_worker_that_asked_one_coordinator_is_known_to_the_other(kind: Kind) {
         display_name: "w".to_owned(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Train],
-        embedded: false,
+        embedded: None,
         version: String::new(),
         order_level: 1,
     };

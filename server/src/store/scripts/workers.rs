@@ -15,19 +15,20 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sql("INSERT INTO workers
              (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant,
-              version, order_level)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)")
+              version, order_level, instance)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)")
     .bind(&id)
     .bind(&new.display_name)
     .bind(&new.device.backend)
     .bind(&new.device.adapter)
     .bind(new.device.gpu)
     .bind(memory)
-    .bind(new.embedded)
+    .bind(new.embedded.is_some())
     .bind(tx.now())
     .bind(tenant.id())
     .bind(&new.version)
     .bind(new.order_level)
+    .bind(new.embedded)
     .execute(tx, "registering a worker")
     .await?;
     for kind in new.kinds {

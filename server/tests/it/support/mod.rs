@@ -64,6 +64,37 @@ impl Service {
         config.objects = objects::url(dir.path());
         config.reap_interval = Duration::from_millis(20);
         change(&mut config);
+        Self::open(dir, database, config).await
+    }
+
+    /// Another coordinator on the same database and objects, with a data folder of its own. `None` where the database is one
+    /// that coordinators do not share.
+    pub async fn beside(&self) -> Option<Self> {
+        self.beside_with(|_| {}).await
+    }
+
+    pub async fn beside_with(&self, change: impl FnOnce(&mut ServerConfig)) -> Option<Self> {
+        let url = self.database.url()?;
+        let dir = TempDir::new().expect("a folder");
+        let mut config = ServerConfig::new(dir.path());
+        config.database = Some(url);
+        config.objects = Some(self.coordinator.objects_url().clone());
+        config.reap_interval = Duration::from_millis(20);
+        change(&mut config);
+        // Its own, which nobody uses.
+        let unused = Database::of(dir.path());
+        Some(Self::open(dir, unused, config).await)
+    }
+
+    /// Ends the coordinator as a crash would: no call is answered, and nothing is given back.
+    pub fn kill(self) -> TempDir {
+        self.serving.abort();
+        drop(self.coordinator);
+        self.database.keep(self.dir.path());
+        self.dir
+    }
+
+    async fn open(dir: TempDir, database: Database, config: ServerConfig) -> Self {
         let coordinator = Coordinator::open(config).await.expect("opens");
         let (connector, incoming) = in_memory();
         let serving = tokio::spawn(coordinator.serve(incoming, std::future::pending()));

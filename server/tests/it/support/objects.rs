@@ -31,7 +31,7 @@ impl Service {
         self.root().join(key)
     }
 
-    /// Every file below the object store's root.
+    /// Every file below the object store's root, but the one that names the store.
     pub fn stored_files(&self) -> Vec<PathBuf> {
         files(self.root())
     }
@@ -45,7 +45,7 @@ impl Service {
     }
 }
 
-/// The files below a folder; none if it is missing.
+/// The files below a folder but the name of the store; none if it is missing.
 fn files(root: PathBuf) -> Vec<PathBuf> {
     let (mut files, mut folders) = (Vec::new(), vec![root]);
     while let Some(folder) = folders.pop() {
@@ -56,7 +56,7 @@ fn files(root: PathBuf) -> Vec<PathBuf> {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
                 folders.push(path)
-            } else {
+            } else if path.file_name().is_some_and(|it| it != "yoto-store") {
                 files.push(path)
             }
         }

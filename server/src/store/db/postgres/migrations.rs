@@ -16,6 +16,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/postgres/0023_upload_parts.sql").into_sql_str();
     let operators =
         include_str!("../../../../../migrations/postgres/0024_operators.sql").into_sql_str();
+    let several = include_str!("../../../../../migrations/postgres/0025_several_coordinators.sql")
+        .into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -24,6 +26,7 @@ pub fn migrations() -> Migrator {
         step(22, "shared state", shared),
         step(23, "upload parts", parts),
         step(24, "operators", operators),
+        step(25, "several coordinators", several),
     ])
 }
 
@@ -36,6 +39,25 @@ pub async fn run(pool: &PgPool) -> Result<(), StoreError> {
     schema::check(&migrations, &found(pool).await?)?;
     let done = migrations.run(pool).await.map_err(sqlx::Error::from);
     done.during("bringing the database's schema up to date")
+}
+
+/// Whether the schema has to be brought up to date.
+///
+/// # Errors
+/// As [`run`].
+pub async fn are_pending(pool: &PgPool) -> Result<bool, StoreError> {
+    let (migrations, found) = (migrations(), found(pool).await?);
+    schema::check(&migrations, &found)?;
+    let newest = migrations.iter().map(|it| it.version).max();
+    Ok(found.applied.last().map(|(version, _)| *version) != newest)
+}
+
+/// Refuses a schema that a newer version has changed.
+///
+/// # Errors
+/// As [`run`].
+pub async fn are_known(pool: &PgPool) -> Result<(), StoreError> {
+    schema::check(&migrations(), &found(pool).await?)
 }
 
 /// What the database contains.

@@ -20,7 +20,7 @@ use crate::store::StoreError;
 use failures::During;
 use guard::Guard;
 use sqlx::pool::PoolConnection;
-use sqlx::postgres::{PgConnectOptions, PgConnection, PgRow};
+use sqlx::postgres::{PgConnection, PgRow};
 use sqlx::{Executor, PgPool, Postgres as Db, Row, Transaction};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -28,8 +28,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[derive(Debug)]
 pub struct Postgres {
     pool: PgPool,
-    /// `None`: other coordinators may use the database too.
-    guard: Option<Guard>,
+    guard: Guard,
     /// Seconds by which the database's clock was last ahead of the coordinator's, as the bits of an `f64`.
     ahead: AtomicU64,
 }
@@ -48,22 +47,13 @@ pub enum Connection {
 }
 
 impl Postgres {
-    /// Opens the database, and brings its schema up to date. No other coordinator can open it until this one is closed.
+    /// Opens the database, and brings its schema up to date. Other coordinators of this version may use it at the same time.
     pub async fn open(url: &PostgresUrl) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
-        let guard = Guard::take(options.clone()).await?;
-        Self::with(options, Some(guard)).await
-    }
-
-    /// The same for one of several coordinators.
-    #[cfg(test)]
-    pub async fn open_beside(url: &PostgresUrl) -> Result<Self, StoreError> {
-        Self::with(connections::options(url)?, None).await
-    }
-
-    async fn with(options: PgConnectOptions, guard: Option<Guard>) -> Result<Self, StoreError> {
-        let pool = connections::pool(options).await?;
-        migrations::run(&pool).await?;
+        let pool = connections::pool(options.clone()).await?;
+        let pending = async || migrations::are_pending(&pool).await;
+        let upgrade = async || migrations::run(&pool).await;
+        let guard = Guard::take(options, pending, upgrade).await?;
         Ok(Self {
             pool,
             guard,
@@ -83,9 +73,7 @@ impl Postgres {
     }
 
     pub async fn write(&self) -> Result<Connection, StoreError> {
-        if let Some(guard) = &self.guard {
-            guard.check()?;
-        }
+        self.guard.check()?;
         self.begin("BEGIN ISOLATION LEVEL READ COMMITTED READ WRITE")
             .await
     }
@@ -98,12 +86,9 @@ impl Postgres {
         })
     }
 
-    /// Makes sure that no other coordinator has the database.
+    /// Makes sure that no coordinator of another version has the database.
     pub async fn renew(&self) -> Result<(), StoreError> {
-        match &self.guard {
-            Some(guard) => guard.renew().await,
-            None => Ok(()),
-        }
+        self.guard.renew(migrations::are_known(&self.pool)).await
     }
 
     /// The database's time, and the difference to the coordinator's time `own` is kept for [`Self::estimate`].
@@ -123,9 +108,7 @@ impl Postgres {
 
     pub async fn close(&self) {
         self.pool.close().await;
-        if let Some(guard) = &self.guard {
-            guard.release().await;
-        }
+        self.guard.release().await;
     }
 }
 
@@ -151,9 +134,10 @@ impl Connection {
     pub async fn lock(&mut self, lock: Lock<'_>) -> Result<Option<f64>, StoreError> {
         let action = "waiting for a lock";
         let (statement, id) = match lock {
-            // Not 0, which is the coordinator's lock.
+            // Not 0, which is the coordinators' lock.
             Lock::Reaping => return self.lock_own(1).await.during(action),
             Lock::Forgetting => return self.lock_own(2).await.during(action),
+            Lock::ObjectStore => return self.lock_own(3).await.during(action),
             Lock::Job(id) => ("SELECT 1 FROM jobs WHERE id = $1 FOR NO KEY UPDATE", id),
             Lock::Model(id) => ("SELECT 1 FROM models WHERE id = $1 FOR NO KEY UPDATE", id),
             Lock::Subject(id) => ("SELECT 1 FROM subjects WHERE id = $1 FOR NO KEY UPDATE", id),

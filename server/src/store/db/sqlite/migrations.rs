@@ -47,6 +47,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/sqlite/0023_upload_parts.sql").into_sql_str();
     let operators =
         include_str!("../../../../../migrations/sqlite/0024_operators.sql").into_sql_str();
+    let several = include_str!("../../../../../migrations/sqlite/0025_several_coordinators.sql")
+        .into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -75,6 +77,7 @@ pub fn migrations() -> Migrator {
         step(22, "shared state", shared, false),
         step(23, "upload parts", parts, false),
         step(24, "operators", operators, false),
+        step(25, "several coordinators", several, false),
     ])
 }
 

@@ -94,7 +94,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         .expect("is queued");
     assert_eq!(evaluation.queue_position, 2, "behind the jobs that wait");
     let new = NewWorker {
-        embedded: false,
+        embedded: None,
         display_name: "new".into(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Evaluate],
@@ -169,7 +169,7 @@ async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
     let own = Tenant::default();
     running_job_goes_on(&store).await;
     let new = NewWorker {
-        embedded: false,
+        embedded: None,
         display_name: "new".into(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Train],
@@ -271,7 +271,7 @@ async fn uploads_of_an_earlier_version_are_parts() {
 
     // A worker of the earlier version reads what that version has stored, and nothing else.
     let worker = |order_level| NewWorker {
-        embedded: false,
+        embedded: None,
         display_name: "old".into(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Ingest],
