@@ -26,7 +26,7 @@ containers:
     imagePullPolicy: {{ $values.image.pullPolicy }}
     args:
       - worker
-      - --log-json
+      - --log-format=json
       # All coordinators, not one address for them: a worker goes to another one by itself.
       - --service=http://{{ include "yoto.name" .root }}-coordinators:50051
       - --objects={{ $values.store.url }}
