@@ -2,14 +2,14 @@
 
 use anyhow::{Context, ensure};
 use std::path::Path;
-use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
 use yoto_proto::v1::job::State;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{Job, TrainSpec, subject};
 use yoto_synthetic::SyntheticPerson;
+use yoto_tests::jobs::until;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{PATIENCE, Process, Service, output, succeed};
+use yoto_tests::process::{Process, Service, output, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 
@@ -35,24 +35,6 @@ fn upload(service: &Service, dir: &Path) -> anyhow::Result<()> {
     let add = ["subject", "add", "ada", capture, "--no-wait", "--server"];
     succeed(YOTO, &[&add[..], &[service.address.as_str()]].concat())?;
     Ok(())
-}
-
-/// Reads the job until `done`.
-async fn until(
-    client: &YotoClient,
-    name: &str,
-    what: &str,
-    done: impl Fn(&Job) -> bool,
-) -> anyhow::Result<Job> {
-    let began = Instant::now();
-    loop {
-        let job = client.get_job(name).await?;
-        if done(&job) {
-            return Ok(job);
-        }
-        ensure!(began.elapsed() < PATIENCE, "waiting until {what}: {job:?}");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -10,33 +10,12 @@ use yoto_proto::v1::job::State;
 use yoto_proto::v1::job_result::Kind;
 use yoto_proto::v1::{Job, TrainSpec};
 use yoto_synthetic::SyntheticPerson;
+use yoto_tests::jobs::until;
 use yoto_tests::people::write_capture;
 use yoto_tests::process::{PATIENCE, Service, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const STEPS: u64 = 60;
-
-/// Reads the job until `done`.
-async fn until(
-    client: &YotoClient,
-    name: &str,
-    what: &str,
-    done: impl Fn(&Job) -> bool,
-) -> anyhow::Result<Job> {
-    let began = Instant::now();
-    loop {
-        let job = client.get_job(name).await?;
-        if done(&job) {
-            return Ok(job);
-        }
-        ensure!(
-            began.elapsed() < PATIENCE,
-            "waiting until {what}: {:?}",
-            job.progress
-        );
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_trained_model_waits_for_a_disk_that_takes_it() -> anyhow::Result<()> {

@@ -2,36 +2,17 @@
 //! exists once, with the same bytes as from a single worker.
 
 use anyhow::{Context, ensure};
-use std::time::{Duration, Instant};
 use yoto_client::YotoClient;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{Job, Orbit, RenderSpec, RenderedFile, job, job_result};
 use yoto_synthetic::SyntheticPerson;
+use yoto_tests::jobs::until;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{PATIENCE, Service, succeed};
+use yoto_tests::process::{Service, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const PICTURES: u32 = 120;
-
-/// Reads `job` until `done`.
-async fn until(
-    client: &YotoClient,
-    job: &str,
-    what: &str,
-    done: impl Fn(&Job) -> bool,
-) -> anyhow::Result<Job> {
-    let began = Instant::now();
-    while began.elapsed() < 4 * PATIENCE {
-        let job = client.get_job(job).await?;
-        ensure!(job.error.is_none(), "{:?}", job.error);
-        if done(&job) {
-            return Ok(job);
-        }
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-    anyhow::bail!("not so in time: {what}")
-}
 
 fn files(job: &Job) -> anyhow::Result<Vec<RenderedFile>> {
     match job.result.as_ref().and_then(|it| it.kind.as_ref()) {

@@ -40,7 +40,7 @@ impl Addresses {
     /// name may stand for several machines.
     ///
     /// # Errors
-    /// When an address is not one of HTTP, or there is none.
+    /// When an address is not an HTTP address, or the list is empty.
     pub fn parse(text: &str) -> Result<Self, ClientError> {
         let mut hosts = Vec::new();
         let mut first = None;

@@ -1,12 +1,13 @@
 //! A service with two addresses, one of which goes away: calls go on at the other one, and a watch after what it has seen.
 
 use std::net::SocketAddr;
+use std::path::Path;
 use tokio::io::copy_bidirectional;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{JoinHandle, JoinSet};
 use yoto_client::{FileSource, UploadFile, YotoClient};
 use yoto_proto::v1::job;
-use yoto_server::{Coordinator, ServerConfig};
+use yoto_server::{Coordinator, ServerConfig, ServerError};
 
 /// A way to the service. Its abort closes it with all its connections.
 async fn way(to: SocketAddr) -> (SocketAddr, JoinHandle<()>) {
@@ -25,18 +26,39 @@ async fn way(to: SocketAddr) -> (SocketAddr, JoinHandle<()>) {
     (address, tokio::spawn(carry))
 }
 
-#[tokio::test]
-async fn a_client_goes_on_at_the_address_that_is_left() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut config = ServerConfig::new(folder.path());
+/// A service that runs.
+struct Running {
+    address: SocketAddr,
+    /// A client with this address alone.
+    direct: YotoClient,
+    serving: JoinHandle<Result<(), ServerError>>,
+    /// Its tasks end with it.
+    _coordinator: Coordinator,
+}
+
+/// Starts a service on `folder`.
+async fn serve(folder: &Path) -> Running {
+    let mut config = ServerConfig::new(folder);
     config.storage.min_free_bytes = 0;
     let coordinator = Coordinator::open(config).await.expect("opens");
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
-    let service = listener.local_addr().expect("has an address");
+    let address = listener.local_addr().expect("has an address");
     let incoming = yoto_server::tcp(listener);
     let serving = tokio::spawn(coordinator.serve(incoming, std::future::pending()));
-    let direct = YotoClient::connect(&service.to_string()).await;
-    let direct = direct.expect("connects");
+    let direct = YotoClient::connect(&address.to_string()).await;
+    Running {
+        address,
+        direct: direct.expect("connects"),
+        serving,
+        _coordinator: coordinator,
+    }
+}
+
+#[tokio::test]
+async fn a_client_goes_on_at_the_address_that_is_left() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let running = serve(folder.path()).await;
+    let (service, direct) = (running.address, &running.direct);
 
     let (first, first_way) = way(service).await;
     let (second, second_way) = way(service).await;
@@ -66,21 +88,14 @@ async fn a_client_goes_on_at_the_address_that_is_left() {
     let none = YotoClient::connect(&both).await.expect_err("both are gone");
     assert!(none.to_string().contains(&both), "{none}");
     direct.cancel_job(&ingest).await.expect("cancels");
-    serving.abort();
+    running.serving.abort();
 }
 
 #[tokio::test]
 async fn a_watch_goes_on_after_what_it_has_seen() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut config = ServerConfig::new(folder.path());
-    config.storage.min_free_bytes = 0;
-    let coordinator = Coordinator::open(config).await.expect("opens");
-    let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
-    let service = listener.local_addr().expect("has an address");
-    let incoming = yoto_server::tcp(listener);
-    let serving = tokio::spawn(coordinator.serve(incoming, std::future::pending()));
-    let direct = YotoClient::connect(&service.to_string()).await;
-    let direct = direct.expect("connects");
+    let running = serve(folder.path()).await;
+    let (service, direct) = (running.address, &running.direct);
     let subject = direct.create_subject("Ada", "").await.expect("creates");
 
     // The first connection goes to either of them.
@@ -106,5 +121,5 @@ async fn a_watch_goes_on_after_what_it_has_seen() {
             way.abort();
         }
     }
-    serving.abort();
+    running.serving.abort();
 }

@@ -154,33 +154,6 @@ impl Objects {
         }
         Ok(Ok(()))
     }
-
-    /// Deletes an object. One that is gone already is no error.
-    ///
-    /// # Errors
-    /// When the store fails.
-    pub async fn remove(&self, key: &str) -> Result<(), ObjectsError> {
-        let path = parse(key)?;
-        match self
-            .attempt("deleting", key, || self.store.delete(&path))
-            .await
-        {
-            Err(ObjectsError::Missing { .. }) => Ok(()),
-            done => done,
-        }
-    }
-
-    /// Keys of the objects below `folder`.
-    ///
-    /// # Errors
-    /// When the store fails.
-    pub async fn keys_below(&self, folder: &str) -> Result<Vec<String>, ObjectsError> {
-        let path = parse(folder)?;
-        let listed = self.store.list(Some(&path));
-        let keys = listed.map_ok(|it| it.location.to_string()).try_collect();
-        keys.await
-            .map_err(|cause| ObjectsError::of_store("listing", folder, cause))
-    }
 }
 
 /// What the `window`, the bytes in `range` of a part, has of its `pieces`.
@@ -258,13 +231,10 @@ mod tests {
         part.object.bytes = 9;
         let short = read(&objects, &part).await.expect_err("is short");
         assert!(matches!(short, ObjectsError::Size { found: 7, .. }));
-        assert_eq!(objects.keys_below("u").await.expect("lists"), ["u/1"]);
         objects.put("u/1", Bytes::new()).await.expect("writes");
         let short = read(&objects, &part).await.expect_err("is empty");
         assert!(matches!(short, ObjectsError::Size { found: 0, .. }));
-        for _ in 0..2 {
-            objects.remove("u/1").await.expect("is gone");
-        }
+        objects.delete("u/1").await.expect("is gone");
         let missing = read(&objects, &part).await.expect_err("is missing");
         assert!(matches!(missing, ObjectsError::Missing { .. }));
     }

@@ -63,6 +63,12 @@ pub enum BackupError {
     /// There is nothing to copy.
     #[error("there is no service's database at {}", .0.display())]
     NoService(PathBuf),
+    /// The objects are in another store.
+    #[error(
+        "{} has no objects: if the service has them in another store (--objects), copy them by its own means, and only the rows by \
+         --rows-only", .0.display()
+    )]
+    NoObjects(PathBuf),
     /// A file or folder fails.
     #[error("{action} {}: {source}", path.display())]
     File {
@@ -102,18 +108,20 @@ impl BackupError {
 /// Copies the state at `from` into the folder `to`, which is created if missing. The service may run.
 ///
 /// # Errors
-/// When the folder is not empty, or something can't be read or written. The folder is no backup then.
+/// When the folder is not empty, the objects are elsewhere, or something can't be read or written. The folder is no backup then.
 pub async fn backup(from: &Place, to: &Path) -> Result<Copied, BackupError> {
     make_empty(to)?;
     match &from.database {
         Some(url) => database::dump(url, &to.join(DUMP)).await?,
         None => database::copy(&from.data_dir.join(DATABASE_FILE), &to.join(DATABASE_FILE)).await?,
     }
+    let objects = from.data_dir.join(OBJECTS_FOLDER);
+    // A service makes this folder at its first start, and never removes it.
+    if from.objects && !objects.is_dir() {
+        return Err(BackupError::NoObjects(from.data_dir.clone()));
+    }
     let copied = match from.objects {
-        true => {
-            let objects = from.data_dir.join(OBJECTS_FOLDER);
-            folders::copy(&objects, &to.join(OBJECTS_FOLDER)).await?
-        }
+        true => folders::copy(&objects, &to.join(OBJECTS_FOLDER)).await?,
         false => Copied::default(),
     };
     let marker = to.join(MARKER.0);

@@ -9,9 +9,11 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::metrics::METRICS;
 use crate::store::{Horizons, KnownGarbage, PartId, Reference};
+use futures::TryStreamExt;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
+use yoto_objects::Listed;
 use yoto_proto::keys::{self, FolderOwner};
 
 /// How to collect.
@@ -133,18 +135,16 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
 /// Removes the parts of an upload in use that no row names or will name: those of writers that lost the upload, or were
 /// killed, between the object and its row, and those that were joined to the next part.
 async fn remove_orphans(context: &Context, capture: &str) -> Result<(), RequestError> {
-    let keys = context
-        .objects
-        .keys_below(&keys::upload_parts(capture))
-        .await?;
-    let parts = keys.iter().filter_map(|key| keys::writer_of_part(key));
+    let listed = context.objects.list(&keys::upload_parts(capture));
+    let found: Vec<Listed> = listed.try_collect().await?;
+    let parts = found.iter().filter_map(|it| keys::writer_of_part(&it.key));
     let parts: Vec<PartId> = parts
         .map(|(writer, number)| PartId { writer, number })
         .collect();
     let orphans = context.store.orphans_of_upload(capture, &parts).await?;
     for PartId { writer, number } in orphans {
         let key = keys::upload_part(capture, writer, number);
-        context.objects.remove(&key).await?;
+        context.objects.delete(&key).await?;
         tracing::info!(key, "a part of an upload that nothing names is removed");
     }
     Ok(())

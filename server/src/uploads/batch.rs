@@ -151,7 +151,7 @@ impl Writer {
 
     /// Removes the object of a part that no row names; a collection removes it otherwise.
     async fn remove(&self, key: &str) {
-        if let Err(error) = self.context.objects.remove(key).await {
+        if let Err(error) = self.context.objects.delete(key).await {
             tracing::warn!(%error, "a part of an upload that nothing names is left");
         }
     }

@@ -87,3 +87,24 @@ async fn a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one() {
         "{onto:?}"
     );
 }
+
+#[tokio::test]
+async fn objects_in_another_store_are_not_left_out_silently() {
+    let elsewhere = TempDir::new().expect("a folder");
+    let url = url::Url::from_directory_path(elsewhere.path()).expect("a URL");
+    let service = Service::start_with(|config| config.objects = Some(url)).await;
+    service.ready_subject("Ada").await;
+    let folder = TempDir::new().expect("a folder");
+    let from = place(service.dir.path(), &service.database);
+    let without = backup(&from, &folder.path().join("all")).await;
+    assert!(
+        matches!(without, Err(BackupError::NoObjects(_))),
+        "{without:?}"
+    );
+    let rows = Place {
+        objects: false,
+        ..from
+    };
+    let copied = backup(&rows, &folder.path().join("rows")).await;
+    assert_eq!(copied.expect("copies rows").objects, 0);
+}

@@ -31,6 +31,7 @@ mod support;
 mod tenants;
 mod tradeoffs;
 mod traffic;
+mod upload_parts;
 mod uploads;
 mod watch_all;
 mod watching;

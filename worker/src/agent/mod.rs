@@ -3,8 +3,10 @@
 //! One job at a time. [`heartbeat`] renews the lease in its own task while the job computes on its
 //! own thread; [`control`] is their only shared state.
 
+mod config;
 pub mod control;
 mod ended;
+mod error;
 mod heartbeat;
 mod leased;
 mod report;
@@ -14,16 +16,17 @@ mod silence_tests;
 mod watchdog;
 
 use crate::retry::{is_transient, is_unreadable};
+use config::SLACK;
+pub use config::{KINDS, WorkerConfig};
 use ended::Idle;
 pub use ended::{Ended, JobEnd};
+pub use error::WorkerError;
 use leased::Leased;
 use scratch::Scratch;
 use std::cmp::Ordering;
 use std::future::Future;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use thiserror::Error;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::transport::Channel;
@@ -33,7 +36,7 @@ use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
-use yoto_objects::{Objects, ObjectsError, Rights};
+use yoto_objects::{Objects, Rights};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders;
@@ -43,151 +46,8 @@ use yoto_proto::worker::v1::{
     Lease, LeaseJobRequest, RegisterWorkerRequest, RegisterWorkerResponse,
 };
 
-/// Kinds of jobs that this program runs.
-pub const KINDS: &[JobKind] = &[
-    JobKind::Ingest,
-    JobKind::Train,
-    JobKind::Render,
-    JobKind::Evaluate,
-    JobKind::Export,
-];
 /// Longest wait for an answer before a retry.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest time from a worker's end to that of its process.
-const SLACK: Duration = Duration::from_secs(1);
-
-/// Settings of a worker; the default suits embedded and separate workers.
-#[derive(Debug, Clone)]
-pub struct WorkerConfig {
-    /// Display name of this worker.
-    pub display_name: String,
-    /// Kinds of jobs that it runs.
-    pub kinds: Vec<JobKind>,
-    /// Whether it runs in the coordinator's process: a coordinator that starts takes back the jobs that
-    /// such a worker had.
-    pub embedded: bool,
-    /// First pause between two requests for work, seconds; it doubles while no job is queued.
-    pub poll_seconds: f64,
-    /// Longest pause between two requests for work, seconds.
-    pub idle_poll_seconds: f64,
-    /// Shortest pause between two heartbeats that carry new progress, seconds.
-    pub progress_seconds: f64,
-    /// Time limit for a training to save and stop when the worker shuts down, seconds.
-    pub drain_seconds: f64,
-    /// Time limit for the report of a job's end when the worker shuts down, seconds.
-    pub report_seconds: f64,
-    /// Whether the worker ends after one job, and, without [`max_idle_seconds`](Self::max_idle_seconds), at once if no
-    /// job waits.
-    pub one_job: bool,
-    /// Time without a job after which the worker ends, seconds.
-    pub max_idle_seconds: Option<f64>,
-    /// Shortest silence of a job after which this worker ends, seconds. A slow job may be silent for
-    /// 20 of its steps.
-    pub silence_seconds: f64,
-    /// Program and limits for reading uploads.
-    pub ingest: IngestSettings,
-    /// Weights of the networks of LPIPS, if present.
-    pub lpips: Option<LpipsWeights>,
-    /// Where the files of a running job are: an upload to read, a checkpoint to load or save. Created if
-    /// missing.
-    pub scratch: PathBuf,
-    /// Called after each job, e.g. to give memory back to the system.
-    pub after_job: fn(),
-}
-
-impl Default for WorkerConfig {
-    fn default() -> Self {
-        Self {
-            display_name: "worker".into(),
-            kinds: KINDS.to_vec(),
-            embedded: false,
-            poll_seconds: 0.2,
-            idle_poll_seconds: 2.0,
-            progress_seconds: 0.5,
-            drain_seconds: 10.0,
-            report_seconds: 3.0,
-            one_job: false,
-            max_idle_seconds: None,
-            silence_seconds: 60.0,
-            ingest: IngestSettings::default(),
-            lpips: None,
-            scratch: std::env::temp_dir(),
-            after_job: || {},
-        }
-    }
-}
-
-impl WorkerConfig {
-    /// A worker that ends within `seconds` after it is asked to stop, as machines that are taken back give notice.
-    #[must_use]
-    pub fn with_notice(self, seconds: f64) -> Self {
-        let report_seconds = Self::default().report_seconds.min(seconds / 4.0);
-        // The rest is for the end of the process.
-        let rest = SLACK.as_secs_f64().min(seconds / 4.0);
-        Self {
-            drain_seconds: seconds - report_seconds - rest,
-            report_seconds,
-            ..self
-        }
-    }
-}
-
-/// The reason why a worker can't start or continue.
-#[derive(Debug, Error)]
-pub enum WorkerError {
-    /// The object store can't be used.
-    #[error(transparent)]
-    Objects(#[from] ObjectsError),
-    /// The coordinator refuses this worker.
-    #[error("the coordinator refuses this worker: {0}")]
-    Refused(#[source] Box<Status>),
-    /// The coordinator has no such service for workers.
-    #[error(
-        "the service at this address does not speak with workers of version {}: use the service's own version of yoto, \
-         and check the address ({told})",
-        env!("CARGO_PKG_VERSION")
-    )]
-    Protocol {
-        /// The answer.
-        told: String,
-    },
-    /// No coordinator has answered for the longest time that this worker may be idle.
-    #[error("no coordinator of the service has answered for {seconds} s: {told}")]
-    Unreachable {
-        /// The time.
-        seconds: u64,
-        /// The last fault.
-        told: String,
-    },
-    /// A job hangs in a thread that nothing can end. Its lease is not renewed, so another worker gets it;
-    /// this process has to end.
-    #[error(
-        "{job} has shown no sign of life for {seconds} s: this worker ends, so that it runs elsewhere"
-    )]
-    Hung {
-        /// `jobs/{id}`.
-        job: String,
-        /// Length of the silence.
-        seconds: u64,
-    },
-    /// The folder for the files of jobs can not be made.
-    #[error("the scratch folder {}", folder.display())]
-    Scratch {
-        /// The folder.
-        folder: PathBuf,
-        /// Why it can't be used.
-        source: std::io::Error,
-    },
-    /// A pause in the configuration is invalid.
-    #[error("{field} is {value}: not a number of seconds")]
-    Config {
-        /// The setting.
-        field: &'static str,
-        /// Its value.
-        value: f64,
-    },
-}
-
 /// A worker, ready to [`run`](Self::run).
 pub struct Worker {
     client: WorkerServiceClient<Channel>,

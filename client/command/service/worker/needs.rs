@@ -51,7 +51,7 @@ pub(super) fn kinds(needs: Option<Needs>, given: Vec<JobKind>) -> anyhow::Result
 /// The device that `needs` asks for.
 ///
 /// # Errors
-/// When a GPU is needed, and there is none that this program can use.
+/// When a GPU is needed, and this program can use no GPU of this machine.
 pub(super) fn pick(needs: Option<Needs>) -> anyhow::Result<PickedDevice> {
     match needs {
         None => Ok(yoto_device::pick()),
