@@ -12,6 +12,7 @@ use yoto_test_s3::{BUCKET, Fault, Server};
 /// Tests of what only a folder has: its kind and its room, its owner, files of a writer that was killed, a file in
 /// its place, another name for it, and a copy of it.
 const OF_FOLDERS: &[&str] = &[
+    "backups::a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one",
     "backups::a_backup_of_a_running_service_is_a_service_at_one_point",
     "garbage::the_remains_of_a_killed_writer_and_empty_folders_go",
     "pages::a_coordinator_without_its_database_or_its_objects_is_not_ready",
