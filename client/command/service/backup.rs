@@ -1,10 +1,10 @@
 //! `yoto backup` and `yoto restore`: a whole service at one point.
 
+use super::state::StateArgs;
 use anyhow::Context;
 use clap::Args;
 use indicatif::BinaryBytes;
 use std::path::PathBuf;
-use yoto_server::PostgresUrl;
 use yoto_server::backup::{Copied, Place, backup, restore};
 use yoto_terminal::output;
 use yoto_terminal::progress::count;
@@ -29,22 +29,8 @@ Examples:
 /// Where the service has its state.
 #[derive(Debug, Args)]
 struct Service {
-    /// Data folder of the service.
-    #[arg(
-        long,
-        env = "YOTO_DATA",
-        value_name = "DIR",
-        default_value = "./yoto-data"
-    )]
-    data: PathBuf,
-    /// PostgreSQL database of the service, if its rows are not in the data folder.
-    #[arg(
-        long,
-        value_name = "URL",
-        env = "YOTO_DATABASE",
-        hide_env_values = true
-    )]
-    database: Option<PostgresUrl>,
+    #[command(flatten)]
+    state: StateArgs,
     /// Copy no objects: their store has copies of its own.
     #[arg(long)]
     rows_only: bool,
@@ -53,8 +39,8 @@ struct Service {
 impl Service {
     fn place(self) -> Place {
         Place {
-            data_dir: self.data,
-            database: self.database,
+            data_dir: self.state.data,
+            database: self.state.database,
             objects: !self.rows_only,
         }
     }

@@ -9,5 +9,7 @@ pub(crate) mod gc;
 pub(crate) mod logs;
 #[cfg(feature = "embedded")]
 pub(crate) mod serve;
+#[cfg(feature = "embedded")]
+mod state;
 pub(crate) mod status;
 pub(crate) mod worker;

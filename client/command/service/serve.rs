@@ -1,5 +1,6 @@
 //! `yoto serve`: coordinator and worker in one process.
 
+use super::state::StateArgs;
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
 use clap::Args;
@@ -8,7 +9,7 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
 use url::Url;
-use yoto_server::{PostgresUrl, StorageLimits};
+use yoto_server::StorageLimits;
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
@@ -36,23 +37,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Serve {
-    /// Folder for database and objects; created if missing.
-    #[arg(
-        long,
-        env = "YOTO_DATA",
-        value_name = "DIR",
-        default_value = "./yoto-data"
-    )]
-    data: PathBuf,
-    /// PostgreSQL database, postgres://USER@HOST/NAME, instead of SQLite in the data folder. A
-    /// password can be in PGPASSWORD or ~/.pgpass.
-    #[arg(
-        long,
-        value_name = "URL",
-        env = "YOTO_DATABASE",
-        hide_env_values = true
-    )]
-    database: Option<PostgresUrl>,
+    #[command(flatten)]
+    state: StateArgs,
     /// Store for objects, s3://BUCKET/PREFIX or file:///FOLDER, instead of objects/ in the data folder.
     /// Credentials are in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY), never in the URL.
     #[arg(
@@ -169,8 +155,8 @@ fn bytes(gib: f64) -> u64 {
 impl Serve {
     /// Where its state is, for people.
     fn place(&self) -> String {
-        let data = self.data.display();
-        match &self.database {
+        let data = self.state.data.display();
+        match &self.state.database {
             Some(url) => format!("{data}, with {url}"),
             None => data.to_string(),
         }
@@ -186,8 +172,8 @@ impl Serve {
             tell!("settings of {}", path.display());
         }
         let options = EmbeddedOptions {
-            data: self.data,
-            database: self.database,
+            data: self.state.data,
+            database: self.state.database,
             objects: self.objects,
             listen: Some(self.listen),
             worker: !self.no_worker,

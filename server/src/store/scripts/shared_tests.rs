@@ -146,9 +146,9 @@ async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {
     committed.await.expect("is the newest");
     let second = two.pair.second.take_over_upload(own(), &id).await;
     let second = second.expect("is there");
-    let late = part(first, 1, 4, 6);
+    let late_part = part(first, 1, 4, 6);
     is_refused(
-        two.pair.first.commit_part(own(), &id, &late).await,
+        two.pair.first.commit_part(own(), &id, &late_part).await,
         ErrorReason::UploadTakenOver,
     );
     let paths = ["poses.json".to_owned()];
@@ -176,6 +176,10 @@ async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {
     assert_eq!(pieces, [(first, 0, 4), (second, 4, 6)]);
     let finished = two.pair.second.finish_upload(own(), &id, second, None);
     finished.await.expect("is complete");
+    is_refused(
+        two.pair.first.commit_part(own(), &id, &late_part).await,
+        ErrorReason::UploadTakenOver,
+    );
     let none = two.pair.first.take_over_upload(own(), "nothing").await;
     assert!(matches!(none, Err(StoreError::NotFound { .. })), "{none:?}");
 }

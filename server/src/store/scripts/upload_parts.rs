@@ -121,9 +121,11 @@ pub async fn commit(
     .execute(tx, "noting the write of an upload")
     .await?;
     if done == 0 {
-        return match get(tx, tenant, id).await?.open {
-            true => Err(StoreError::taken_over(id)),
-            false => Err(not_found(id)),
+        get(tx, tenant, id).await?;
+        // A finished upload has no writer any more; whoever was taken over before learns that.
+        return match is_newest(tx, id, part.id.writer).await? {
+            true => Err(not_found(id)),
+            false => Err(StoreError::taken_over(id)),
         };
     }
     insert(tx, id, part).await?;
