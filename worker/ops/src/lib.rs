@@ -16,6 +16,7 @@
 
 pub mod adam;
 mod autodiff;
+pub mod blend_shapes;
 pub mod bone_softmax;
 pub mod cofactors;
 pub mod composite;
@@ -23,6 +24,7 @@ pub mod composite;
 mod cube;
 pub mod deconv;
 pub mod encode;
+pub mod exponential;
 mod flex;
 pub mod form;
 pub mod hash;

@@ -2,6 +2,7 @@
 //! points inside its box, at the border and outside.
 
 mod adam;
+mod blend_shapes;
 mod bone_softmax;
 mod composite;
 mod deconv;
