@@ -16,7 +16,6 @@
 
 pub mod adam;
 mod autodiff;
-pub mod blend_shapes;
 pub mod bone_softmax;
 pub mod cofactors;
 pub mod composite;

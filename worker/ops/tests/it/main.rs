@@ -2,7 +2,6 @@
 //! points inside its box, at the border and outside.
 
 mod adam;
-mod blend_shapes;
 mod bone_softmax;
 mod composite;
 mod deconv;

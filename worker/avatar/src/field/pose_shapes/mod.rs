@@ -25,7 +25,6 @@ use burn::module::{Module, Param};
 use burn::tensor::{Tensor, TensorData};
 use features::{FEATURES, features};
 use yoto_capture::camera::Pose;
-use yoto_ops::blend_shapes::blend_shapes;
 use yoto_ops::encode::Bands;
 use yoto_ops::mlp::Input;
 
@@ -139,8 +138,10 @@ impl PoseShapes {
         let basis = self.basis.val() + self.own[slot].val();
         // [K, 1, 9] x [K, 9, 3 R]: what each joint's turn gives each shape.
         let by_joint = features.matmul(basis).reshape([joints, 3 * config.count]);
+        let moved = near.matmul(by_joint).reshape([n, 3, config.count]);
         let weights = self.weights(config, body, means, code);
-        Ok(blend_shapes(near, by_joint, weights))
+        let weights = weights.reshape([n, 1, config.count]);
+        Ok((moved * weights).sum_dim(2).reshape([n, 3]))
     }
 
     /// h `[N, R]` at canonical `means` `[N, 3]`.
