@@ -7,8 +7,8 @@ use sqlx::PgPool;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use std::time::Duration;
 
-/// Number of connections of one coordinator. PostgreSQL's default is room for 100 in all.
-const CONNECTIONS: u32 = 20;
+/// Number of connections of one coordinator, one of which listens. PostgreSQL's default is room for 100 in all.
+const CONNECTIONS: u32 = 21;
 /// Longest wait for a free connection.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 

@@ -8,10 +8,12 @@ mod connections;
 mod failures;
 mod guard;
 mod migrations;
+mod notices;
 #[cfg(test)]
 mod schema_tests;
 mod url;
 
+pub use notices::Listener;
 pub use url::{PostgresUrl, UrlError};
 
 use super::statement::query;
@@ -84,6 +86,16 @@ impl Postgres {
             inner: tx.during("starting a transaction")?,
             failed: false,
         })
+    }
+
+    /// Sends a text to all coordinators.
+    pub async fn notify(&self, text: &str) -> Result<(), StoreError> {
+        notices::notify(&self.pool, text).await
+    }
+
+    /// Receives the texts of all coordinators.
+    pub async fn listen(&self) -> Result<Listener, StoreError> {
+        Listener::open(&self.pool).await
     }
 
     /// Makes sure that no coordinator of another version has the database.
