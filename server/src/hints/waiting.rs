@@ -4,11 +4,16 @@ use crate::store::JobKind;
 use crate::tenant::Tenant;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// Most workers that wait at one coordinator. Others ask by the clock.
 const WORKERS: usize = 1024;
+
+/// How long a hint without a worker is kept for one that has just asked in vain and comes to wait.
+const KEPT: Duration = Duration::from_secs(1);
+/// Most hints that are kept.
+const KEPT_HINTS: usize = 64;
 
 /// Too many workers wait already.
 #[derive(Debug, PartialEq, Eq)]
@@ -21,6 +26,8 @@ pub struct WaitingWorkers(Mutex<Queue>);
 #[derive(Debug, Default)]
 struct Queue {
     workers: VecDeque<Waiting>,
+    /// Hints that found no worker, and when they came.
+    kept: VecDeque<(Tenant, JobKind, Instant)>,
     /// Number of the next one.
     next: u64,
 }
@@ -50,6 +57,9 @@ impl WaitingWorkers {
         kinds: Vec<JobKind>,
         time: Duration,
     ) -> Result<bool, Busy> {
+        if self.lock().take_kept(tenant, &kinds, Instant::now()) {
+            return Ok(true);
+        }
         let (wake, woken) = oneshot::channel();
         let seat = self.sit(tenant, kinds, wake)?;
         let woken = tokio::time::timeout(time, woken).await;
@@ -69,6 +79,7 @@ impl WaitingWorkers {
                 return;
             }
         }
+        queue.keep(tenant, kind, Instant::now());
     }
 
     fn sit(
@@ -94,6 +105,26 @@ impl WaitingWorkers {
 
     fn lock(&self) -> MutexGuard<'_, Queue> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Queue {
+    /// Keeps a hint that came `now` and found no worker.
+    fn keep(&mut self, tenant: &Tenant, kind: JobKind, now: Instant) {
+        if self.kept.len() >= KEPT_HINTS {
+            self.kept.pop_front();
+        }
+        self.kept.push_back((tenant.clone(), kind, now));
+    }
+
+    /// Whether a hint for such a worker came a moment before `now` and found none. It is for one worker.
+    fn take_kept(&mut self, tenant: &Tenant, kinds: &[JobKind], now: Instant) -> bool {
+        self.kept
+            .retain(|(_, _, came)| now.saturating_duration_since(*came) < KEPT);
+        let fits =
+            |(of, kind, _): &(Tenant, JobKind, Instant)| of == tenant && kinds.contains(kind);
+        let at = self.kept.iter().position(fits);
+        at.is_some_and(|at| self.kept.remove(at).is_some())
     }
 }
 
@@ -133,6 +164,29 @@ mod tests {
         all.wake(&own, JobKind::Train);
         all.wake(&own, JobKind::Render);
         assert_eq!(second.now_or_never(), Some(Ok(true)));
+    }
+
+    #[test]
+    fn a_hint_that_comes_between_a_question_and_a_wait_is_not_lost() {
+        let mut queue = Queue::default();
+        let (own, other) = (Tenant::default(), Tenant::new("other").expect("an id"));
+        let (now, kind) = (Instant::now(), JobKind::Render);
+        queue.keep(&own, kind, now);
+        assert!(!queue.take_kept(&own, &[JobKind::Train], now));
+        assert!(!queue.take_kept(&other, &[kind], now));
+        assert!(queue.take_kept(&own, &[JobKind::Train, kind], now + KEPT / 2));
+        assert!(!queue.take_kept(&own, &[kind], now), "it is for one worker");
+        queue.keep(&own, kind, now);
+        assert!(!queue.take_kept(&own, &[kind], now + KEPT));
+        (0..2 * KEPT_HINTS).for_each(|_| queue.keep(&own, kind, now));
+        assert_eq!(queue.kept.len(), KEPT_HINTS);
+    }
+
+    #[test]
+    fn a_hint_without_a_worker_is_kept() {
+        let all = WaitingWorkers::default();
+        all.wake(&Tenant::default(), JobKind::Render);
+        assert_eq!(all.lock().kept.len(), 1);
     }
 
     #[tokio::test]

@@ -4,6 +4,7 @@
 //! of its later statements sees the newest state of that. SERIALIZABLE would need no locks, but every lease counts the queue
 //! and the running jobs of all owners, which any other lease changes: most of them would be rolled back and run again.
 
+mod advice;
 mod connections;
 mod failures;
 mod guard;
