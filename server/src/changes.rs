@@ -1,7 +1,6 @@
 //! The watched jobs: each is read once for all of its watchers, at each announced change and at each poll.
 //!
-//! An announcement is only a hint: a job is polled as well, so a lost hint (or a change by another
-//! process) only delays its watchers.
+//! An announcement is only a [hint](crate::hints): a job is polled as well, so a lost one only delays its watchers.
 
 use crate::context::Context;
 use crate::store::StoreError;
@@ -92,7 +91,7 @@ async fn follow(context: Arc<Context>, tenant: Tenant, id: String, changed: Arc<
         }
         tokio::select! {
             () = changed.notified() => {}
-            () = tokio::time::sleep(context.config.watch_poll) => {}
+            () = tokio::time::sleep(context.watch_poll()) => {}
             () = context.stop.cancelled() => return,
         }
     }

@@ -34,6 +34,10 @@ pub struct ServerConfig {
     pub clock: Arc<dyn Clock>,
     /// Interval between reads of a watched job without announced changes.
     pub watch_poll: Duration,
+    /// Whether coordinators of one database tell each other what has changed.
+    pub hints: bool,
+    /// The interval of [`Self::watch_poll`] while they do.
+    pub hinted_poll: Duration,
     /// Interval of the health checks, each of which writes to the database.
     pub health_interval: Duration,
     /// Longest time for open connections to end after the start of a shutdown.
@@ -133,6 +137,8 @@ impl ServerConfig {
             max_lost_workers: 5,
             clock: Arc::new(SystemClock),
             watch_poll: Duration::from_millis(250),
+            hints: true,
+            hinted_poll: Duration::from_secs(2),
             health_interval: Duration::from_secs(5),
             shutdown_grace: Duration::from_secs(5),
             upload: UploadLimits {
@@ -158,11 +164,15 @@ impl ServerConfig {
             );
             return Err(ServerError::Config(message));
         }
-        if [self.reap_interval, self.watch_poll, self.health_interval]
-            .iter()
-            .any(Duration::is_zero)
-        {
-            let message = "reap_interval, watch_poll and health_interval must be above 0";
+        let intervals = [
+            self.reap_interval,
+            self.watch_poll,
+            self.hinted_poll,
+            self.health_interval,
+        ];
+        if intervals.iter().any(Duration::is_zero) {
+            let message =
+                "reap_interval, watch_poll, hinted_poll and health_interval must be above 0";
             return Err(ServerError::Config(message.to_owned()));
         }
         if self.storage.collect_interval.is_zero() || self.storage.keep_newest == 0 {

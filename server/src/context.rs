@@ -4,13 +4,15 @@ use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
 use crate::health::Health;
+use crate::hints::{Hint, Hints};
 use crate::job_feed::JobFeed;
 use crate::lock::DataDirLock;
 use crate::objects::place::Place;
 use crate::objects::room::{self, Room};
-use crate::store::Store;
+use crate::store::{JobKind, Store};
+use crate::tenant::Tenant;
 use crate::uploads::UploadLocks;
-use std::time::{Instant, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use url::Url;
@@ -33,6 +35,8 @@ pub struct Context {
     pub changes: JobChanges,
     /// The changes of all jobs, for those who watch them.
     pub feed: JobFeed,
+    /// Hints for waiting workers, and those of other coordinators.
+    pub hints: Hints,
     /// Which of several coordinators of one database it is: the same after each start.
     pub instance: String,
     /// When the coordinator started.
@@ -53,6 +57,26 @@ pub struct Context {
 }
 
 impl Context {
+    /// The job called `jobs/{id}` has changed: its watchers look at it, at each coordinator.
+    pub fn announce(&self, job: &str) {
+        self.changes.announce(job);
+        self.hints.tell(Hint::Changed(job.to_owned()));
+    }
+
+    /// A job of this kind waits for a worker: one that waits at this coordinator asks for it, and one at each other.
+    pub fn queued(&self, tenant: &Tenant, kind: JobKind) {
+        self.hints.waiting.wake(tenant, kind);
+        self.hints.tell(Hint::queued(tenant, kind));
+    }
+
+    /// Interval between reads of a watched job without announced changes.
+    pub fn watch_poll(&self) -> Duration {
+        match self.hints.are_heard() {
+            true => self.config.hinted_poll,
+            false => self.config.watch_poll,
+        }
+    }
+
     /// Refuses if `coming` more bytes would leave less than the configured free space on the disk of the object
     /// store, or of what its limit allows; or on the disk of the data folder, where the database is.
     pub fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {

@@ -39,7 +39,7 @@ pub enum ServerError {
     /// The object store is not the one of the database.
     #[error(
         "the objects of this database are not at {url}: it was begun with another store, whose object {key} contains {id}; \
-         name that store for all coordinators, copy this object too if you have moved its objects, or name another database"
+         name that store, or run `yoto adopt` if you have moved its objects to {url} or have lost them"
     )]
     OtherObjects {
         /// The store, without credentials.
@@ -49,6 +49,20 @@ pub enum ServerError {
         /// What it should contain.
         id: String,
     },
+    /// The object store is another database's.
+    #[error(
+        "the objects at {url} belong to another database, as their object {key} says: name an empty bucket, prefix or folder, \
+         or run `yoto adopt` if this database replaces that one"
+    )]
+    OtherDatabase {
+        /// The store, without credentials.
+        url: String,
+        /// The object that names the store.
+        key: &'static str,
+    },
+    /// There is no database to open.
+    #[error("there is no service's database at {}: name its data folder with --data", .0.display())]
+    NoDatabase(PathBuf),
     /// The gRPC transport failed.
     #[error("serving gRPC")]
     Transport(#[from] tonic::transport::Error),

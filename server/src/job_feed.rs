@@ -2,7 +2,7 @@
 //! while there are any.
 
 use crate::context::Context;
-use crate::store::{JobVersions, StoreError};
+use crate::store::{JobVersion, JobVersions, StoreError};
 use crate::tenant::Tenant;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -82,6 +82,8 @@ async fn follow(context: Arc<Context>, sender: broadcast::Sender<Change>, mut op
 struct Open {
     tenant: Tenant,
     jobs: HashMap<String, Arc<Job>>,
+    /// Sequence numbers of ended jobs that the next reading may find again.
+    ended: HashMap<String, u64>,
     /// Position of the newest job; `None` before the first reading.
     newest: Option<i64>,
 }
@@ -92,6 +94,7 @@ impl Open {
         Self {
             tenant,
             jobs: HashMap::new(),
+            ended: HashMap::new(),
             newest: None,
         }
     }
@@ -105,18 +108,35 @@ impl Open {
             .await?;
         let mut changes = Vec::new();
         let mut seen = HashSet::with_capacity(jobs.len());
-        for (id, sequence) in jobs {
-            if self.jobs.get(&id).map(|it| it.sequence) != Some(sequence) {
-                self.update(context, &id, &mut changes).await?;
+        for JobVersion {
+            id,
+            sequence,
+            is_open,
+        } in jobs
+        {
+            match self.newest {
+                // It ended before anybody watched.
+                None if !is_open => drop(self.ended.insert(id.clone(), sequence)),
+                _ if self.sequence(&id) != Some(sequence) => {
+                    self.update(context, &id, &mut changes).await?;
+                }
+                _ => {}
             }
             seen.insert(id);
         }
+        self.ended.retain(|id, _| seen.contains(id));
         let gone: Vec<String> = self.jobs.keys().cloned().collect();
         for id in gone.into_iter().filter(|id| !seen.contains(id)) {
             self.update(context, &id, &mut changes).await?;
         }
         self.newest = Some(newest);
         Ok(changes)
+    }
+
+    /// The sequence number of a job's last known state.
+    fn sequence(&self, id: &str) -> Option<u64> {
+        let open = self.jobs.get(id).map(|it| it.sequence);
+        open.or_else(|| self.ended.get(id).copied())
     }
 
     async fn update(
@@ -128,10 +148,12 @@ impl Open {
         match context.store.job_state(&self.tenant, id).await {
             Ok(job) => {
                 let job = Arc::new(job);
-                match job.state().is_terminal() {
-                    true => self.jobs.remove(id),
-                    false => self.jobs.insert(id.to_owned(), Arc::clone(&job)),
-                };
+                if job.state().is_terminal() {
+                    self.jobs.remove(id);
+                    self.ended.insert(id.to_owned(), job.sequence);
+                } else {
+                    self.jobs.insert(id.to_owned(), Arc::clone(&job));
+                }
                 changes.push(Change::Job(job));
             }
             Err(StoreError::NotFound { .. }) => {

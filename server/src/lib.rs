@@ -4,6 +4,7 @@
 //! (database, by the `rules` of the queue). [`Coordinator`] opens them on a data folder and serves them on any
 //! stream of connections, over a network or [in memory](in_memory()).
 
+mod adopt;
 mod api;
 pub mod backup;
 mod changes;
@@ -15,6 +16,7 @@ mod error;
 pub mod faults;
 mod field_faults;
 mod health;
+mod hints;
 mod http;
 mod in_memory;
 mod instance;
@@ -33,6 +35,7 @@ mod tenant;
 mod traffic;
 mod uploads;
 
+pub use adopt::adopt;
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
@@ -45,6 +48,7 @@ pub use yoto_objects::{ObjectsError, shown};
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
+use hints::Hints;
 use job_feed::JobFeed;
 use jobs::reaper;
 use lock::DataDirLock;
@@ -86,18 +90,12 @@ impl Coordinator {
         config.check()?;
         let data_dir = create_dir(&config.data_dir)?;
         let lock = DataDirLock::take(&data_dir)?;
-        let objects_url = match &config.objects {
-            Some(url) => url.clone(),
-            None => folder_url(&data_dir.join(OBJECTS_FOLDER))?,
-        };
+        let objects_url = objects_url(&config, &data_dir)?;
         let (place, objects) = Place::open(&objects_url, &config).await?;
-        let clock = config.clock.clone();
-        let store = match &config.database {
-            Some(url) => Store::open_postgres(url, clock).await?,
-            None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await?,
-        };
+        let store = open_store(&config, &data_dir).await?;
         marker::check(&objects, &objects_url, &store).await?;
         let instance = instance::of(&data_dir)?;
+        let hints = Hints::new(config.hints && store.is_shared());
         let started = config.clock.time();
         let context = Arc::new(Context {
             config,
@@ -107,6 +105,7 @@ impl Coordinator {
             place,
             changes: JobChanges::default(),
             feed: JobFeed::default(),
+            hints,
             instance,
             started,
             health: tokio::sync::watch::Sender::default(),
@@ -117,11 +116,15 @@ impl Coordinator {
             collecting: tokio::sync::Mutex::new(()),
         });
         reaper::take_back_embedded(&context).await?;
-        let tasks = vec![
+        let mut tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
             tokio::spawn(health::run(Arc::clone(&context))),
         ];
+        if context.config.hints {
+            tasks.push(tokio::spawn(hints::send(Arc::clone(&context))));
+            tasks.push(tokio::spawn(hints::listen(Arc::clone(&context))));
+        }
         Ok(Self { context, tasks })
     }
 
@@ -208,6 +211,23 @@ impl Coordinator {
 impl Drop for Coordinator {
     fn drop(&mut self) {
         self.context.stop.cancel();
+    }
+}
+
+/// Where the objects are.
+fn objects_url(config: &ServerConfig, data_dir: &Path) -> Result<Url, ServerError> {
+    match &config.objects {
+        Some(url) => Ok(url.clone()),
+        None => folder_url(&data_dir.join(OBJECTS_FOLDER)),
+    }
+}
+
+/// Opens the database, and brings its schema up to date.
+async fn open_store(config: &ServerConfig, data_dir: &Path) -> Result<Store, StoreError> {
+    let clock = config.clock.clone();
+    match &config.database {
+        Some(url) => Store::open_postgres(url, clock).await,
+        None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await,
     }
 }
 

@@ -49,6 +49,7 @@ fn what_a_newcomer_types_parses() {
         "yoto tradeoff duo --checkpoint 40 --again --out o",
         "yoto serve --listen localhost:0 --log-json",
         "yoto backup saved --data d",
+        "yoto adopt --data d",
         "yoto restore saved --data d --rows-only",
         "yoto --log-json serve",
     ];

@@ -20,7 +20,8 @@ Examples:
 
 const RESTORE_HELP: &str = "\
 The data folder must be empty or missing, and so must the tables of a database in PostgreSQL, which needs
-pg_restore. Jobs that ran at the time of the backup go on from their last checkpoints.
+pg_restore. A backup of SQLite can be restored into PostgreSQL, which needs no program. Jobs that ran at the time of the backup go on
+from their last checkpoints.
 
 Examples:
   yoto restore /backup/monday --data /srv/yoto

@@ -1,6 +1,8 @@
 //! The service itself: run it, run workers for it, see its status, remove its garbage.
 
 #[cfg(feature = "embedded")]
+pub(crate) mod adopt;
+#[cfg(feature = "embedded")]
 pub(crate) mod backup;
 #[cfg(feature = "embedded")]
 pub(crate) mod config;

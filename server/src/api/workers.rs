@@ -4,11 +4,13 @@ use super::{fields, worker_text};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::both;
+use crate::hints::Busy;
 use crate::jobs::{lease, report};
 use crate::store::{Ending, LeaseKey, NewWorker};
 use crate::tenant::Tenant;
 use crate::traffic::Client;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
 use yoto_proto::names::Collection;
@@ -20,8 +22,12 @@ use yoto_proto::worker::v1::{
     Claim, CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse,
     HeartbeatRequest, HeartbeatResponse, LeaseJobRequest, LeaseJobResponse,
     PublishCheckpointRequest, PublishCheckpointResponse, RegisterWorkerRequest,
-    RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
+    RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse, WaitForJobRequest,
+    WaitForJobResponse,
 };
+
+/// Longest wait for a job.
+const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
 /// The workers' side of the coordinator.
 pub struct WorkerApi {
@@ -123,6 +129,25 @@ impl WorkerService for WorkerApi {
         )
         .await?;
         Ok(Response::new(LeaseJobResponse { lease }))
+    }
+
+    async fn wait_for_job(
+        &self,
+        request: Request<WaitForJobRequest>,
+    ) -> Result<Response<WaitForJobResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let request = request.get_ref();
+        let kinds = fields::job_kinds("kinds", &request.kinds);
+        let time = Duration::try_from_secs_f64(request.seconds);
+        let time = time.map_err(|error| RequestError::invalid("seconds", error.to_string()));
+        let (kinds, time) = both(kinds, time)?;
+        let waiting = &self.context.hints.waiting;
+        let queued = tokio::select! {
+            queued = waiting.wait(&tenant, kinds, time.min(LONGEST_WAIT)) => queued,
+            () = self.drain.cancelled() => return Err(RequestError::ShuttingDown.into()),
+        };
+        let queued = queued.map_err(|Busy| RequestError::Busy("workers wait for jobs".into()))?;
+        Ok(Response::new(WaitForJobResponse { queued }))
     }
 
     async fn heartbeat(

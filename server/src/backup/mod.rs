@@ -4,6 +4,7 @@
 //! does: objects that are copied after the rows, and within that time, have all that the rows name. So the service may run
 //! meanwhile, and what it adds after the copy of the rows is not in the backup.
 
+mod carry;
 mod database;
 mod folders;
 
@@ -50,16 +51,9 @@ pub enum BackupError {
     /// The folder is not a backup.
     #[error("{} is no complete backup: it has no {}", .0.display(), MARKER.0)]
     NoBackup(PathBuf),
-    /// The backup has no rows of this kind of database.
-    #[error("the backup in {} is one of {was}: {advice}", folder.display())]
-    OtherDatabase {
-        /// The backup.
-        folder: PathBuf,
-        /// What it has.
-        was: &'static str,
-        /// What to do.
-        advice: &'static str,
-    },
+    /// The backup has rows of PostgreSQL, and they have nowhere to go.
+    #[error("the backup in {} is one of PostgreSQL: name an empty database with --database", .0.display())]
+    OtherDatabase(PathBuf),
     /// There is nothing to copy.
     #[error("there is no service's database at {}", .0.display())]
     NoService(PathBuf),
@@ -79,7 +73,21 @@ pub enum BackupError {
         /// The system's error.
         source: io::Error,
     },
-    /// SQLite fails.
+    /// The database to restore into has rows.
+    #[error("the database has rows in '{table}': name an empty one with --database")]
+    RowsThere {
+        /// A table.
+        table: String,
+    },
+    /// A column has a type that SQLite's rows are not carried to.
+    #[error("the table '{table}' has a column of the type {kind}")]
+    Type {
+        /// The table.
+        table: String,
+        /// PostgreSQL's name of the type.
+        kind: String,
+    },
+    /// A database fails.
     #[error("copying the database: {0}")]
     Database(#[from] sqlx::Error),
     /// A program of PostgreSQL fails.
@@ -130,7 +138,7 @@ pub async fn backup(from: &Place, to: &Path) -> Result<Copied, BackupError> {
 }
 
 /// Copies the backup in the folder `from` to `to`, where no service has been: an empty or missing data folder, and an empty
-/// database of PostgreSQL.
+/// database of PostgreSQL, also for rows of SQLite.
 ///
 /// # Errors
 /// When `from` is no complete backup, something is at `to` already, or something can't be read or written.
@@ -140,20 +148,14 @@ pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
         return Err(BackupError::NoBackup(from.to_owned()));
     }
     let (dump, file) = (from.join(DUMP), from.join(DATABASE_FILE));
-    let other = |was, advice| BackupError::OtherDatabase {
-        folder: from.to_owned(),
-        was,
-        advice,
-    };
-    match (&to.database, dump.exists()) {
-        (Some(_), false) => return Err(other("SQLite", "leave --database out")),
-        (None, true) => return Err(other("PostgreSQL", "name an empty one with --database")),
-        _ => {}
+    if to.database.is_none() && dump.exists() {
+        return Err(BackupError::OtherDatabase(from.to_owned()));
     }
     make_empty(&to.data_dir)?;
     let _lock = DataDirLock::take(&to.data_dir)?;
     match &to.database {
-        Some(url) => database::undump(url, &dump).await?,
+        Some(url) if dump.exists() => database::undump(url, &dump).await?,
+        Some(url) => carry::carry(&file, &to.data_dir, url).await?,
         None => folders::copy_file(&file, &to.data_dir.join(DATABASE_FILE))
             .map(drop)
             .map_err(BackupError::file("copying", &file))?,

@@ -11,7 +11,7 @@ use crate::context::Context;
 use axum::Router;
 use axum::extract::Request;
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, Method, StatusCode, Version};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use std::sync::Arc;
@@ -21,6 +21,12 @@ use tonic::Status;
 pub fn is_grpc(headers: &HeaderMap) -> bool {
     let kind = headers.get(CONTENT_TYPE);
     kind.is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"))
+}
+
+/// Whether a browser may have sent the request: those speak HTTP/1.1 where nothing is encrypted, and gRPC needs HTTP/2. Any page
+/// of the web can have its visitor's browser post to this machine, so nothing is changed by such a request.
+pub fn is_of_a_browser(version: Version, method: &Method) -> bool {
+    version < Version::HTTP_2 && !matches!(*method, Method::GET | Method::HEAD)
 }
 
 /// The services of gRPC in `router`, and the pages beside them.

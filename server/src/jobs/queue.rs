@@ -30,9 +30,13 @@ pub async fn create(
         return Ok(context.store.job(tenant, &id).await?);
     }
     check_spec(context, tenant, &new.spec).await?;
-    let kind = JobKind::of(&new.spec).map_or("", JobKind::as_str);
+    let kind = JobKind::of(&new.spec);
     let request_id = id_of(&request);
     let job = context.store.create_job(tenant, new, request).await?;
+    if let Some(kind) = kind {
+        context.queued(tenant, kind);
+    }
+    let kind = kind.map_or("", JobKind::as_str);
     tracing::info!(job = job.name, kind, request_id, "job queued");
     Ok(job)
 }
@@ -93,7 +97,7 @@ pub async fn cancel(
 ) -> Result<Job, RequestError> {
     let request_id = id_of(&request);
     let job = context.store.cancel_job(tenant, id, request).await?;
-    context.changes.announce(&job.name);
+    context.announce(&job.name);
     tracing::info!(
         job = job.name,
         state = job.state().as_str_name(),

@@ -48,7 +48,7 @@ pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
 
 fn told(context: &Context, reaped: Vec<Reaped>) {
     for it in reaped {
-        context.changes.announce(&it.job);
+        context.announce(&it.job);
         METRICS.lease_lost(&it.job);
         let (job, worker, losses) = (it.job, it.worker, it.losses);
         tracing::warn!(

@@ -192,5 +192,5 @@ pub async fn end(
 
 fn announce(context: &Context, lease: &LeaseKey) {
     let job = Collection::Jobs.name(&lease.job_id);
-    context.changes.announce(&job);
+    context.announce(&job);
 }

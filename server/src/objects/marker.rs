@@ -1,4 +1,5 @@
-//! An object that names its store, so that a coordinator finds whether the objects of its database are there.
+//! An object that binds its store to one database: a coordinator finds by it whether the objects of its database are there,
+//! and whether they belong to another one, whose objects would be garbage to it.
 
 use crate::error::ServerError;
 use crate::store::{Store, new_id};
@@ -7,17 +8,27 @@ use yoto_objects::{Objects, ObjectsError, shown};
 
 /// The object's key. Its content is the id of the store.
 pub const KEY: &str = "yoto-store";
+/// What follows the id until the database has it too: a first start may end between the two.
+const BEGUN: &str = "begun";
 
-/// Refuses the object store at `url` if the database was begun with another one. The first coordinator of a database
-/// decides: it takes the id that it finds, or writes one.
+/// The object's content.
+#[derive(Debug, PartialEq, Eq)]
+struct Marker {
+    id: String,
+    /// Whether a database has this id.
+    bound: bool,
+}
+
+/// Refuses the object store at `url` if the database was begun with another one, or the store belongs to another database.
 ///
 /// # Errors
-/// [`ServerError::OtherObjects`], or when the store or the database fails.
+/// [`ServerError::OtherObjects`], [`ServerError::OtherDatabase`], or when the store or the database fails.
 pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<(), ServerError> {
     // Coordinators of one database do this one after the other, so it needs no conditional write, which not all stores know.
-    let id = store.object_store(|| mark(objects)).await??;
+    let id = store.object_store(|| begin(objects, url)).await??;
     match found(objects).await? {
-        Some(found) if found == id => Ok(()),
+        Some(marker) if marker.id == id && marker.bound => Ok(()),
+        Some(marker) if marker.id == id => Ok(put(objects, &id).await?),
         _ => Err(ServerError::OtherObjects {
             url: shown(url).to_string(),
             key: KEY,
@@ -26,20 +37,48 @@ pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<(), Se
     }
 }
 
-/// The id of the store, which gets one if it has none yet.
-async fn mark(objects: &Objects) -> Result<String, ObjectsError> {
-    if let Some(id) = found(objects).await? {
-        return Ok(id);
-    }
-    let id = new_id();
-    objects.put(KEY, id.clone().into()).await?;
+/// Binds the store to the database, whatever it was bound to before.
+///
+/// # Errors
+/// When the store or the database fails.
+pub async fn adopt(objects: &Objects, store: &Store) -> Result<String, ServerError> {
+    let id = store.object_store(async || Ok::<_, ServerError>(new_id()));
+    let id = id.await??;
+    put(objects, &id).await?;
     Ok(id)
 }
 
-/// The id of the store, if it has one yet.
-async fn found(objects: &Objects) -> Result<Option<String>, ObjectsError> {
+/// A new id for the store, unless a database has it.
+async fn begin(objects: &Objects, url: &Url) -> Result<String, ServerError> {
+    if let Some(Marker { bound: true, .. }) = found(objects).await? {
+        return Err(ServerError::OtherDatabase {
+            url: shown(url).to_string(),
+            key: KEY,
+        });
+    }
+    let id = new_id();
+    objects.put(KEY, format!("{id} {BEGUN}").into()).await?;
+    Ok(id)
+}
+
+/// Records that a database has the id.
+async fn put(objects: &Objects, id: &str) -> Result<(), ObjectsError> {
+    objects.put(KEY, id.to_owned().into()).await.map(drop)
+}
+
+async fn found(objects: &Objects) -> Result<Option<Marker>, ObjectsError> {
     let found = objects.find(KEY).await?;
-    Ok(found.map(|it| String::from_utf8_lossy(&it).trim().to_owned()))
+    Ok(found.map(|content| {
+        let content = String::from_utf8_lossy(&content);
+        let (id, rest) = content
+            .trim()
+            .split_once(' ')
+            .unwrap_or((content.trim(), ""));
+        Marker {
+            id: id.to_owned(),
+            bound: rest != BEGUN,
+        }
+    }))
 }
 
 #[cfg(test)]
@@ -52,6 +91,9 @@ mod tests {
 
     on_each_database!(
         the_first_coordinator_decides,
+        a_store_belongs_to_one_database,
+        a_first_start_that_broke_off_is_repeated,
+        an_operator_can_bind_a_store_anew,
         coordinators_that_start_at_once_agree
     );
 
@@ -76,7 +118,7 @@ mod tests {
         }
         let refused = check(&other, &url(), &staged.store).await;
         let refused = refused.expect_err("is another store").to_string();
-        let id = found(&ours).await.expect("reads").expect("has one");
+        let id = found(&ours).await.expect("reads").expect("has one").id;
         assert!(refused.contains(&id), "{refused}");
         let left = found(&other).await.expect("reads");
         assert_eq!(left, None, "nothing was written there");
@@ -88,6 +130,64 @@ mod tests {
         other.put(KEY, id.into()).await.expect("writes");
         let moved = check(&other, &url(), &staged.store).await;
         moved.expect("has the name");
+    }
+
+    async fn a_store_belongs_to_one_database(kind: Kind) {
+        let (first, second, objects) = (
+            kind.store(clock()).await,
+            kind.store(clock()).await,
+            objects(),
+        );
+        let begun = check(&objects, &url(), &first.store).await;
+        begun.expect("nobody has it");
+        for _ in 0..2 {
+            let refused = check(&objects, &url(), &second.store).await;
+            let refused = refused.expect_err("the first one has it");
+            assert!(
+                matches!(refused, ServerError::OtherDatabase { .. }),
+                "{refused}"
+            );
+        }
+        let same = check(&objects, &url(), &first.store).await;
+        same.expect("nothing has changed");
+        let free = super::tests::objects();
+        let begun = check(&free, &url(), &second.store).await;
+        begun.expect("the refusal has left nothing in the database");
+    }
+
+    async fn a_first_start_that_broke_off_is_repeated(kind: Kind) {
+        let (staged, objects) = (kind.store(clock()).await, objects());
+        // Before the database has the id.
+        begin(&objects, &url()).await.expect("writes");
+        let again = check(&objects, &url(), &staged.store).await;
+        again.expect("no database has that id");
+        // Before the object says that the database has it.
+        let id = found(&objects).await.expect("reads").expect("has one").id;
+        let begun = format!("{id} {BEGUN}");
+        objects.put(KEY, begun.into()).await.expect("writes");
+        let again = check(&objects, &url(), &staged.store).await;
+        again.expect("it is this database's id");
+        let bound = found(&objects).await.expect("reads");
+        assert_eq!(bound, Some(Marker { id, bound: true }));
+    }
+
+    async fn an_operator_can_bind_a_store_anew(kind: Kind) {
+        let (first, second) = (kind.store(clock()).await, kind.store(clock()).await);
+        let (lost, new) = (objects(), objects());
+        let begun = check(&lost, &url(), &first.store).await;
+        begun.expect("nobody has it");
+        let refused = check(&new, &url(), &first.store).await;
+        refused.expect_err("the objects are not there");
+        let id = adopt(&new, &first.store).await.expect("binds");
+        let taken = check(&new, &url(), &first.store).await;
+        taken.expect("is bound to it");
+        // A database that replaces the other one.
+        let other = adopt(&new, &second.store).await.expect("binds");
+        assert_ne!(id, other);
+        let taken = check(&new, &url(), &second.store).await;
+        taken.expect("is bound to it");
+        let gone = check(&new, &url(), &first.store).await;
+        gone.expect_err("is bound to the second one");
     }
 
     async fn coordinators_that_start_at_once_agree(kind: Kind) {

@@ -209,8 +209,19 @@ pub struct JobFilter {
 pub struct JobVersions {
     /// Position of the newest job of all; 0: there is none.
     pub newest: i64,
-    /// Ids and sequence numbers.
-    pub jobs: Vec<(String, u64)>,
+    /// Open jobs, and the last ones of whatever state.
+    pub jobs: Vec<JobVersion>,
+}
+
+/// A job by which a watcher finds whether it has changed.
+#[derive(Debug)]
+pub struct JobVersion {
+    /// Its id.
+    pub id: String,
+    /// Its sequence number.
+    pub sequence: u64,
+    /// Whether it is QUEUED or RUNNING.
+    pub is_open: bool,
 }
 
 /// End of a lease.

@@ -15,10 +15,10 @@ pub mod stage;
 mod transaction;
 mod types;
 
-pub use db::{PostgresUrl, UrlError};
+pub use db::{Listener, PostgresUrl, UrlError};
 pub use job_types::{
-    Ending, JobFilter, JobKind, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob, OpenJobs,
-    QueueFigures, Reaped, TakenRange,
+    Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob,
+    OpenJobs, QueueFigures, Reaped, TakenRange,
 };
 pub use types::{
     Entry, Horizons, KnownGarbage, NewModel, NewPart, NewPiece, NewSubject, NewUpload, NewWorker,
@@ -70,6 +70,27 @@ impl Store {
             db,
             checks: Mutex::default(),
         }
+    }
+
+    /// Whether other coordinators may use the database.
+    pub fn is_shared(&self) -> bool {
+        self.db.is_shared()
+    }
+
+    /// Sends a text of less than 8000 bytes to the coordinators that [listen](Self::listen), this one too.
+    ///
+    /// # Errors
+    /// When the database can't be reached.
+    pub async fn notify(&self, text: &str) -> Result<(), StoreError> {
+        self.db.notify(text).await
+    }
+
+    /// Receives texts of coordinators; `None` if there can't be others.
+    ///
+    /// # Errors
+    /// When the database can't be reached.
+    pub async fn listen(&self) -> Result<Option<Listener>, StoreError> {
+        self.db.listen().await
     }
 
     /// Waits for running statements and closes the database.

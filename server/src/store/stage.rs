@@ -124,9 +124,9 @@ macro_rules! on_each_database {
 }
 pub(crate) use on_each_database;
 
-/// The training `j` runs by the token 77 of the worker `w` in a database that was brought up to date: its lease lasts, and it
-/// publishes and returns.
-pub async fn running_job_goes_on(store: &Store) {
+/// The training `j` runs by the token 77 of the worker `w` in a database that was brought up to date, with as many `attempts`
+/// as its schema has recorded: its lease lasts, and it publishes and returns.
+pub async fn running_job_goes_on(store: &Store, attempts: usize) {
     let own = Tenant::default();
     let lease = LeaseKey {
         job_id: "j".into(),
@@ -137,7 +137,10 @@ pub async fn running_job_goes_on(store: &Store) {
     let cancel = store.heartbeat(&own, &lease, None, 20.0).await;
     assert!(!cancel.expect("the lease lasts"));
     let job = store.job_history(&own, "j").await.expect("is kept");
-    assert_eq!((job.state(), job.attempts.len()), (job::State::Running, 1));
+    assert_eq!(
+        (job.state(), job.attempts.len()),
+        (job::State::Running, attempts)
+    );
     let checkpoint = Checkpoint {
         step: 5,
         ..Checkpoint::default()
@@ -152,4 +155,16 @@ pub async fn running_job_goes_on(store: &Store) {
     published.expect("publishes");
     let ended = store.end_job(&own, &lease, Ending::Returned).await;
     ended.expect("returns the job");
+}
+
+/// The training `j` of a worker in the only coordinator of an earlier version goes back to the queue when a coordinator of
+/// this version starts, whatever the coordinator's instance.
+pub async fn taken_back_from_the_process_before(store: &Store) {
+    let back = store.take_back_embedded("an instance", 5).await;
+    let back: Vec<String> = (back.expect("takes back").into_iter())
+        .map(|it| it.job)
+        .collect();
+    assert_eq!(back, ["jobs/j"]);
+    let job = store.job(&Tenant::default(), "j").await.expect("is kept");
+    assert_eq!((job.state(), job.lost_workers), (job::State::Queued, 1));
 }

@@ -3,7 +3,7 @@
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
-use crate::http::is_grpc;
+use crate::http::{is_grpc, is_of_a_browser};
 use crate::methods::{self, is_unary};
 use crate::metrics::METRICS;
 use bytes::Bytes;
@@ -42,10 +42,10 @@ pub struct Limited<S> {
 }
 
 /// The refusal of a page.
-fn plain(message: String) -> Response<Body> {
+fn plain(status: StatusCode, message: String) -> Response<Body> {
     let body = Full::new(Bytes::from(message)).map_err(|never| match never {});
     let mut refused = Response::new(Body::new(body));
-    *refused.status_mut() = StatusCode::SERVICE_UNAVAILABLE;
+    *refused.status_mut() = status;
     refused
 }
 
@@ -92,6 +92,11 @@ where
     }
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
+        if is_of_a_browser(request.version(), request.method()) {
+            let message = "calls need gRPC over HTTP/2\n".to_owned();
+            let refused = plain(StatusCode::METHOD_NOT_ALLOWED, message);
+            return Box::pin(std::future::ready(Ok(refused)));
+        }
         let traffic = Arc::clone(&self.traffic);
         let limits = &traffic.limits;
         let Ok(place) = Arc::clone(&traffic.calls).try_acquire_owned() else {
@@ -99,7 +104,7 @@ where
             let message = format!("{} calls are open already", limits.calls);
             let refused = match is_grpc(request.headers()) {
                 true => Status::from(busy(message)).into_http(),
-                false => plain(message),
+                false => plain(StatusCode::SERVICE_UNAVAILABLE, message),
             };
             return Box::pin(std::future::ready(Ok(refused)));
         };
@@ -126,7 +131,7 @@ where
                         let message = format!("the call took longer than {} s", longest.as_secs());
                         return Ok(match grpc {
                             true => Status::deadline_exceeded(message).into_http(),
-                            false => plain(message),
+                            false => plain(StatusCode::SERVICE_UNAVAILABLE, message),
                         });
                     }
                 }

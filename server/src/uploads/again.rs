@@ -3,7 +3,7 @@
 use super::answered;
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{RequestKey, StoreError, StoredPart};
+use crate::store::{JobKind, RequestKey, StoreError, StoredPart};
 use crate::tenant::Tenant;
 use yoto_proto::v1::{Capture, capture};
 
@@ -43,6 +43,7 @@ pub async fn ingest_again(
         }
     }
     let capture = context.store.ingest_capture(tenant, id, request).await?;
+    context.queued(tenant, JobKind::Ingest);
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture is read again");
     Ok(capture)

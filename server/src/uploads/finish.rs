@@ -5,7 +5,7 @@ use super::{answered, lost, take_over};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::all;
-use crate::store::{RequestKey, UploadFile};
+use crate::store::{JobKind, RequestKey, UploadFile};
 use crate::tenant::Tenant;
 use yoto_proto::v1::{Capture, ErrorReason};
 
@@ -46,6 +46,7 @@ pub async fn finish(
     }
     let finished = context.store.finish_upload(tenant, id, writer, request);
     let capture = finished.await?;
+    context.queued(tenant, JobKind::Ingest);
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture uploaded");
     Ok(capture)

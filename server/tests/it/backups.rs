@@ -1,6 +1,6 @@
 //! Backups of a service that runs, and their restoration.
 
-use crate::support::{Database, Service};
+use crate::support::{Database, Service, chunk, file};
 use std::path::Path;
 use tempfile::TempDir;
 use yoto_proto::v1::{GetSubjectRequest, job};
@@ -50,6 +50,53 @@ async fn a_backup_of_a_running_service_is_a_service_at_one_point() {
     let running = restored.get_job(&job.name).await;
     assert_eq!(running.state(), job::State::Running);
     restored.publish(&lease, 5).await.expect("holds the lease");
+}
+
+#[tokio::test]
+async fn rows_of_sqlite_are_carried_to_postgres() {
+    let service = Service::start().await;
+    if service.database.url().is_some() || !yoto_test_postgres::is_there() {
+        return;
+    }
+    let trained = service.trained().await;
+    let files = [file("poses.json", b"{}"), file("video.mp4", b"0123")];
+    let upload = service.open_upload(&trained.subject.name, &files).await;
+    let upload = upload.expect("is opened").name;
+    let half = vec![chunk(&upload, "video.mp4", 0, b"01")];
+    service.write(half).await.expect("is committed");
+    let folder = TempDir::new().expect("a folder");
+    let saved = folder.path().join("saved");
+    let from = place(service.dir.path(), &service.database);
+    backup(&from, &saved).await.expect("copies");
+
+    let again = TempDir::new().expect("a folder");
+    let made = yoto_test_postgres::Database::create();
+    let database = Database::Postgres(made.expect("PostgreSQL"));
+    let to = place(again.path(), &database);
+    restore(&saved, &to).await.expect("carries");
+    let onto = TempDir::new().expect("a folder");
+    let filled = restore(&saved, &place(onto.path(), &database)).await;
+    assert!(
+        matches!(filled, Err(BackupError::RowsThere { .. })),
+        "{filled:?}"
+    );
+    database.keep(again.path());
+    let carried = Service::start_in(again, |_| {}).await;
+    let subject = carried.get_subject(&trained.subject.name).await;
+    assert_eq!(subject.display_name, trained.subject.display_name);
+    let checkpoints = carried.checkpoints(&trained.model.name).await;
+    assert_eq!(checkpoints, service.checkpoints(&trained.model.name).await);
+    // The lease and the upload go on, and new rows come after the carried ones.
+    let later = carried.publish(&trained.training, 5).await;
+    later.expect("holds the lease");
+    let rest = vec![
+        chunk(&upload, "video.mp4", 2, b"23"),
+        chunk(&upload, "poses.json", 0, b"{}"),
+    ];
+    carried.write(rest).await.expect("goes on");
+    carried.finish(&upload).await.expect("is complete");
+    let job = carried.train(&trained.model).await;
+    assert_eq!(job.queue_position, 1);
 }
 
 #[tokio::test]

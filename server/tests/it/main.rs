@@ -13,6 +13,7 @@ mod faults;
 mod faulty_fields;
 mod garbage;
 mod helpers;
+mod hints;
 mod ingests;
 mod leases;
 mod metrics;

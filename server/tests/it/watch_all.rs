@@ -87,6 +87,24 @@ async fn a_job_that_begins_and_ends_between_two_polls_is_seen() {
 }
 
 #[tokio::test]
+async fn an_end_is_sent_once() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    let mut all = watch(&service, WatchJobsRequest::default()).await;
+    assert_eq!(next(&mut all).await, WatchJobsResponse::default());
+    // The first reading of the queue found the ended ingest; later ones find it and the ends of these again.
+    for _ in 0..3 {
+        let queued = service.train(&model).await;
+        let name = queued.name.clone();
+        assert_eq!(next_job(&mut all).await, (name, job::State::Queued));
+        cancel(&service, &queued.name).await;
+        let change = next_job(&mut all).await;
+        assert_eq!(change, (queued.name, job::State::Cancelled));
+    }
+}
+
+#[tokio::test]
 async fn only_jobs_of_the_filter_are_sent() {
     let service = Service::start().await;
     let subject = service.ready_subject("Ada").await;

@@ -43,7 +43,7 @@ use yoto_proto::orders;
 use yoto_proto::v1::JobKind;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{
-    Lease, LeaseJobRequest, RegisterWorkerRequest, RegisterWorkerResponse,
+    Lease, LeaseJobRequest, RegisterWorkerRequest, RegisterWorkerResponse, WaitForJobRequest,
 };
 
 /// Longest wait for an answer before a retry.
@@ -172,6 +172,7 @@ impl Worker {
             // Not raced against shutdown: a lease with an unread answer blocks its job.
             let asked = Instant::now();
             let answer = self.lease(&name, call).await;
+            let told_of_none = matches!(answer, Ok(None));
             if answer.is_ok() {
                 call = Uuid::new_v4();
             }
@@ -204,7 +205,11 @@ impl Worker {
             if let Some(ended) = idle.end() {
                 return ended;
             }
-            pause(idle.at_most(pauses.pause()), stopping).await;
+            let time = idle.at_most(pauses.pause());
+            match told_of_none {
+                true => self.wait(time, stopping).await,
+                false => pause(time, stopping).await,
+            }
         }
         Ok(Ended::Stopped)
     }
@@ -257,6 +262,23 @@ impl Worker {
             pause(idle.at_most(backoff.pause()), stopping).await;
         }
         Ok(None)
+    }
+
+    /// Waits for `time`, or until the coordinator tells that a job was queued. One that can't tell costs no more than the time.
+    async fn wait(&self, time: Duration, stopping: &CancellationToken) {
+        let request = WaitForJobRequest {
+            kinds: self.kinds.iter().map(|&kind| kind.into()).collect(),
+            seconds: time.as_secs_f64(),
+        };
+        let mut client = self.client.clone();
+        let queued = async {
+            let answer = client.wait_for_job(request).await;
+            answer.is_ok_and(|it| it.into_inner().queued)
+        };
+        tokio::select! {
+            true = queued => {}
+            () = pause(time, stopping) => {}
+        }
     }
 
     async fn lease(&self, worker: &str, call: Uuid) -> Result<Option<Lease>, Status> {

@@ -1,8 +1,10 @@
-//! Tests of a worker whose coordinator answers nothing until a lease has expired.
+//! Tests of a worker whose coordinator answers nothing until a lease has expired, or has no job at first.
 
 use super::*;
 use object_store::memory::InMemory;
 use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
@@ -16,10 +18,13 @@ use yoto_proto::worker::v1::{
     CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse, HeartbeatRequest,
     HeartbeatResponse, InputFile, Inputs, LeaseJobResponse, PublishCheckpointRequest,
     PublishCheckpointResponse, RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
+    WaitForJobResponse,
 };
 
 /// A coordinator that leases one job, and refuses all reports on it as UNAVAILABLE for the time of the lease.
 struct Locked {
+    /// Whether the job is queued only once the worker waits for one.
+    later: AtomicBool,
     lease: Mutex<Option<Lease>>,
     until: Mutex<Option<Instant>>,
     lease_time: Duration,
@@ -52,12 +57,20 @@ impl WorkerService for Locked {
     }
 
     async fn lease_job(&self, _: Request<LeaseJobRequest>) -> Answer<LeaseJobResponse> {
+        if self.later.load(Relaxed) {
+            return Ok(Response::new(LeaseJobResponse::default()));
+        }
         let lease = self.lease.lock().expect("no panic").take();
         if lease.is_some() {
             let until = Instant::now() + self.lease_time;
             *self.until.lock().expect("no panic") = Some(until);
         }
         Ok(Response::new(LeaseJobResponse { lease }))
+    }
+
+    async fn wait_for_job(&self, _: Request<WaitForJobRequest>) -> Answer<WaitForJobResponse> {
+        let queued = self.later.swap(false, Relaxed);
+        Ok(Response::new(WaitForJobResponse { queued }))
     }
 
     async fn heartbeat(&self, _: Request<HeartbeatRequest>) -> Answer<HeartbeatResponse> {
@@ -92,17 +105,18 @@ impl WorkerService for Locked {
 /// The outcome that a worker reports after a lease of `lease_time` without an answer.
 async fn outcome(kind: Option<job_spec::Kind>, inputs: Inputs, lease_time: Duration) -> Outcome {
     let config = WorkerConfig::default();
-    let (outcome, working) = worked(kind, inputs, lease_time, config).await;
+    let (outcome, working) = worked(kind, inputs, lease_time, config, false).await;
     working.abort();
     outcome
 }
 
-/// The same of a worker with these settings, and its task.
+/// The same of a worker with these settings, and its task. The job may come `later` than the worker.
 async fn worked(
     kind: Option<job_spec::Kind>,
     inputs: Inputs,
     lease_time: Duration,
     config: WorkerConfig,
+    later: bool,
 ) -> (Outcome, JoinHandle<Result<Ended, WorkerError>>) {
     let (ended, mut outcomes) = mpsc::unbounded_channel();
     let lease = Lease {
@@ -117,6 +131,7 @@ async fn worked(
         helps: false,
     };
     let locked = Locked {
+        later: AtomicBool::new(later),
         lease: Mutex::new(Some(lease)),
         until: Mutex::new(None),
         lease_time,
@@ -173,8 +188,21 @@ async fn a_worker_for_one_job_tells_that_it_failed() {
     };
     // A job without an order fails at once.
     let lease = Duration::from_millis(300);
-    let (_, working) = worked(None, Inputs::default(), lease, config).await;
+    let (_, working) = worked(None, Inputs::default(), lease, config, false).await;
     let ended = timeout(Duration::from_secs(60), working).await;
     let ended = ended.expect("in time").expect("no panic");
     assert_eq!(ended.expect("no error"), Ended::OneJob(JobEnd::Failed));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_waits_asks_as_soon_as_a_job_is_queued() {
+    let never = 3600.0;
+    let config = WorkerConfig {
+        poll_seconds: never,
+        idle_poll_seconds: never,
+        ..WorkerConfig::default()
+    };
+    let lease = Duration::from_millis(300);
+    let (_, working) = worked(None, Inputs::default(), lease, config, true).await;
+    working.abort();
 }

@@ -65,8 +65,8 @@ impl Store {
         metrics::of_job(&mut self.db.read().await?, tenant, id).await
     }
 
-    /// The tenant's open jobs, and all of its jobs after the position `after`, with the position of its newest job. Without
-    /// `after`, only the open jobs.
+    /// The tenant's open jobs, and its newest ones of whatever state: all after the position `after`, and some before it, since
+    /// jobs are not committed in the order of their positions. With the position of the newest one.
     pub async fn job_versions(
         &self,
         tenant: &Tenant,

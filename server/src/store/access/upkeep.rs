@@ -25,7 +25,7 @@ impl Store {
     }
 
     /// The id of the object store of this database. If it has none yet, it gets the one that `mark` tells, which no other
-    /// coordinator of this database calls meanwhile. The inner error is that of `mark`.
+    /// coordinator of this database calls meanwhile. The inner error is that of `mark`, after which it has none.
     pub async fn object_store<F, E>(
         &self,
         mark: impl Fn() -> F,

@@ -19,7 +19,7 @@ mod statement;
 mod tx;
 
 pub use locks::Lock;
-pub use postgres::{PostgresUrl, UrlError};
+pub use postgres::{Listener, PostgresUrl, UrlError};
 pub use row::{Row, integer, state, timestamp};
 pub(crate) use statement::claimed;
 pub use statement::{Statement, sql};
@@ -92,6 +92,33 @@ impl Database {
             // The lock of the data folder lasts as long as the process.
             Driver::Sqlite(_) => Ok(()),
             Driver::Postgres(it) => it.renew().await,
+        }
+    }
+
+    /// Whether other coordinators may use the database.
+    pub fn is_shared(&self) -> bool {
+        matches!(self.driver, Driver::Postgres(_))
+    }
+
+    /// Sends a text to the coordinators that [listen](Self::listen), this one too.
+    ///
+    /// # Errors
+    /// When the database can't be reached.
+    pub async fn notify(&self, text: &str) -> Result<(), StoreError> {
+        match &self.driver {
+            Driver::Sqlite(_) => Ok(()),
+            Driver::Postgres(it) => it.notify(text).await,
+        }
+    }
+
+    /// Receives texts of coordinators; `None` if there can't be others.
+    ///
+    /// # Errors
+    /// When the database can't be reached.
+    pub async fn listen(&self) -> Result<Option<Listener>, StoreError> {
+        match &self.driver {
+            Driver::Sqlite(_) => Ok(None),
+            Driver::Postgres(it) => it.listen().await.map(Some),
         }
     }
 

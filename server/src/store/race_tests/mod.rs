@@ -3,6 +3,7 @@
 
 mod catalogue;
 mod leases;
+mod positions;
 mod renders;
 mod uploads;
 
@@ -13,8 +14,8 @@ use crate::store::scripts::queue;
 use crate::store::stage::{Kind, Pair};
 use crate::store::transaction::transaction;
 use crate::store::{
-    Ending, JobKind, LeaseKey, NewJob, NewModel, NewPart, NewPiece, NewSubject, NewUpload,
-    NewWorker, Page, PartId, RequestKey, Store, StoreError, Target, UploadedFile,
+    Ending, JobKind, JobVersion, LeaseKey, NewJob, NewModel, NewPart, NewPiece, NewSubject,
+    NewUpload, NewWorker, Page, PartId, RequestKey, Store, StoreError, Target, UploadedFile,
 };
 use crate::tenant::Tenant;
 use futures::future::join_all;

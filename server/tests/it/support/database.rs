@@ -31,16 +31,16 @@ pub enum WriteLock {
 impl Database {
     /// The database of a service in `folder`.
     pub fn of(folder: &Path) -> Self {
-        if std::env::var_os(ON_POSTGRES).is_none() {
-            return Self::Sqlite(folder.join("yoto.db"));
-        }
         let stopped = STOPPED
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .remove(folder);
-        stopped.unwrap_or_else(|| {
-            let made = yoto_test_postgres::Database::create();
-            Self::Postgres(made.expect("this run is for PostgreSQL"))
+        stopped.unwrap_or_else(|| match std::env::var_os(ON_POSTGRES) {
+            None => Self::Sqlite(folder.join("yoto.db")),
+            Some(_) => {
+                let made = yoto_test_postgres::Database::create();
+                Self::Postgres(made.expect("this run is for PostgreSQL"))
+            }
         })
     }
 

@@ -1,14 +1,15 @@
 //! Connections to the database.
 
+use super::advice::refusal;
 use super::failures::During;
 use crate::store::StoreError;
 use crate::store::db::PostgresUrl;
-use sqlx::PgPool;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
+use sqlx::{ConnectOptions, PgPool};
 use std::time::Duration;
 
-/// Number of connections of one coordinator. PostgreSQL's default is room for 100 in all.
-const CONNECTIONS: u32 = 20;
+/// Number of connections of one coordinator, one of which listens. PostgreSQL's default is room for 100 in all.
+const CONNECTIONS: u32 = 21;
 /// Longest wait for a free connection.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -41,12 +42,21 @@ pub fn options(url: &PostgresUrl) -> Result<PgConnectOptions, StoreError> {
 /// comes after it.
 ///
 /// # Errors
-/// When the database can't be reached.
+/// When the database can't be reached, or refuses the user.
 pub async fn pool(options: PgConnectOptions) -> Result<PgPool, StoreError> {
-    PgPoolOptions::new()
+    let pool = PgPoolOptions::new()
         .max_connections(CONNECTIONS)
         .acquire_timeout(ACQUIRE_TIMEOUT)
-        .connect_with(options)
-        .await
-        .during("connecting to the database")
+        .connect_with(options.clone())
+        .await;
+    let error = match pool {
+        Ok(pool) => return Ok(pool),
+        // The pool tries again for that long, and does not tell why.
+        Err(sqlx::Error::PoolTimedOut) => match options.connect().await {
+            Ok(_) => sqlx::Error::PoolTimedOut,
+            Err(error) => error,
+        },
+        Err(error) => error,
+    };
+    Err(refusal(error, &options))
 }

@@ -1,5 +1,6 @@
 //! The schema, brought up to date step by step.
 
+use super::advice::refusal;
 use super::failures::During;
 use crate::store::StoreError;
 use crate::store::db::schema::{self, Found};
@@ -38,7 +39,7 @@ pub async fn run(pool: &PgPool) -> Result<(), StoreError> {
     let migrations = migrations();
     schema::check(&migrations, &found(pool).await?)?;
     let done = migrations.run(pool).await.map_err(sqlx::Error::from);
-    done.during("bringing the database's schema up to date")
+    done.map_err(|error| refusal(error, &pool.connect_options()))
 }
 
 /// Whether the schema has to be brought up to date.

@@ -4,14 +4,17 @@
 //! of its later statements sees the newest state of that. SERIALIZABLE would need no locks, but every lease counts the queue
 //! and the running jobs of all owners, which any other lease changes: most of them would be rolled back and run again.
 
+mod advice;
 mod connections;
 mod failures;
 mod guard;
 mod migrations;
+mod notices;
 #[cfg(test)]
 mod schema_tests;
 mod url;
 
+pub use notices::Listener;
 pub use url::{PostgresUrl, UrlError};
 
 use super::statement::query;
@@ -84,6 +87,16 @@ impl Postgres {
             inner: tx.during("starting a transaction")?,
             failed: false,
         })
+    }
+
+    /// Sends a text to all coordinators.
+    pub async fn notify(&self, text: &str) -> Result<(), StoreError> {
+        notices::notify(&self.pool, text).await
+    }
+
+    /// Receives the texts of all coordinators.
+    pub async fn listen(&self) -> Result<Listener, StoreError> {
+        Listener::open(&self.pool).await
     }
 
     /// Makes sure that no coordinator of another version has the database.

@@ -2,7 +2,7 @@
 
 use super::migrations::migrations;
 use crate::clock::{ManualClock, SystemClock};
-use crate::store::stage::running_job_goes_on;
+use crate::store::stage::{running_job_goes_on, taken_back_from_the_process_before};
 use crate::store::{NewSubject, Store, StoreError};
 use crate::tenant::Tenant;
 use sqlx::postgres::PgConnectOptions;
@@ -14,6 +14,12 @@ use yoto_test_postgres::{Database, is_there};
 async fn open(database: &Database) -> Result<Store, StoreError> {
     let url = database.url().parse().expect("an address");
     Store::open_postgres(&url, Arc::new(SystemClock)).await
+}
+
+async fn open_at(database: &Database, clock: Arc<ManualClock>) -> Store {
+    let url = database.url().parse().expect("an address");
+    let store = Store::open_postgres(&url, clock).await;
+    store.expect("opens")
 }
 
 /// The reason for which the database is refused.
@@ -102,7 +108,7 @@ async fn a_database_that_is_up_to_date_opens_again() {
     assert_eq!(store.subject(&own, id).await.expect("is kept"), made);
 }
 
-/// The first schema, and what a service has while a worker trains: a RUNNING job with its lease and its pins.
+/// What a service of each earlier schema has while a worker trains: a RUNNING job with its lease and its pins.
 const RUNNING: &str = r"
     INSERT INTO subjects (id, display_name, consent_note, create_time, tenant) VALUES ('s', 'Ada', '', 1.5, 'default');
     INSERT INTO captures (id, subject, state, shard_key, shard_bytes, shard_sha256, create_time, idle_since)
@@ -120,31 +126,49 @@ const RUNNING: &str = r"
     INSERT INTO lease_clock (id, last_tick) VALUES (1, 1.5);
 ";
 
+/// A database with the schema of `version` and a running job, opened by this program.
+async fn upgraded(database: &Database, version: i64) -> Store {
+    let options: PgConnectOptions = database.url().parse().expect("an address");
+    let mut connection = options.connect().await.expect("connects");
+    let done = migrations().run_to(version, &mut connection).await;
+    done.expect("the old schema");
+    database.run(RUNNING);
+    open_at(database, Arc::new(ManualClock::at(2.0))).await
+}
+
 #[tokio::test]
-async fn a_running_job_goes_on_after_the_upgrade_of_the_first_schema() {
+async fn a_running_job_goes_on_after_the_upgrade_of_each_earlier_schema() {
     if !is_there() {
         return;
     }
+    let versions: Vec<i64> = migrations().iter().map(|it| it.version).collect();
+    let (_, earlier) = versions.split_last().expect("a schema");
+    for version in earlier {
+        let database = Database::create().expect("PostgreSQL");
+        let store = upgraded(&database, *version).await;
+        let own = Tenant::default();
+        running_job_goes_on(&store, 1).await;
+        let again = store.lease_job(&own, "w", "", false, 20.0).await;
+        let again = again.expect("answers").leased;
+        assert_eq!(
+            again.map(|it| it.job.name),
+            None,
+            "a worker of before understands no orders"
+        );
+    }
+}
+
+#[tokio::test]
+async fn a_job_of_the_process_before_the_upgrade_is_taken_back() {
+    if !is_there() {
+        return;
+    }
+    let versions = migrations();
+    let first = versions.iter().map(|it| it.version).min();
     let database = Database::create().expect("PostgreSQL");
-    let options: PgConnectOptions = database.url().parse().expect("an address");
-    let mut connection = options.connect().await.expect("connects");
-    let first = migrations().iter().map(|it| it.version).min();
-    let first = first.expect("a step");
-    let done = migrations().run_to(first, &mut connection).await;
-    done.expect("the first schema");
-    database.run(RUNNING);
-    let url = database.url().parse().expect("an address");
-    let clock = Arc::new(ManualClock::at(2.0));
-    let store = Store::open_postgres(&url, clock).await.expect("upgrades");
-    let own = Tenant::default();
-    running_job_goes_on(&store).await;
-    let again = store.lease_job(&own, "w", "", false, 20.0).await;
-    let again = again.expect("answers").leased;
-    assert_eq!(
-        again.map(|it| it.job.name),
-        None,
-        "a worker of before understands no orders"
-    );
+    let store = upgraded(&database, first.expect("a schema")).await;
+    database.run("UPDATE workers SET embedded = 1");
+    taken_back_from_the_process_before(&store).await;
 }
 
 #[tokio::test]

@@ -7,6 +7,8 @@ mod connections;
 mod failures;
 mod migrations;
 #[cfg(test)]
+mod running_upgrade_tests;
+#[cfg(test)]
 mod upgrade_tests;
 
 use super::Statement;

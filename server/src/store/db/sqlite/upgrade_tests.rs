@@ -46,7 +46,7 @@ const CONTENT: &str = "
 async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("yoto.db");
-    write_schema(&path, 1, CONTENT).await;
+    write_schema(&path, 1, CONTENT.to_owned()).await;
 
     let store = Store::open_sqlite(&path, Arc::new(SystemClock))
         .await
@@ -163,11 +163,11 @@ const RUNNING: &str = "
 async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("yoto.db");
-    write_schema(&path, 14, RUNNING).await;
+    write_schema(&path, 14, RUNNING.to_owned()).await;
     let clock = Arc::new(ManualClock::at(2.0));
     let store = Store::open_sqlite(&path, clock).await.expect("upgrades");
     let own = Tenant::default();
-    running_job_goes_on(&store).await;
+    running_job_goes_on(&store, 1).await;
     let new = NewWorker {
         embedded: None,
         display_name: "new".into(),
@@ -230,7 +230,7 @@ const UPLOADS: &str = "
 async fn uploads_of_an_earlier_version_are_parts() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = dir.path().join("yoto.db");
-    write_schema(&path, 22, UPLOADS).await;
+    write_schema(&path, 22, UPLOADS.to_owned()).await;
     let store = Store::open_sqlite(&path, Arc::new(ManualClock::at(2.0))).await;
     let (store, own) = (store.expect("upgrades"), Tenant::default());
     let committed = |upload: &Upload| upload.files.iter().map(|it| it.committed).sum::<u64>();
@@ -305,7 +305,7 @@ async fn uploads_of_an_earlier_version_are_parts() {
 }
 
 /// Makes a database with the schema of `version` and some content.
-async fn write_schema(path: &Path, version: i64, content: &'static str) {
+pub async fn write_schema(path: &Path, version: i64, content: String) {
     let options = SqliteConnectOptions::new()
         .filename(path)
         .foreign_keys(true)
@@ -317,7 +317,9 @@ async fn write_schema(path: &Path, version: i64, content: &'static str) {
         .expect("opens");
     let schema = migrations();
     schema.run_to(version, &pool).await.expect("the old schema");
-    pool.execute(content).await.expect("writes");
+    pool.execute(sqlx::AssertSqlSafe(content))
+        .await
+        .expect("writes");
     pool.close().await;
 }
 

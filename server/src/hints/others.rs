@@ -1,0 +1,84 @@
+//! Hints from and to other coordinators of the same database.
+
+use super::message::{Heard, heard, texts};
+use crate::context::Context;
+use crate::store::StoreError;
+use std::mem;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, PoisonError};
+use std::time::Duration;
+
+/// Time between two sendings: PostgreSQL commits those of all coordinators one after the other.
+const BETWEEN: Duration = Duration::from_millis(20);
+/// Time after which a broken connection is opened again.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Sends hints until the coordinator stops: the first at once, and those that come soon after it together.
+pub async fn send(context: Arc<Context>) {
+    let Some(outgoing) = &context.hints.outgoing else {
+        return;
+    };
+    loop {
+        tokio::select! {
+            () = context.stop.cancelled() => return,
+            () = outgoing.news.notified() => {}
+        }
+        let hints = mem::take(
+            &mut *outgoing
+                .hints
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner),
+        );
+        for text in texts(&context.instance, &hints) {
+            if let Err(error) = context.store.notify(&text).await {
+                tracing::debug!(%error, "hints for other coordinators are lost");
+                break;
+            }
+        }
+        tokio::select! {
+            () = context.stop.cancelled() => return,
+            () = tokio::time::sleep(BETWEEN) => {}
+        }
+    }
+}
+
+/// Passes on hints of other coordinators until this one stops.
+pub async fn listen(context: Arc<Context>) {
+    loop {
+        let ended = tokio::select! {
+            () = context.stop.cancelled() => return,
+            ended = pass_on(&context) => ended,
+        };
+        context.hints.listening.store(false, Ordering::Relaxed);
+        let Err(error) = ended else {
+            return;
+        };
+        tracing::debug!(%error, "hints of other coordinators are not heard");
+        tokio::select! {
+            () = context.stop.cancelled() => return,
+            () = tokio::time::sleep(RETRY) => {}
+        }
+    }
+}
+
+/// Passes on hints until the connection fails. Returns at once if the database has no other coordinators.
+async fn pass_on(context: &Context) -> Result<(), StoreError> {
+    let Some(mut listener) = context.store.listen().await? else {
+        return Ok(());
+    };
+    context.hints.listening.store(true, Ordering::Relaxed);
+    loop {
+        let Some(text) = listener.next().await? else {
+            tracing::debug!("some hints of other coordinators may be lost");
+            continue;
+        };
+        for hint in heard(&context.instance, &text) {
+            match hint {
+                Heard::Changed(job) => context.changes.announce(&job),
+                Heard::Queued(tenant, kind, count) => {
+                    (0..count).for_each(|_| context.hints.waiting.wake(&tenant, kind));
+                }
+            }
+        }
+    }
+}
