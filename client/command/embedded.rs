@@ -22,8 +22,8 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
-    Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl, ServerConfig, ServerError,
-    StorageLimits, in_memory,
+    Admission, Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl, ServerConfig,
+    ServerError, StorageLimits, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -47,6 +47,8 @@ pub struct EmbeddedOptions {
     pub objects: Option<Url>,
     /// Address for clients of other processes, if any.
     pub listen: Option<SocketAddr>,
+    /// Whom the address admits without a key.
+    pub admission: Admission,
     /// Whether to run jobs in this process.
     pub worker: bool,
     /// The worker's settings for reading uploads. By default it starts this program again, which must
@@ -149,7 +151,7 @@ impl Embedded {
             coordinator: Some(tokio::spawn(coordinate(
                 coordinator,
                 incoming,
-                listener,
+                listener.map(|it| (it, options.admission)),
                 drain.clone(),
                 options.drain,
                 stop.clone(),
@@ -288,7 +290,7 @@ fn emptied(folder: PathBuf) -> Result<PathBuf, WorkerError> {
 async fn coordinate(
     coordinator: Coordinator,
     incoming: InMemoryIncoming,
-    listener: Option<TcpListener>,
+    listener: Option<(TcpListener, Admission)>,
     drain: CancellationToken,
     drain_time: Duration,
     stop: CancellationToken,
@@ -296,13 +298,14 @@ async fn coordinate(
     let memory = coordinator.serve(incoming, stop.cancelled());
     let network = async {
         match listener {
-            Some(listener) => {
+            Some((listener, admission)) => {
                 let drained = async {
                     drain.cancelled().await;
                     coordinator.leave();
                     tokio::time::sleep(drain_time).await;
                 };
-                coordinator.serve(yoto_server::tcp(listener), drained).await
+                let incoming = yoto_server::tcp(listener);
+                coordinator.serve_to(admission, incoming, drained).await
             }
             None => Ok(()),
         }
@@ -380,6 +383,7 @@ mod tests {
             database: None,
             objects: None,
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
+            admission: Admission::Machine,
             worker: true,
             ingest: IngestSettings::default(),
             lpips: None,

@@ -4,6 +4,7 @@
 //! (database, by the `rules` of the queue). [`Coordinator`] opens them on a data folder and serves them on any
 //! stream of connections, over a network or [in memory](in_memory()).
 
+mod access;
 mod api;
 pub mod backup;
 mod changes;
@@ -20,6 +21,7 @@ mod in_memory;
 mod instance;
 mod job_feed;
 mod jobs;
+mod key_store;
 mod listen;
 mod lock;
 mod methods;
@@ -33,15 +35,18 @@ mod tenant;
 mod traffic;
 mod uploads;
 
+pub use access::Admission;
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
+pub use key_store::KeyStore;
 pub use listen::tcp;
 pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use traffic::TrafficLimits;
 pub use yoto_objects::{ObjectsError, shown};
 
+use access::keys::KeyRing;
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
@@ -111,6 +116,7 @@ impl Coordinator {
             started,
             health: tokio::sync::watch::Sender::default(),
             exposed: tokio::sync::Mutex::default(),
+            keys: KeyRing::default(),
             stop: CancellationToken::new(),
             lock,
             upload_locks: UploadLocks::default(),
@@ -129,7 +135,7 @@ impl Coordinator {
     /// ready or the coordinator is closed; then open calls have
     /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, such as on a TCP
     /// listener and in memory. The future borrows nothing, so it can be spawned. All calls are
-    /// those of the default tenant.
+    /// those of the default tenant, and may do everything: the other end is in this process.
     ///
     /// # Errors
     /// When the transport fails.
@@ -144,16 +150,16 @@ impl Coordinator {
         IE: Into<Box<dyn std::error::Error + Send + Sync>>,
         F: Future<Output = ()>,
     {
-        self.serve_tenant(Tenant::default(), incoming, shutdown)
+        self.serve_to(Admission::Process(Tenant::default()), incoming, shutdown)
     }
 
-    /// [`Coordinator::serve`] for the calls of `tenant`.
+    /// [`Coordinator::serve`] for those whom `admission` admits.
     ///
     /// # Errors
     /// When the transport fails.
-    pub fn serve_tenant<I, IO, IE, F>(
+    pub fn serve_to<I, IO, IE, F>(
         &self,
-        tenant: Tenant,
+        admission: Admission,
         incoming: I,
         shutdown: F,
     ) -> impl Future<Output = Result<(), ServerError>> + use<I, IO, IE, F>
@@ -163,7 +169,7 @@ impl Coordinator {
         IE: Into<Box<dyn std::error::Error + Send + Sync>>,
         F: Future<Output = ()>,
     {
-        serve::serve(Arc::clone(&self.context), tenant, incoming, shutdown)
+        serve::serve(Arc::clone(&self.context), admission, incoming, shutdown)
     }
 
     /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].

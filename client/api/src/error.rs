@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
+use yoto_proto::key::KeyError;
 use yoto_proto::pose_track::describe;
 use yoto_proto::reasons;
 use yoto_proto::text::{LINE_CHARACTERS, one_line};
@@ -23,6 +24,14 @@ pub enum ClientError {
         server: String,
         /// The transport's error.
         source: tonic::transport::Error,
+    },
+    /// The text is not a key. It is not repeated.
+    #[error("{place}: {source}")]
+    Key {
+        /// The variable or the file.
+        place: String,
+        /// What a key is.
+        source: KeyError,
     },
     /// The service refused a request.
     #[error(transparent)]

@@ -17,12 +17,13 @@ pub(crate) use parse::*;
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use yoto_client::{ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
+use yoto_client::{Addresses, ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
 #[cfg(feature = "embedded")]
 use yoto_import::FfmpegArg;
 use yoto_import::{Levels, MattingModel};
 #[cfg(feature = "embedded")]
 use yoto_ingest::IngestSettings;
+use yoto_proto::key::Key;
 use yoto_proto::v1::{JobKind, JobPriority};
 
 /// The service of a client command.
@@ -37,13 +38,46 @@ pub(crate) struct Server {
         value_name = "URL"
     )]
     pub server: String,
+    /// File with the key that the service asks for, if it asks for one; without it, the variable YOTO_KEY may have the
+    /// key.
+    #[arg(long, env = "YOTO_KEY_FILE", value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
 }
 
 impl Server {
     pub async fn connect(&self) -> Result<YotoClient, ClientError> {
-        YotoClient::connect(&self.server).await
+        let channel = self.addresses()?.connect().await?;
+        Ok(YotoClient::with_key(channel, self.key()?))
+    }
+
+    /// Where the service is.
+    pub fn addresses(&self) -> Result<Addresses, ClientError> {
+        Addresses::parse(&self.server)
+    }
+
+    /// The caller's key: that of the file, or of the variable [`KEY`]. The key is no option, since the arguments of a process
+    /// can be seen by others.
+    pub fn key(&self) -> Result<Option<Key>, ClientError> {
+        let (place, text) = match &self.key_file {
+            Some(path) => {
+                let text = std::fs::read_to_string(path);
+                let text = text.map_err(ClientError::file("reading the key in", path))?;
+                (path.display().to_string(), text)
+            }
+            None => match std::env::var(KEY) {
+                // Recipes pass an empty variable on where there is no key.
+                Ok(text) if !text.trim().is_empty() => (KEY.to_owned(), text),
+                _ => return Ok(None),
+            },
+        };
+        let key = text.trim().parse();
+        key.map(Some)
+            .map_err(|source| ClientError::Key { place, source })
     }
 }
+
+/// The variable with the caller's key.
+const KEY: &str = "YOTO_KEY";
 
 /// Why something is not done at present.
 #[derive(Debug, Args)]

@@ -24,6 +24,7 @@ pub async fn with_service<T>(
         database: None,
         objects: None,
         listen: None,
+        admission: yoto_server::Admission::Machine,
         worker: true,
         ingest,
         lpips,

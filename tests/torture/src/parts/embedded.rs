@@ -15,6 +15,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         database: None,
         objects: None,
         listen: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
+        admission: yoto_server::Admission::Machine,
         worker: true,
         scratch: None,
         drain: std::time::Duration::ZERO,
