@@ -91,7 +91,7 @@ mod tests {
         assert!(!format!("{caller:?}").contains("0f0f"));
         let request = caller.clone().call(Request::new(())).expect("is sent");
         let sent = request.metadata().get(HEADER).expect("has it");
-        assert_eq!(sent.to_str(), Ok(&*format!("Bearer {text}")));
+        assert_eq!(sent.to_str().expect("text"), format!("Bearer {text}"));
         assert!(sent.is_sensitive() && !format!("{request:?}").contains("0f0f"));
     }
 

@@ -32,6 +32,7 @@ mod rules;
 mod serve;
 mod store;
 mod tenant;
+mod tls;
 mod traffic;
 mod uploads;
 
@@ -43,6 +44,7 @@ pub use key_store::KeyStore;
 pub use listen::tcp;
 pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
+pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
 pub use traffic::TrafficLimits;
 pub use yoto_objects::{ObjectsError, shown};
 

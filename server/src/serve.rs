@@ -97,6 +97,11 @@ where
     IE: Into<Box<dyn std::error::Error + Send + Sync>>,
 {
     let drain = context.stop.child_token();
+    if admission == Admission::Nobody && !context.keys.current(&context.store).await?.any() {
+        tracing::warn!(
+            "the service has no key yet, so nobody can call it: `yoto key create` makes one on this host, with --data or --database"
+        );
+    }
     let (routes, reporter) = routes(&context, &drain).await?;
     let signal = async {
         tokio::select! {

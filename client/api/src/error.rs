@@ -25,8 +25,11 @@ pub enum ClientError {
         /// The transport's error.
         source: tonic::transport::Error,
     },
+    /// The service at the address can't prove who it is, or does not trust this client.
+    #[error("{0}")]
+    Tls(String),
     /// The text is not a key. It is not repeated.
-    #[error("{place}: {source}")]
+    #[error("{place} has no key")]
     Key {
         /// The variable or the file.
         place: String,
@@ -139,6 +142,12 @@ impl fmt::Display for Refusal {
                 let line = format!("{} [{}]", violation.description, violation.r#type);
                 write!(f, "\n  {}", shown(&line))?;
             }
+        }
+        if reason.is_none() && self.status.message().contains("http2 error") {
+            write!(
+                f,
+                "\n  does the service speak HTTP/2 there, and not https://?"
+            )?;
         }
         // An answer with a reason comes from the service itself.
         if self.status.code() == Code::Unavailable && reason.is_none() {

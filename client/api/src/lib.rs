@@ -16,6 +16,7 @@ mod retry;
 mod status;
 mod storage;
 mod subjects;
+mod tls;
 mod upload;
 mod watch;
 mod watch_all;

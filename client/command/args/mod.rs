@@ -42,17 +42,32 @@ pub(crate) struct Server {
     /// key.
     #[arg(long, env = "YOTO_KEY_FILE", value_name = "FILE")]
     pub key_file: Option<PathBuf>,
+    /// Certificate of the authority that vouches for an https:// service, in PEM [default: those that the system
+    /// trusts].
+    #[arg(long, env = "YOTO_CA", value_name = "FILE")]
+    pub ca: Option<PathBuf>,
+    /// Certificate and private key of this client, in PEM, where the service asks for one (`--tls-client-ca`).
+    #[arg(long, env = "YOTO_CLIENT_CERT", value_name = "FILE")]
+    pub client_cert: Option<PathBuf>,
 }
 
 impl Server {
     pub async fn connect(&self) -> Result<YotoClient, ClientError> {
-        let channel = self.addresses()?.connect().await?;
-        Ok(YotoClient::with_key(channel, self.key()?))
+        let (addresses, key) = (self.addresses()?, self.key()?);
+        if key.is_some() && addresses.are_open() {
+            tell!(
+                "the key can be read on its way to {}: use https://",
+                self.server
+            );
+        }
+        let channel = addresses.connect().await?;
+        Ok(YotoClient::with_key(channel, key))
     }
 
     /// Where the service is.
     pub fn addresses(&self) -> Result<Addresses, ClientError> {
-        Addresses::parse(&self.server)
+        let addresses = Addresses::parse(&self.server)?;
+        addresses.with_certificates(self.ca.as_deref(), self.client_cert.as_deref())
     }
 
     /// The caller's key: that of the file, or of the variable [`KEY`]. The key is no option, since the arguments of a process

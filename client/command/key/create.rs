@@ -91,7 +91,7 @@ impl Create {
             key.tenant,
             scope_names(key.scopes())
         );
-        tell!("the service asks every caller for a key from now on: YOTO_KEY, or --key-file");
+        tell!("the service asks every caller for a key: in YOTO_KEY, or in the file of --key-file");
         Ok(())
     }
 }

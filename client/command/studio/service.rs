@@ -25,6 +25,7 @@ pub async fn with_service<T>(
         objects: None,
         listen: None,
         admission: yoto_server::Admission::Machine,
+        tls: None,
         worker: true,
         ingest,
         lpips,

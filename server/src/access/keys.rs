@@ -143,7 +143,7 @@ mod tests {
     fn a_key_ends_with_its_time_or_its_revocation() {
         let row = |sha256: &str, expire_time, revoked| KeyRow {
             id: sha256.to_owned(),
-            tenant: crate::tenant::Tenant::default(),
+            tenant: "default".to_owned(),
             sha256: sha256.to_owned(),
             scopes: Vec::new(),
             expire_time,

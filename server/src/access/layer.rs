@@ -95,7 +95,7 @@ impl AccessLayer {
             self.note_use(row.id.clone());
         }
         let caller = Caller {
-            tenant: row.tenant.clone(),
+            tenant: Tenant::new(&row.tenant).ok_or(RequestError::NoTenant)?,
             key: Some(row.id.as_str().into()),
         };
         Ok((caller, Some(sha256)))
@@ -128,7 +128,7 @@ fn allows(row: &KeyRow, rule: Rule) -> Result<(), RequestError> {
             name(scope)
         ));
     }
-    if whole_service && row.tenant != Tenant::default() {
+    if whole_service && row.tenant != Tenant::default().id() {
         let operators = Tenant::default();
         return refused(format!(
             "the call is about the whole service, and needs a key of the tenant {operators}"

@@ -152,4 +152,9 @@ pub async fn running_job_goes_on(store: &Store) {
     published.expect("publishes");
     let ended = store.end_job(&own, &lease, Ending::Returned).await;
     ended.expect("returns the job");
+    // There are no keys yet, and the worker has none.
+    let (keys, _) = store.all_keys().await.expect("reads");
+    assert!(keys.is_empty(), "{keys:?}");
+    let known = store.require_worker_of_key(&own, "w", "k").await;
+    known.expect_err("it has registered without a key");
 }

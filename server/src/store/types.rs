@@ -1,7 +1,6 @@
 //! Input and output types of the store, besides the contract's messages.
 
 use super::JobKind;
-use crate::tenant::Tenant;
 use prost::Message;
 use thiserror::Error;
 use yoto_objects::Part;
@@ -369,8 +368,8 @@ pub struct NewKey {
 pub struct KeyRow {
     /// Its id.
     pub id: String,
-    /// Whose calls it makes.
-    pub tenant: Tenant,
+    /// The tenant whose calls it makes.
+    pub tenant: String,
     /// SHA-256 of the key, lower-case hex.
     pub sha256: String,
     /// What it allows.

@@ -45,13 +45,9 @@ pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
             .await?;
     rows.iter()
         .map(|row| {
-            let tenant = row.text("tenant")?;
             Ok(KeyRow {
                 id: row.text("id")?,
-                tenant: Tenant::new(&tenant).ok_or(StoreError::Corrupt {
-                    what: "tenant",
-                    detail: tenant,
-                })?,
+                tenant: row.text("tenant")?,
                 sha256: row.text("sha256")?,
                 scopes: scopes(row)?,
                 expire_time: row.real("expire_time")?,

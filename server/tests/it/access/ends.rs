@@ -145,13 +145,13 @@ async fn operators_manage_the_keys_of_their_tenant_and_those_of_the_service_all(
     let other = service.key("other", &[Scope::Operate]).await;
     assert_eq!(
         seen(&service, &other, "").await.expect("may"),
-        [other.name.clone()]
+        std::slice::from_ref(&other.name)
     );
     let refused = seen(&service, &other, "default").await;
     assert_refused(refused, Code::PermissionDenied, "SCOPE_MISSING");
     assert_eq!(
         seen(&service, &first, "other").await.expect("may"),
-        [other.name.clone()]
+        std::slice::from_ref(&other.name)
     );
     let revoke = async |by: &Made, name: &str| {
         let request = RevokeKeyRequest { name: name.into() };
@@ -178,7 +178,7 @@ async fn the_use_of_a_key_is_noted() {
     };
     assert_eq!(used().await, None);
     lists(service.with_key(&key)).await.expect("may");
-    let first = eventually("the note", || used()).await;
+    let first = eventually("the note", used).await;
     for _ in 0..20 {
         lists(service.with_key(&key)).await.expect("may");
     }

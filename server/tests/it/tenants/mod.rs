@@ -54,7 +54,8 @@ async fn content(service: &Service) -> Content {
 
 /// A service with one of everything of each of two tenants, and keys of the second one.
 struct TwoTenants {
-    service: Service,
+    /// It runs as long as this lives.
+    _service: Service,
     /// What the default tenant has.
     theirs: Content,
     /// What the tenant `other` has.
@@ -86,7 +87,7 @@ async fn two_tenants() -> TwoTenants {
     );
     service.database.run(&bound).await;
     TwoTenants {
-        service,
+        _service: service,
         theirs,
         own,
         keyed,

@@ -16,6 +16,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         objects: None,
         listen: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
         admission: yoto_server::Admission::Machine,
+        tls: None,
         worker: true,
         scratch: None,
         drain: std::time::Duration::ZERO,
