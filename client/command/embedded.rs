@@ -22,8 +22,8 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
-    Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl, ServerConfig, ServerError,
-    StorageLimits, in_memory,
+    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl,
+    ServerConfig, ServerError, StorageLimits, TlsError, TlsFiles, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -47,6 +47,10 @@ pub struct EmbeddedOptions {
     pub objects: Option<Url>,
     /// Address for clients of other processes, if any.
     pub listen: Option<SocketAddr>,
+    /// Whom the address admits without a key.
+    pub admission: Admission,
+    /// Certificates of the address, which is encrypted with them.
+    pub tls: Option<TlsFiles>,
     /// Whether to run jobs in this process.
     pub worker: bool,
     /// The worker's settings for reading uploads. By default it starts this program again, which must
@@ -68,6 +72,9 @@ pub enum EmbeddedError {
     /// The coordinator can't start or failed.
     #[error("the coordinator")]
     Server(#[from] ServerError),
+    /// The certificate can't be used.
+    #[error("the certificate")]
+    Tls(#[from] TlsError),
     /// The worker can't start or was refused.
     #[error("the worker")]
     Worker(#[from] WorkerError),
@@ -123,6 +130,8 @@ impl Embedded {
     /// # Errors
     /// When the folder is in use or unusable, or the address can't be listened at.
     pub async fn start(options: EmbeddedOptions) -> Result<Self, EmbeddedError> {
+        // Before the address is taken: a wrong file is no fault of the address.
+        let certificates = options.tls.map(Certificates::load).transpose()?;
         let listener = match options.listen {
             Some(address) => Some(
                 TcpListener::bind(address)
@@ -149,7 +158,7 @@ impl Embedded {
             coordinator: Some(tokio::spawn(coordinate(
                 coordinator,
                 incoming,
-                listener,
+                listener.map(|it| (it, certificates, options.admission)),
                 drain.clone(),
                 options.drain,
                 stop.clone(),
@@ -288,7 +297,7 @@ fn emptied(folder: PathBuf) -> Result<PathBuf, WorkerError> {
 async fn coordinate(
     coordinator: Coordinator,
     incoming: InMemoryIncoming,
-    listener: Option<TcpListener>,
+    listener: Option<(TcpListener, Option<Certificates>, Admission)>,
     drain: CancellationToken,
     drain_time: Duration,
     stop: CancellationToken,
@@ -296,13 +305,22 @@ async fn coordinate(
     let memory = coordinator.serve(incoming, stop.cancelled());
     let network = async {
         match listener {
-            Some(listener) => {
+            Some((listener, certificates, admission)) => {
                 let drained = async {
                     drain.cancelled().await;
                     coordinator.leave();
                     tokio::time::sleep(drain_time).await;
                 };
-                coordinator.serve(yoto_server::tcp(listener), drained).await
+                match certificates {
+                    None => {
+                        let incoming = yoto_server::tcp(listener);
+                        coordinator.serve_to(admission, incoming, drained).await
+                    }
+                    Some(certificates) => {
+                        let incoming = yoto_server::tls(listener, certificates);
+                        coordinator.serve_to(admission, incoming, drained).await
+                    }
+                }
             }
             None => Ok(()),
         }
@@ -380,6 +398,8 @@ mod tests {
             database: None,
             objects: None,
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
+            admission: Admission::Machine,
+            tls: None,
             worker: true,
             ingest: IngestSettings::default(),
             lpips: None,

@@ -1,7 +1,7 @@
 //! The `yoto` command.
 //!
 //! - [`cli`]: the command line, which runs the command that a user names.
-//! - A folder per noun: `subject`, `model`, `job`, `render`, `export`, `scene`, `capture`, `service`.
+//! - A folder per noun: `subject`, `model`, `job`, `key`, `render`, `export`, `scene`, `capture`, `service`.
 //! - `args`: options that several commands have; `show`: text that several commands print; `files`: files that
 //!   commands write; `waiting`: the wait for a job.
 //! - [`allocator`]: the command's allocator.
@@ -21,6 +21,7 @@ mod capture;
 mod export;
 mod files;
 mod job;
+mod key;
 mod model;
 mod motion;
 mod render;

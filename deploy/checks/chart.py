@@ -46,8 +46,10 @@ ACCEPTED = {
         "store": {"endpoint": "http://store:8333", "allowHttp": True},
         "serviceAccount": {"annotations": {"eks.amazonaws.com/role-arn": "arn:aws:iam::1:role/yoto"}},
         "service": {"annotations": {"a/b": "c"}},
+        "workerDefaults": {"keySecret": "yoto-worker"},
         "coordinators": {
             "extraArgs": ["--keep-newest=5"],
+            "behindTls": True,
             "podAnnotations": {"prometheus.io/scrape": "true"},
             "nodeSelector": {"a": "b"},
             "tolerations": [{"operator": "Exists"}],

@@ -48,7 +48,9 @@ def compose():
     services = file["services"]
     for name, service in services.items():
         for variable, value in service.get("environment", {}).items():
-            if re.search("PASSWORD|SECRET|KEY", variable):
+            if variable == "YOTO_KEY":
+                must(re.fullmatch(r"\$\{\w+:-\}", value), f"compose.yaml: {name}: {variable} is written out, or needed where no key is asked for")
+            elif re.search("PASSWORD|SECRET|KEY", variable):
                 must(re.fullmatch(r"\$\{\w+:\?.+\}", value), f"compose.yaml: {name}: {variable} is written out, or may be empty")
         must(re.search(r":[^:/]*[\d}]", service["image"]), f"compose.yaml: {name}: the image {service['image']} has no version")
         for port in service.get("ports", []):

@@ -4,7 +4,7 @@
 //! workers call. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! files of an export, the checks of orders and their levels, the reasons of refusals, pauses between attempts, text that is safe to
+//! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, pauses between attempts, text that is safe to
 //! print, and the names of tiers, variants and evaluation protocols.
 
 pub mod backoff;
@@ -13,6 +13,7 @@ pub mod correction;
 pub mod exports;
 pub mod frame_steps;
 mod job_state;
+pub mod key;
 pub mod keys;
 pub mod limits;
 pub mod manifest;

@@ -20,6 +20,8 @@ pub enum Collection {
     Jobs,
     /// Processes that run jobs.
     Workers,
+    /// Keys of callers.
+    Keys,
 }
 
 impl Collection {
@@ -32,6 +34,7 @@ impl Collection {
             Self::Models => "models",
             Self::Jobs => "jobs",
             Self::Workers => "workers",
+            Self::Keys => "keys",
         }
     }
 

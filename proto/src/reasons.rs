@@ -20,6 +20,8 @@ pub fn code(reason: ErrorReason) -> Code {
         R::Busy | R::ShuttingDown | R::StoreUnavailable => Code::Unavailable,
         R::DiskFull => Code::ResourceExhausted,
         R::ObjectAltered | R::CorruptChunk => Code::DataLoss,
+        R::KeyMissing | R::KeyUnknown | R::KeyExpired | R::KeyRevoked => Code::Unauthenticated,
+        R::ScopeMissing | R::OtherSite => Code::PermissionDenied,
         R::Draining
         | R::UploadIncomplete
         | R::UploadOffset

@@ -7,7 +7,7 @@
 use prost::Message;
 use prost_types::{
     DescriptorProto, EnumDescriptorProto, FieldDescriptorProto, FileDescriptorProto,
-    FileDescriptorSet, ServiceDescriptorProto,
+    FileDescriptorSet, MethodDescriptorProto, ServiceDescriptorProto,
 };
 use std::collections::BTreeMap;
 
@@ -92,12 +92,20 @@ fn broken(old: &Contract, new: &Contract) -> Vec<String> {
     for (name, old) in &old.services {
         let methods = new.services.get(name).map(|it| &it.method);
         for old in &old.method {
-            if methods.is_none_or(|methods| !methods.contains(old)) {
+            let same = |it: &MethodDescriptorProto| call(it) == call(old);
+            if methods.is_none_or(|methods| !methods.iter().any(same)) {
                 broken.push(format!("{name}/{} is gone, or another call", old.name()));
             }
         }
     }
     broken
+}
+
+/// What of a call is on the wire.
+fn call(method: &MethodDescriptorProto) -> (&str, &str, &str, bool, bool) {
+    let streams = (method.client_streaming(), method.server_streaming());
+    let (input, output) = (method.input_type(), method.output_type());
+    (method.name(), input, output, streams.0, streams.1)
 }
 
 fn value(value: &prost_types::EnumValueDescriptorProto) -> (&str, i32) {

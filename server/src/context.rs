@@ -1,5 +1,6 @@
 //! State that all services and background tasks of a coordinator share.
 
+use crate::access::keys::KeyRing;
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
@@ -45,6 +46,8 @@ pub struct Context {
     pub health: watch::Sender<Health>,
     /// The last answer of `/metrics`, and when it was written.
     pub exposed: tokio::sync::Mutex<Option<(Instant, String)>>,
+    /// The keys of callers.
+    pub keys: KeyRing,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.

@@ -63,6 +63,9 @@ pub enum ServerError {
     /// There is no database to open.
     #[error("there is no service's database at {}: name its data folder with --data", .0.display())]
     NoDatabase(PathBuf),
+    /// A key can't be made or found.
+    #[error("{0}")]
+    Key(String),
     /// The gRPC transport failed.
     #[error("serving gRPC")]
     Transport(#[from] tonic::transport::Error),
@@ -86,6 +89,14 @@ pub enum RequestError {
     /// The request is well-formed, but not possible in the current state.
     #[error("{message}")]
     Precondition {
+        /// Machine-readable.
+        reason: ErrorReason,
+        /// Human-readable.
+        message: String,
+    },
+    /// The caller may not call.
+    #[error("{message}")]
+    Refused {
         /// Machine-readable.
         reason: ErrorReason,
         /// Human-readable.
@@ -153,6 +164,14 @@ impl RequestError {
     /// Not possible now, because of `reason`.
     pub fn precondition(reason: ErrorReason, message: impl Into<String>) -> Self {
         Self::Precondition {
+            reason,
+            message: message.into(),
+        }
+    }
+
+    /// The caller may not call, because of `reason`.
+    pub fn refused(reason: ErrorReason, message: impl Into<String>) -> Self {
+        Self::Refused {
             reason,
             message: message.into(),
         }

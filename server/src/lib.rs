@@ -5,6 +5,7 @@
 //! stream of connections, over a network or [in memory](in_memory()).
 
 mod adopt;
+mod access;
 mod api;
 pub mod backup;
 mod changes;
@@ -22,6 +23,7 @@ mod in_memory;
 mod instance;
 mod job_feed;
 mod jobs;
+mod key_store;
 mod listen;
 mod lock;
 mod methods;
@@ -32,19 +34,24 @@ mod rules;
 mod serve;
 mod store;
 mod tenant;
+mod tls;
 mod traffic;
 mod uploads;
 
 pub use adopt::adopt;
+pub use access::Admission;
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
+pub use key_store::KeyStore;
 pub use listen::tcp;
 pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
+pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
 pub use traffic::TrafficLimits;
 pub use yoto_objects::{ObjectsError, shown};
 
+use access::keys::KeyRing;
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
@@ -110,6 +117,7 @@ impl Coordinator {
             started,
             health: tokio::sync::watch::Sender::default(),
             exposed: tokio::sync::Mutex::default(),
+            keys: KeyRing::default(),
             stop: CancellationToken::new(),
             lock,
             upload_locks: UploadLocks::default(),
@@ -132,7 +140,7 @@ impl Coordinator {
     /// ready or the coordinator is closed; then open calls have
     /// [`ServerConfig::shutdown_grace`] to end. Several may run at once, such as on a TCP
     /// listener and in memory. The future borrows nothing, so it can be spawned. All calls are
-    /// those of the default tenant.
+    /// those of the default tenant, and may do everything: the other end is in this process.
     ///
     /// # Errors
     /// When the transport fails.
@@ -147,16 +155,16 @@ impl Coordinator {
         IE: Into<Box<dyn std::error::Error + Send + Sync>>,
         F: Future<Output = ()>,
     {
-        self.serve_tenant(Tenant::default(), incoming, shutdown)
+        self.serve_to(Admission::Process(Tenant::default()), incoming, shutdown)
     }
 
-    /// [`Coordinator::serve`] for the calls of `tenant`.
+    /// [`Coordinator::serve`] for those whom `admission` admits.
     ///
     /// # Errors
     /// When the transport fails.
-    pub fn serve_tenant<I, IO, IE, F>(
+    pub fn serve_to<I, IO, IE, F>(
         &self,
-        tenant: Tenant,
+        admission: Admission,
         incoming: I,
         shutdown: F,
     ) -> impl Future<Output = Result<(), ServerError>> + use<I, IO, IE, F>
@@ -166,7 +174,7 @@ impl Coordinator {
         IE: Into<Box<dyn std::error::Error + Send + Sync>>,
         F: Future<Output = ()>,
     {
-        serve::serve(Arc::clone(&self.context), tenant, incoming, shutdown)
+        serve::serve(Arc::clone(&self.context), admission, incoming, shutdown)
     }
 
     /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].

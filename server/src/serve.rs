@@ -1,14 +1,15 @@
 //! Serves every gRPC service of a coordinator on a stream of connections.
 
+use crate::access::{AccessLayer, Admission};
 use crate::api::{
-    JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
+    JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi,
+    WorkerApi,
 };
 use crate::context::Context;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
 use crate::health::{self, Health};
 use crate::http;
-use crate::tenant::{Tenant, TenantLayer};
 use crate::traffic::{Traffic, TrafficLayer};
 use futures::{Stream, StreamExt};
 use std::future::Future;
@@ -21,6 +22,7 @@ use tonic::transport::server::Connected;
 use tonic_health::server::HealthReporter;
 use yoto_proto::limits::WINDOW_BYTES;
 use yoto_proto::v1::job_service_server::JobServiceServer;
+use yoto_proto::v1::key_service_server::KeyServiceServer;
 use yoto_proto::v1::model_service_server::ModelServiceServer;
 use yoto_proto::v1::object_service_server::ObjectServiceServer;
 use yoto_proto::v1::render_service_server::RenderServiceServer;
@@ -56,6 +58,7 @@ async fn routes(
     let renders = RenderServiceServer::new(RenderApi { context: context() });
     let status = StatusServiceServer::new(StatusApi { context: context() });
     let storage = StorageServiceServer::new(StorageApi { context: context() });
+    let keys = KeyServiceServer::new(KeyApi { context: context() });
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
         drain: drain(),
@@ -71,6 +74,7 @@ async fn routes(
         .add_service(objects.max_decoding_message_size(limit))
         .add_service(renders.max_decoding_message_size(limit))
         .add_service(status)
+        .add_service(keys.max_decoding_message_size(limit))
         .add_service(storage)
         .add_service(workers.max_decoding_message_size(limit));
     let mut routes = routes;
@@ -79,11 +83,11 @@ async fn routes(
     Ok((routes, reporter))
 }
 
-/// Serves `tenant` until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
+/// Serves those whom `admission` admits until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
 /// no new leases, watch streams end, and open calls have the configured grace to finish.
 pub async fn serve<I, IO, IE>(
     context: Arc<Context>,
-    tenant: Tenant,
+    admission: Admission,
     incoming: I,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServerError>
@@ -93,6 +97,11 @@ where
     IE: Into<Box<dyn std::error::Error + Send + Sync>>,
 {
     let drain = context.stop.child_token();
+    if admission == Admission::Nobody && !context.keys.current(&context.store).await?.any() {
+        tracing::warn!(
+            "the service has no key yet, so nobody can call it: `yoto key create` makes one on this host, with --data or --database"
+        );
+    }
     let (routes, reporter) = routes(&context, &drain).await?;
     let signal = async {
         tokio::select! {
@@ -117,6 +126,10 @@ where
         };
         std::future::ready(admitted)
     });
+    let access = AccessLayer {
+        context: Arc::clone(&context),
+        admission,
+    };
     let faults = context.config.faults.clone().map(FaultLayer);
     let serving = Server::builder()
         // For the pages; gRPC needs HTTP/2.
@@ -128,7 +141,7 @@ where
         .http2_keepalive_timeout(Some(limits.ping))
         .layer(TrafficLayer(traffic))
         .layer(tower::util::option_layer(faults))
-        .layer(TenantLayer(tenant))
+        .layer(access)
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);
     // A client that keeps an idle connection open would keep the server alive for ever.

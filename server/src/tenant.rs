@@ -1,16 +1,13 @@
 //! Tenants: whoever shares a service without seeing each other.
 //!
-//! Every request is made for one tenant, which the listener's [`TenantLayer`] puts into the request's extensions. A
+//! Every request is made for one tenant, which [`crate::access`] puts into the request's extensions: that of the caller's key. A
 //! service has the tenant `default` only, until someone adds others: a newcomer never sees it. A name of another tenant's
 //! resource is answered like one that does not exist.
 
 use crate::error::RequestError;
 use std::fmt;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use tonic::Request;
-use tonic::codegen::http;
-use tower::{Layer, Service};
 
 /// The tenant of a service without tenants.
 const DEFAULT: &str = "default";
@@ -50,46 +47,6 @@ impl Tenant {
     pub(crate) fn of<T>(request: &Request<T>) -> Result<Self, RequestError> {
         let tenant = request.extensions().get::<Self>().cloned();
         tenant.ok_or(RequestError::NoTenant)
-    }
-}
-
-/// Makes all requests of a listener for one tenant.
-#[derive(Debug, Clone)]
-pub(crate) struct TenantLayer(pub Tenant);
-
-impl<S> Layer<S> for TenantLayer {
-    type Service = OfTenant<S>;
-
-    fn layer(&self, inner: S) -> OfTenant<S> {
-        OfTenant {
-            inner,
-            tenant: self.0.clone(),
-        }
-    }
-}
-
-/// Services that answer one tenant.
-#[derive(Debug, Clone)]
-pub(crate) struct OfTenant<S> {
-    inner: S,
-    tenant: Tenant,
-}
-
-impl<S, B> Service<http::Request<B>> for OfTenant<S>
-where
-    S: Service<http::Request<B>>,
-{
-    type Response = S::Response;
-    type Error = S::Error;
-    type Future = S::Future;
-
-    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
-        self.inner.poll_ready(context)
-    }
-
-    fn call(&mut self, mut request: http::Request<B>) -> S::Future {
-        request.extensions_mut().insert(self.tenant.clone());
-        self.inner.call(request)
     }
 }
 

@@ -102,7 +102,7 @@ fn a_worker_that_can_not_work_says_why_in_a_line() -> anyhow::Result<()> {
         silent.contains("no coordinator of the service has answered for 1 s"),
         "{silent}"
     );
-    let bad = told(&["--service", "https://a:1"])?;
+    let bad = told(&["--service", "ftp://a:1"])?;
     ensure!(bad.contains("http://"), "{bad}");
     let nothing = told(&["--needs", "gpu", "--kinds", "ingest"])?;
     ensure!(nothing.contains("--kinds and --needs"), "{nothing}");

@@ -12,6 +12,7 @@ mod export_job;
 mod fetch;
 mod full_disk;
 mod joining;
+mod keys;
 mod main_job;
 mod mixed_scene;
 mod private;

@@ -4,14 +4,18 @@
 //! that answers. Calls that can be repeated are repeated there, and watches go on after what they have seen.
 
 use super::ClientError;
+use super::tls::{self, Tls};
 use hyper_util::rt::TokioIo;
 use std::hash::{BuildHasher, RandomState};
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::net::{TcpStream, lookup_host};
 use tokio::time::timeout;
+use tokio_rustls::client::TlsStream;
+use tokio_util::either::Either;
 use tonic::codegen::http::Uri;
 use tonic::transport::{Channel, Endpoint};
 
@@ -22,8 +26,12 @@ const ACCEPT: Duration = Duration::from_secs(3);
 const PINGS: (Duration, Duration) = (Duration::from_secs(20), Duration::from_secs(10));
 /// The same to one of several addresses: with the wait for another address, less than a lease of 20 seconds.
 const PINGS_OF_SEVERAL: (Duration, Duration) = (Duration::from_secs(4), Duration::from_secs(8));
-/// The port of an address that names none.
+/// The ports of addresses that name none.
 const HTTP_PORT: u16 = 80;
+const HTTPS_PORT: u16 = 443;
+
+/// A connection, with or without encryption.
+type Wire = Either<TcpStream, Box<TlsStream<TcpStream>>>;
 
 /// Where the coordinators of a service listen.
 #[derive(Debug, Clone)]
@@ -33,23 +41,32 @@ pub struct Addresses {
     /// Host and port of each.
     hosts: Vec<(String, u16)>,
     first: Uri,
+    /// For `https://`.
+    tls: Option<Tls>,
 }
 
 impl Addresses {
-    /// Parses one address, such as `http://127.0.0.1:50051` or `localhost:50051`, or several with commas between them. A
-    /// name may stand for several machines.
+    /// Parses one address, such as `http://127.0.0.1:50051`, `localhost:50051` or `https://yoto.example`, or several of one
+    /// scheme with commas between them. A name may stand for several machines. Those of `https://` are trusted if the
+    /// system trusts their authorities.
     ///
     /// # Errors
-    /// When an address is not an HTTP address, or the list is empty.
+    /// When an address is not one of HTTP, the schemes differ, or the list is empty.
     pub fn parse(text: &str) -> Result<Self, ClientError> {
         let mut hosts = Vec::new();
-        let mut first = None;
+        let (mut first, mut schemes) = (None, None);
         for address in text.split(',').map(str::trim).filter(|it| !it.is_empty()) {
             let uri = uri(address)?;
+            let encrypted = uri.scheme_str() == Some("https");
+            if *schemes.get_or_insert(encrypted) != encrypted {
+                let message = format!("{text}: all addresses have https://, or none has");
+                return Err(ClientError::Name(message));
+            }
             let host = uri.host().unwrap_or_default();
             // The brackets of IPv6 belong to the URL.
             let host = host.trim_start_matches('[').trim_end_matches(']');
-            hosts.push((host.to_owned(), uri.port_u16().unwrap_or(HTTP_PORT)));
+            let port = if encrypted { HTTPS_PORT } else { HTTP_PORT };
+            hosts.push((host.to_owned(), uri.port_u16().unwrap_or(port)));
             first.get_or_insert(uri);
         }
         let first = first.ok_or_else(|| ClientError::Name("the service has no address".into()))?;
@@ -57,7 +74,43 @@ impl Addresses {
             text: text.to_owned(),
             hosts,
             first,
+            tls: match schemes {
+                Some(true) => Some(Tls::new(None, None)?),
+                _ => None,
+            },
         })
+    }
+
+    /// The same addresses, of which those with a certificate of an authority in the file `ca` are trusted, and to which the client
+    /// shows the certificate in the file `own`, with its key.
+    ///
+    /// # Errors
+    /// When the addresses are not encrypted, or a file can't be used.
+    pub fn with_certificates(
+        self,
+        ca: Option<&Path>,
+        own: Option<&Path>,
+    ) -> Result<Self, ClientError> {
+        if ca.is_none() && own.is_none() {
+            return Ok(self);
+        }
+        if self.tls.is_none() {
+            let message = format!("{}: certificates are for https://", self.text);
+            return Err(ClientError::Name(message));
+        }
+        Ok(Self {
+            tls: Some(Tls::new(ca, own)?),
+            ..self
+        })
+    }
+
+    /// Whether what is sent can be read on its way: without TLS, beyond this machine.
+    pub fn are_open(&self) -> bool {
+        let own = |host: &str| {
+            let address = host.parse::<IpAddr>().is_ok_and(|it| it.is_loopback());
+            address || host.eq_ignore_ascii_case("localhost")
+        };
+        self.tls.is_none() && !self.hosts.iter().all(|(host, _)| own(host))
     }
 
     /// A channel that connects at its first call.
@@ -74,9 +127,12 @@ impl Addresses {
         let (endpoint, dialer) = self.parts();
         let connector = tower::service_fn(move |_| dialer.clone().dial());
         let connected = endpoint.connect_with_connector(connector).await;
-        connected.map_err(|source| ClientError::Connect {
-            server: self.text.clone(),
-            source,
+        connected.map_err(|source| match tls::fault(&source) {
+            Some(fault) => ClientError::Tls(fault.to_string()),
+            None => ClientError::Connect {
+                server: self.text.clone(),
+                source,
+            },
         })
     }
 
@@ -89,18 +145,17 @@ impl Addresses {
             .http2_keep_alive_interval(every)
             .keep_alive_timeout(patience)
             .keep_alive_while_idle(true);
-        (endpoint, Dialer::new(self.hosts.clone()))
+        (endpoint, Dialer::new(self.hosts.clone(), self.tls.clone()))
     }
 }
 
 /// One address as a URL; without a scheme, it is one of HTTP.
 fn uri(address: &str) -> Result<Uri, ClientError> {
     let url = match address.split_once("://") {
-        Some(("http", _)) => address.to_owned(),
+        Some(("http" | "https", _)) => address.to_owned(),
         Some(_) => {
             return Err(ClientError::Name(format!(
-                "{address}: a service speaks HTTP without encryption (http://), through a tunnel beyond \
-                 this machine"
+                "{address}: a service speaks HTTP (http:// or https://)"
             )));
         }
         None => format!("http://{address}"),
@@ -121,34 +176,52 @@ struct Dialer {
     begin: usize,
     /// Where the last connection went.
     last: Arc<Mutex<Option<SocketAddr>>>,
+    tls: Option<Tls>,
 }
 
 impl Dialer {
-    fn new(hosts: Vec<(String, u16)>) -> Self {
+    fn new(hosts: Vec<(String, u16)>, tls: Option<Tls>) -> Self {
         // The standard library's hash maps get their keys from the system's random numbers.
         let chance = RandomState::new().hash_one(()) as usize;
         Self {
             begin: chance % hosts.len().max(1),
             hosts,
             last: Arc::default(),
+            tls,
         }
     }
 
     /// A connection to the first address that accepts one, from the address after the last one on.
-    async fn dial(self) -> io::Result<TokioIo<TcpStream>> {
+    async fn dial(self) -> io::Result<TokioIo<Wire>> {
         let mut faults = Vec::new();
         let found = self.look_up(&mut faults).await;
         let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        let begin = found.iter().position(|it| Some(*it) == last);
+        let begin = found.iter().position(|(it, _)| Some(*it) == last);
         let begin = begin.map_or(0, |last| last + 1);
         for step in 0..found.len() {
-            let address = found[(begin + step) % found.len()];
+            let (address, host) = found[(begin + step) % found.len()];
             match timeout(ACCEPT, TcpStream::connect(address)).await {
                 Ok(Ok(connection)) => {
                     connection.set_nodelay(true)?;
                     *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(address);
-                    tracing::debug!(%address, "connected");
-                    return Ok(TokioIo::new(connection));
+                    let wire = match &self.tls {
+                        None => Ok(Ok(Either::Left(connection))),
+                        Some(tls) => {
+                            let encrypted = tls.clone().connect(host, connection);
+                            let encrypted = timeout(ACCEPT, encrypted).await;
+                            encrypted.map(|it| it.map(|it| Either::Right(Box::new(it))))
+                        }
+                    };
+                    match wire {
+                        Ok(Ok(wire)) => {
+                            tracing::debug!(%address, "connected");
+                            return Ok(TokioIo::new(wire));
+                        }
+                        // A wrong certificate is one at all addresses.
+                        Ok(Err(error)) if tls::fault(&error).is_some() => return Err(error),
+                        Ok(Err(error)) => faults.push(format!("{address}: {error}")),
+                        Err(_) => faults.push(format!("{address} begins no TLS")),
+                    }
                 }
                 Ok(Err(error)) => faults.push(format!("{address}: {error}")),
                 Err(_) => faults.push(format!("{address} does not answer")),
@@ -158,15 +231,15 @@ impl Dialer {
     }
 
     /// The addresses of all hosts, looked up anew since machines come and go.
-    async fn look_up(&self, faults: &mut Vec<String>) -> Vec<SocketAddr> {
-        let mut found: Vec<SocketAddr> = Vec::new();
+    async fn look_up(&self, faults: &mut Vec<String>) -> Vec<(SocketAddr, &str)> {
+        let mut found: Vec<(SocketAddr, &str)> = Vec::new();
         for step in 0..self.hosts.len() {
             let (host, port) = &self.hosts[(self.begin + step) % self.hosts.len()];
             match lookup_host((host.as_str(), *port)).await {
                 Ok(addresses) => {
                     for address in addresses {
-                        if !found.contains(&address) {
-                            found.push(address);
+                        if !found.iter().any(|(it, _)| *it == address) {
+                            found.push((address, host.as_str()));
                         }
                     }
                 }
@@ -191,7 +264,8 @@ mod tests {
         for bad in [
             "",
             " , ",
-            "https://a:1",
+            "ftp://a:1",
+            "http://a:1,https://b:1",
             "http://",
             "a:1,http://:2",
             "a b:1",
@@ -214,12 +288,15 @@ mod tests {
         let hosts = ports.iter().map(|port| ("127.0.0.1".to_owned(), *port));
         let dialer = Dialer {
             begin: 0,
-            ..Dialer::new(hosts.collect())
+            ..Dialer::new(hosts.collect(), None)
         };
         let mut seen = Vec::new();
         for _ in 0..3 {
             let connection = dialer.clone().dial().await.expect("one answers");
-            seen.push(connection.inner().peer_addr().expect("is connected").port());
+            let Either::Left(connection) = connection.into_inner() else {
+                panic!("is encrypted");
+            };
+            seen.push(connection.peer_addr().expect("is connected").port());
         }
         assert_eq!(seen, [ports[0], ports[2], ports[0]]);
     }
@@ -230,7 +307,10 @@ mod tests {
         let port = free.local_addr().expect("has an address").port();
         drop(free);
         let hosts = vec![("127.0.0.1".to_owned(), port), ("no such host".into(), 1)];
-        let error = Dialer::new(hosts).dial().await.expect_err("none answers");
+        let error = Dialer::new(hosts, None)
+            .dial()
+            .await
+            .expect_err("none answers");
         let told = error.to_string();
         let port = port.to_string();
         assert!(

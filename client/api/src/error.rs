@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 use tonic::{Code, Status};
 use tonic_types::StatusExt;
+use yoto_proto::key::KeyError;
 use yoto_proto::pose_track::describe;
 use yoto_proto::reasons;
 use yoto_proto::text::{LINE_CHARACTERS, one_line};
@@ -23,6 +24,17 @@ pub enum ClientError {
         server: String,
         /// The transport's error.
         source: tonic::transport::Error,
+    },
+    /// The service at the address can't prove who it is, or does not trust this client.
+    #[error("{0}")]
+    Tls(String),
+    /// The text is not a key. It is not repeated.
+    #[error("{place} has no key")]
+    Key {
+        /// The variable or the file.
+        place: String,
+        /// What a key is.
+        source: KeyError,
     },
     /// The service refused a request.
     #[error(transparent)]
@@ -130,6 +142,12 @@ impl fmt::Display for Refusal {
                 let line = format!("{} [{}]", violation.description, violation.r#type);
                 write!(f, "\n  {}", shown(&line))?;
             }
+        }
+        if reason.is_none() && self.status.message().contains("http2 error") {
+            write!(
+                f,
+                "\n  does the service speak HTTP/2 there, and not https://?"
+            )?;
         }
         // An answer with a reason comes from the service itself.
         if self.status.code() == Code::Unavailable && reason.is_none() {

@@ -4,6 +4,7 @@ use super::{
     ClientError, JobWatch, YotoClient, request_id,
     retry::{read, repeat},
 };
+use yoto_proto::key::Connection;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::{
@@ -14,7 +15,7 @@ use yoto_proto::v1::{
 };
 
 impl YotoClient {
-    pub(super) fn job_service(&self) -> JobServiceClient<tonic::transport::Channel> {
+    pub(super) fn job_service(&self) -> JobServiceClient<Connection> {
         JobServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
     }
 

@@ -7,6 +7,7 @@
 mod addresses;
 mod error;
 mod jobs;
+mod keys;
 mod models;
 mod objects;
 mod renders;
@@ -15,6 +16,7 @@ mod retry;
 mod status;
 mod storage;
 mod subjects;
+mod tls;
 mod upload;
 mod watch;
 mod watch_all;
@@ -27,6 +29,7 @@ pub use watch::{JobChange, JobWatch};
 pub use watch_all::{JobsChange, JobsFilter, JobsWatch};
 
 use tonic::transport::Channel;
+use yoto_proto::key::{Connection, Key, connection};
 use yoto_proto::v1::JobPriority;
 
 /// Default address of `yoto serve`.
@@ -35,7 +38,7 @@ pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
 /// A connection to a yoto service. Cheap to clone; clones share the connection.
 #[derive(Debug, Clone)]
 pub struct YotoClient {
-    channel: Channel,
+    channel: Connection,
     queue: QueueOptions,
 }
 
@@ -62,8 +65,13 @@ impl YotoClient {
     /// A client over an existing channel, such as the in-memory channel of an embedded
     /// service.
     pub fn new(channel: Channel) -> Self {
+        Self::with_key(channel, None)
+    }
+
+    /// A client that makes its calls with `key`, where the service asks for one.
+    pub fn with_key(channel: Channel, key: Option<Key>) -> Self {
         Self {
-            channel,
+            channel: connection(channel, key),
             queue: QueueOptions::default(),
         }
     }

@@ -5,6 +5,7 @@ use super::{
     retry::{read, repeat},
 };
 use prost_types::FieldMask;
+use yoto_proto::key::Connection;
 use yoto_proto::names;
 use yoto_proto::pose_track::{PoseTrack, describe};
 use yoto_proto::v1::model_service_client::ModelServiceClient;
@@ -16,7 +17,7 @@ use yoto_proto::v1::{
 };
 
 impl YotoClient {
-    fn model_service(&self) -> ModelServiceClient<tonic::transport::Channel> {
+    fn model_service(&self) -> ModelServiceClient<Connection> {
         ModelServiceClient::new(self.channel.clone())
     }
 

@@ -9,13 +9,14 @@ use std::path::{Path, PathBuf};
 use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tonic::Status;
 use yoto_proto::hex;
+use yoto_proto::key::Connection;
 use yoto_proto::v1::object_service_client::ObjectServiceClient;
 use yoto_proto::v1::{
     DownloadObjectRequest, ExportResult, ExportedFile, ListObjectsRequest, NamedObject,
 };
 
 impl YotoClient {
-    fn object_service(&self) -> ObjectServiceClient<tonic::transport::Channel> {
+    fn object_service(&self) -> ObjectServiceClient<Connection> {
         ObjectServiceClient::new(self.channel.clone())
     }
 

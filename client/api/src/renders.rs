@@ -1,12 +1,13 @@
 //! Renders: requests for pictures.
 
 use super::{ClientError, YotoClient, request_id, retry::repeat};
+use yoto_proto::key::Connection;
 use yoto_proto::limits::{ANSWER_BYTES, MESSAGE_BYTES};
 use yoto_proto::v1::render_service_client::RenderServiceClient;
 use yoto_proto::v1::{CreateRenderRequest, Job, RenderSpec};
 
 impl YotoClient {
-    fn render_service(&self) -> RenderServiceClient<tonic::transport::Channel> {
+    fn render_service(&self) -> RenderServiceClient<Connection> {
         RenderServiceClient::new(self.channel.clone())
             .max_decoding_message_size(ANSWER_BYTES)
             .max_encoding_message_size(MESSAGE_BYTES)

@@ -2,6 +2,9 @@
 
 use super::retry::{read, repeat};
 use super::{ClientError, YotoClient};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::{
     CordonWorkerRequest, DrainRequest, EndDrainRequest, GetLimitsRequest, GetStatusRequest,
@@ -20,6 +23,21 @@ impl YotoClient {
         };
         let doing = "reading the limits of the service";
         repeat(read).await.map_err(ClientError::refused(doing))
+    }
+
+    /// Whether the service can serve: it can write its rows, its objects are there, and it is not about to end. No key is asked
+    /// for.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn is_ready(&self) -> Result<bool, ClientError> {
+        let check = || {
+            let mut health = HealthClient::new(self.channel.clone());
+            async move { health.check(HealthCheckRequest::default()).await }
+        };
+        let checked = read(check).await;
+        let checked = checked.map_err(ClientError::refused("asking for the service's health"))?;
+        Ok(checked.status() == ServingStatus::Serving)
     }
 
     /// Version, workers, queue and storage of the service.

@@ -5,6 +5,7 @@ use super::{
     retry::{read, repeat},
 };
 use prost_types::FieldMask;
+use yoto_proto::key::Connection;
 use yoto_proto::limits::{ANSWER_BYTES, LONGEST_PAGE_ENTRIES};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
 use yoto_proto::v1::{
@@ -14,7 +15,7 @@ use yoto_proto::v1::{
 };
 
 impl YotoClient {
-    pub(super) fn subject_service(&self) -> SubjectServiceClient<tonic::transport::Channel> {
+    pub(super) fn subject_service(&self) -> SubjectServiceClient<Connection> {
         SubjectServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
     }
 

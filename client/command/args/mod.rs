@@ -17,12 +17,13 @@ pub(crate) use parse::*;
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use yoto_client::{ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
+use yoto_client::{Addresses, ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
 #[cfg(feature = "embedded")]
 use yoto_import::FfmpegArg;
 use yoto_import::{Levels, MattingModel};
 #[cfg(feature = "embedded")]
 use yoto_ingest::IngestSettings;
+use yoto_proto::key::Key;
 use yoto_proto::v1::{JobKind, JobPriority};
 
 /// The service of a client command.
@@ -37,13 +38,61 @@ pub(crate) struct Server {
         value_name = "URL"
     )]
     pub server: String,
+    /// File with the key that the service asks for, if it asks for one; without it, the variable YOTO_KEY may have the
+    /// key.
+    #[arg(long, env = "YOTO_KEY_FILE", value_name = "FILE")]
+    pub key_file: Option<PathBuf>,
+    /// Certificate of the authority that vouches for an https:// service, in PEM [default: those that the system
+    /// trusts].
+    #[arg(long, env = "YOTO_CA", value_name = "FILE")]
+    pub ca: Option<PathBuf>,
+    /// Certificate and private key of this client, in PEM, where the service asks for one (`--tls-client-ca`).
+    #[arg(long, env = "YOTO_CLIENT_CERT", value_name = "FILE")]
+    pub client_cert: Option<PathBuf>,
 }
 
 impl Server {
     pub async fn connect(&self) -> Result<YotoClient, ClientError> {
-        YotoClient::connect(&self.server).await
+        let (addresses, key) = (self.addresses()?, self.key()?);
+        if key.is_some() && addresses.are_open() {
+            tell!(
+                "the key can be read on its way to {}: use https://",
+                self.server
+            );
+        }
+        let channel = addresses.connect().await?;
+        Ok(YotoClient::with_key(channel, key))
+    }
+
+    /// Where the service is.
+    pub fn addresses(&self) -> Result<Addresses, ClientError> {
+        let addresses = Addresses::parse(&self.server)?;
+        addresses.with_certificates(self.ca.as_deref(), self.client_cert.as_deref())
+    }
+
+    /// The caller's key: that of the file, or of the variable [`KEY`]. The key is no option, since the arguments of a process
+    /// can be seen by others.
+    pub fn key(&self) -> Result<Option<Key>, ClientError> {
+        let (place, text) = match &self.key_file {
+            Some(path) => {
+                let text = std::fs::read_to_string(path);
+                let text = text.map_err(ClientError::file("reading the key in", path))?;
+                (path.display().to_string(), text)
+            }
+            None => match std::env::var(KEY) {
+                // Recipes pass an empty variable on where there is no key.
+                Ok(text) if !text.trim().is_empty() => (KEY.to_owned(), text),
+                _ => return Ok(None),
+            },
+        };
+        let key = text.trim().parse();
+        key.map(Some)
+            .map_err(|source| ClientError::Key { place, source })
     }
 }
+
+/// The variable with the caller's key.
+const KEY: &str = "YOTO_KEY";
 
 /// Why something is not done at present.
 #[derive(Debug, Args)]

@@ -7,7 +7,7 @@ mod completions;
 
 #[cfg(feature = "embedded")]
 use crate::{avatar, demo};
-use crate::{capture, export, job, model, motion, render, scene, service, subject};
+use crate::{capture, export, job, key, model, motion, render, scene, service, subject};
 use anyhow::Context;
 #[cfg(feature = "embedded")]
 use clap::{CommandFactory, FromArgMatches};
@@ -75,6 +75,7 @@ enum Command {
     Train(model::train::Train),
     Job(job::JobCommand),
     Status(service::status::Status),
+    Key(key::KeyCommand),
     Gc(service::gc::Gc),
     Drain(service::drain::Drain),
     #[cfg(feature = "embedded")]
@@ -160,6 +161,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Train(command) => runtime.block_on(command.run()),
         Command::Job(command) => runtime.block_on(command.run()),
         Command::Status(command) => runtime.block_on(command.run()),
+        Command::Key(command) => runtime.block_on(command.run()),
         Command::Gc(command) => runtime.block_on(command.run()),
         Command::Drain(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

@@ -7,6 +7,8 @@ pub(crate) mod backup;
 #[cfg(feature = "embedded")]
 pub(crate) mod config;
 pub(crate) mod drain;
+#[cfg(feature = "embedded")]
+mod exposure;
 pub(crate) mod gc;
 pub(crate) mod logs;
 #[cfg(feature = "embedded")]

@@ -1,5 +1,6 @@
 //! `yoto serve`: coordinator and worker in one process.
 
+use super::exposure::Exposure;
 use super::state::{ObjectsArgs, StateArgs};
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
@@ -19,6 +20,9 @@ AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, and AWS_ENDPOINT_URL unles
 SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
 queue, and the process ends, even with connected clients.
 
+Beyond this machine the service needs TLS, and asks every caller for a key (`yoto key`); on loopback it asks
+from the first key on.
+
 On the same port, /healthz, /readyz and /metrics answer to balancers and Prometheus. Each option can also be
 an environment variable, YOTO_LISTEN for --listen, or a key of --config.
 
@@ -30,6 +34,7 @@ Examples:
   yoto serve --config yoto.toml
   curl http://127.0.0.1:50051/readyz
   yoto serve --objects s3://bucket/prefix
+  yoto serve --listen 0.0.0.0:50051 --tls-cert yoto.crt --tls-key yoto.key
   grpcurl -plaintext 127.0.0.1:50051 list";
 
 /// Run the service on this machine: API, jobs, storage and a worker.
@@ -56,10 +61,8 @@ pub(crate) struct Serve {
     /// scratch/ in the data folder.
     #[arg(long, env = "YOTO_SCRATCH", value_name = "DIR")]
     scratch: Option<PathBuf>,
-    /// Listen beyond this machine without encryption or keys: anyone who can reach the
-    /// address can read and change everything.
-    #[arg(long, env = "YOTO_INSECURE", value_parser = BoolishValueParser::new())]
-    insecure: bool,
+    #[command(flatten)]
+    exposure: Exposure,
     /// Time from SIGTERM until calls are refused, seconds. Meanwhile `/readyz` and the health of gRPC say that
     /// nobody should come any more, so that a balancer sends its calls elsewhere. Workers in this process stop at
     /// once.
@@ -154,7 +157,9 @@ impl Serve {
     }
 
     pub(crate) async fn run(self) -> anyhow::Result<()> {
-        check_exposure(self.listen, self.insecure)?;
+        let admission = self.exposure.admission(self.listen)?;
+        let tls = self.exposure.tls();
+        let scheme = if tls.is_some() { "https" } else { "http" };
         keep_private();
         let drain = Duration::try_from_secs_f64(self.drain_seconds);
         let drain = drain.with_context(|| format!("--drain-seconds {}", self.drain_seconds))?;
@@ -167,6 +172,8 @@ impl Serve {
             database: self.state.database,
             objects: self.objects.objects,
             listen: Some(self.listen),
+            admission,
+            tls,
             worker: !self.no_worker,
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
@@ -178,7 +185,7 @@ impl Serve {
             .await
             .with_context(|| format!("starting the service in {place}"))?;
         if let Some(address) = service.address() {
-            tell!("yoto serves http://{address} from {place}");
+            tell!("yoto serves {scheme}://{address} from {place}");
             tell!("objects at {}", service.shown_objects_url());
         }
         if !self.no_worker {
@@ -210,16 +217,6 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 fn keep_private() {
     #[cfg(unix)]
     nix::sys::stat::umask(nix::sys::stat::Mode::from_bits_truncate(0o077));
-}
-
-/// Without TLS and keys, the service is for this machine only.
-fn check_exposure(listen: SocketAddr, insecure: bool) -> anyhow::Result<()> {
-    anyhow::ensure!(
-        listen.ip().is_loopback() || insecure,
-        "{listen} can be reached from other machines, and nothing would guard it: \
-         listen at 127.0.0.1, or add --insecure if the network is trusted"
-    );
-    Ok(())
 }
 
 /// Returns at SIGTERM or ctrl-c.
@@ -291,14 +288,5 @@ mod tests {
         for gib in [2.0, -1.0, f64::NAN] {
             assert!(limited(gib).limits().is_err(), "{gib}");
         }
-    }
-
-    #[test]
-    fn only_loopback_needs_no_flag() {
-        let address = |text: &str| text.parse::<SocketAddr>().expect("an address");
-        assert!(check_exposure(address("127.0.0.1:1"), false).is_ok());
-        assert!(check_exposure(address("[::1]:1"), false).is_ok());
-        assert!(check_exposure(address("0.0.0.0:1"), false).is_err());
-        assert!(check_exposure(address("0.0.0.0:1"), true).is_ok());
     }
 }

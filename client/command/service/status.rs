@@ -12,12 +12,16 @@ use yoto_terminal::output::{self, others};
 const AFTER_HELP: &str = "\
 Examples:
   yoto status
+  yoto status --ready
   yoto status --output json --server http://192.168.1.7:50051";
 
 /// Show the service: its workers, its queue, and the room on its disk.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Status {
+    /// Only ask whether the service can serve; needs no key, and fails if it can't.
+    #[arg(long)]
+    ready: bool,
     #[command(flatten)]
     server: Server,
 }
@@ -25,6 +29,11 @@ pub(crate) struct Status {
 impl Status {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
+        if self.ready {
+            anyhow::ensure!(client.is_ready().await?, "the service is not ready");
+            say!("ready");
+            return Ok(());
+        }
         let status = client.status().await?;
         let limits = client.limits().await?;
         output::put("limits", output::message(&limits));

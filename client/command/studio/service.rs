@@ -24,6 +24,8 @@ pub async fn with_service<T>(
         database: None,
         objects: None,
         listen: None,
+        admission: yoto_server::Admission::Machine,
+        tls: None,
         worker: true,
         ingest,
         lpips,

@@ -44,6 +44,10 @@ containers:
     env:
       - name: POD_NAME
         valueFrom: {fieldRef: {fieldPath: metadata.name}}
+      {{- with $defaults.keySecret }}
+      - name: YOTO_KEY
+        valueFrom: {secretKeyRef: {name: {{ . }}, key: key}}
+      {{- end }}
       {{- include "yoto.storeEnvironment" .root | nindent 6 }}
     {{- with .pool.resources }}
     resources: {{ toYaml . | nindent 6 }}

@@ -3,6 +3,7 @@
 
 mod fields;
 mod jobs;
+mod keys;
 mod models;
 mod objects;
 mod paging;
@@ -17,6 +18,7 @@ mod worker_text;
 mod workers;
 
 pub use jobs::JobApi;
+pub use keys::{KeyApi, new_key};
 pub use models::ModelApi;
 pub use objects::ObjectApi;
 pub use renders::RenderApi;

@@ -33,7 +33,9 @@ impl From<RequestError> for Status {
             RequestError::NotFound { name } => status(Reason::NotFound, text, &[("name", name)]),
             RequestError::Invalid(faults) => invalid(&faults),
             RequestError::Several(errors) => several(errors),
-            RequestError::Precondition { reason, .. } => status(reason, text, &[]),
+            RequestError::Precondition { reason, .. } | RequestError::Refused { reason, .. } => {
+                status(reason, text, &[])
+            }
             RequestError::DiskFull { free, needed } => {
                 let metadata = [("free", free.to_string()), ("needed", needed.to_string())];
                 status(Reason::DiskFull, text, &metadata)

@@ -1,6 +1,7 @@
 //! `yoto.worker.v1.WorkerService`.
 
 use super::{fields, worker_text};
+use crate::access::Caller;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::both;
@@ -37,6 +38,29 @@ pub struct WorkerApi {
     pub drain: CancellationToken,
 }
 
+impl WorkerApi {
+    /// Checks that the worker has registered with the caller's key. Where no key is asked for, no worker has one.
+    async fn check(&self, caller: &Caller, tenant: &Tenant, id: &str) -> Result<(), RequestError> {
+        let Some(key) = caller.key() else {
+            return Ok(());
+        };
+        let store = &self.context.store;
+        Ok(store.require_worker_of_key(tenant, id, key).await?)
+    }
+
+    /// The lease of a claim by the caller's own worker.
+    async fn claimed(
+        &self,
+        caller: &Caller,
+        tenant: &Tenant,
+        claim: Option<Claim>,
+    ) -> Result<LeaseKey, RequestError> {
+        let key = lease_key(claim)?;
+        self.check(caller, tenant, &key.worker_id).await?;
+        Ok(key)
+    }
+}
+
 fn lease_key(claim: Option<Claim>) -> Result<LeaseKey, RequestError> {
     let claim = claim.ok_or_else(|| RequestError::invalid("claim", "is missing"))?;
     Ok(LeaseKey {
@@ -70,7 +94,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let in_process = Client::is_in_process(&request);
         let request = request.into_inner();
         let embedded = match request.embedded && !in_process {
@@ -99,6 +123,7 @@ impl WorkerService for WorkerApi {
             embedded: embedded.then(|| self.context.instance.clone()),
             version: worker_text::line(request.version),
             order_level: request.order_level,
+            key: caller.key().map(str::to_owned),
         };
         let id = lease::register(&self.context, &tenant, new).await?;
         Ok(Response::new(RegisterWorkerResponse {
@@ -113,10 +138,11 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<LeaseJobRequest>,
     ) -> Result<Response<LeaseJobResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let request = request.get_ref();
         let id = fields::id(Collection::Workers, "worker", &request.worker)?;
         fields::request_id(&request.request_id)?;
+        self.check(&caller, &tenant, &id).await?;
         if self.drain.is_cancelled() {
             return Err(RequestError::ShuttingDown.into());
         }
@@ -154,9 +180,9 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let request = request.into_inner();
-        let key = lease_key(request.claim)?;
+        let key = self.claimed(&caller, &tenant, request.claim).await?;
         let progress = request.progress.map(worker_text::progress);
         let cancel = report::heartbeat(&self.context, &tenant, &key, progress).await?;
         let lease_seconds = self.context.config.lease_seconds;
@@ -170,9 +196,9 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<PublishCheckpointRequest>,
     ) -> Result<Response<PublishCheckpointResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let request = request.into_inner();
-        let key = lease_key(request.claim)?;
+        let key = self.claimed(&caller, &tenant, request.claim).await?;
         let checkpoint = request.checkpoint;
         let checkpoint =
             checkpoint.ok_or_else(|| RequestError::invalid("checkpoint", "is missing"))?;
@@ -185,9 +211,9 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<CommitOutputRequest>,
     ) -> Result<Response<CommitOutputResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let request = request.into_inner();
-        let key = lease_key(request.claim)?;
+        let key = self.claimed(&caller, &tenant, request.claim).await?;
         let file = request.file;
         let file = file.ok_or_else(|| RequestError::invalid("file", "is missing"))?;
         report::commit_output(&self.context, &tenant, &key, &file).await?;
@@ -198,9 +224,9 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<TakeRangeRequest>,
     ) -> Result<Response<TakeRangeResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let request = request.into_inner();
-        let key = lease_key(request.claim)?;
+        let key = self.claimed(&caller, &tenant, request.claim).await?;
         let (pictures, drawn) = (request.pictures, request.drawn);
         let taken = report::take_range(&self.context, &tenant, &key, pictures, drawn).await?;
         Ok(Response::new(TakeRangeResponse {
@@ -215,9 +241,9 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<EndJobRequest>,
     ) -> Result<Response<EndJobResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
         let request = request.into_inner();
-        let key = lease_key(request.claim)?;
+        let key = self.claimed(&caller, &tenant, request.claim).await?;
         report::end(&self.context, &tenant, &key, ending(request.outcome)?).await?;
         Ok(Response::new(EndJobResponse {}))
     }

@@ -1,32 +1,29 @@
 //! Pages over plain HTTP, on the port of gRPC: for balancers, container engines and Prometheus.
 //!
 //! They are merged into the same router, so connections and calls count towards the same limits. Each page answers GET and
-//! HEAD alone. A page for people, or JSON for programs, is another file here and another line in [`pages`].
+//! HEAD alone. A page for people, or JSON for programs, is another file here, another line in [`pages`], and a rule in
+//! `crate::access`, without which it is not answered.
 
 mod figures;
 mod metrics;
 mod probes;
 
 use crate::context::Context;
+use crate::error::RequestError;
 use axum::Router;
-use axum::extract::Request;
-use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, Method, StatusCode, Version};
-use axum::response::{IntoResponse, Response};
+use axum::http::header::{CONTENT_TYPE, WWW_AUTHENTICATE};
+use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
 use axum::routing::get;
+use bytes::Bytes;
+use http_body_util::{BodyExt, Full};
 use std::sync::Arc;
-use tonic::Status;
+use tonic::body::Body;
+use tonic::{Code, Status};
 
 /// Whether a request with these headers is a call of gRPC.
 pub fn is_grpc(headers: &HeaderMap) -> bool {
     let kind = headers.get(CONTENT_TYPE);
     kind.is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"))
-}
-
-/// Whether a browser may have sent the request: those speak HTTP/1.1 where nothing is encrypted, and gRPC needs HTTP/2. Any page
-/// of the web can have its visitor's browser post to this machine, so nothing is changed by such a request.
-pub fn is_of_a_browser(version: Version, method: &Method) -> bool {
-    version < Version::HTTP_2 && !matches!(*method, Method::GET | Method::HEAD)
 }
 
 /// The services of gRPC in `router`, and the pages beside them.
@@ -36,13 +33,40 @@ pub fn pages(router: Router, context: Arc<Context>) -> Router {
         .route("/readyz", get(probes::is_ready))
         .route("/metrics", get(metrics::page))
         .with_state(context);
-    router.merge(pages).fallback(unknown)
+    router.merge(pages)
 }
 
 /// The answer to a path of nothing.
-async fn unknown(request: Request) -> Response {
-    match is_grpc(request.headers()) {
+pub fn unknown(grpc: bool) -> Response<Body> {
+    match grpc {
         true => Status::unimplemented("").into_http(),
-        false => (StatusCode::NOT_FOUND, "there is no such page\n").into_response(),
+        false => text(StatusCode::NOT_FOUND, "there is no such page"),
     }
+}
+
+/// The answer to a caller who may not call.
+pub fn refusal(error: RequestError, grpc: bool) -> Response<Body> {
+    let status = Status::from(error);
+    if grpc {
+        return status.into_http();
+    }
+    let code = match status.code() {
+        Code::Unauthenticated => StatusCode::UNAUTHORIZED,
+        Code::PermissionDenied => StatusCode::FORBIDDEN,
+        _ => StatusCode::SERVICE_UNAVAILABLE,
+    };
+    let mut refused = text(code, status.message());
+    if code == StatusCode::UNAUTHORIZED {
+        let scheme = HeaderValue::from_static("Bearer");
+        refused.headers_mut().insert(WWW_AUTHENTICATE, scheme);
+    }
+    refused
+}
+
+/// A page with one line.
+pub fn text(code: StatusCode, line: &str) -> Response<Body> {
+    let body = Full::new(Bytes::from(format!("{line}\n"))).map_err(|never| match never {});
+    let mut page = Response::new(Body::new(body));
+    *page.status_mut() = code;
+    page
 }

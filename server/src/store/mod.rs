@@ -21,9 +21,9 @@ pub use job_types::{
     OpenJobs, QueueFigures, Reaped, TakenRange,
 };
 pub use types::{
-    Entry, Horizons, KnownGarbage, NewModel, NewPart, NewPiece, NewSubject, NewUpload, NewWorker,
-    Page, PartId, Reference, RequestKey, StoreError, StoredPart, SubjectChange, Target, Upload,
-    UploadFile, UploadPart, UploadedFile, new_id,
+    Entry, Horizons, KeyRow, KnownGarbage, NewKey, NewModel, NewPart, NewPiece, NewSubject,
+    NewUpload, NewWorker, Page, PartId, Reference, RequestKey, StoreError, StoredPart,
+    SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;
@@ -63,6 +63,17 @@ impl Store {
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StoreError> {
         Ok(Self::of(Database::open_postgres(url, clock).await?))
+    }
+
+    /// Opens the file of a service that exists and may run, for a few rows: its schema must be that of this program.
+    ///
+    /// # Errors
+    /// When there is no such file, or its schema is another.
+    pub async fn open_sqlite_as_it_is(
+        path: &Path,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        Ok(Self::of(Database::open_sqlite_as_it_is(path, clock).await?))
     }
 
     fn of(db: Database) -> Self {

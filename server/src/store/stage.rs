@@ -155,6 +155,11 @@ pub async fn running_job_goes_on(store: &Store, attempts: usize) {
     published.expect("publishes");
     let ended = store.end_job(&own, &lease, Ending::Returned).await;
     ended.expect("returns the job");
+    // There are no keys yet, and the worker has none.
+    let (keys, _) = store.all_keys().await.expect("reads");
+    assert!(keys.is_empty(), "{keys:?}");
+    let known = store.require_worker_of_key(&own, "w", "k").await;
+    known.expect_err("it has registered without a key");
 }
 
 /// The training `j` of a worker in the only coordinator of an earlier version goes back to the queue when a coordinator of

@@ -5,7 +5,7 @@ use prost::Message;
 use thiserror::Error;
 use yoto_objects::Part;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{self, ErrorReason, ObjectRef, WorkerDevice};
+use yoto_proto::v1::{self, ErrorReason, ObjectRef, Scope, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -346,6 +346,40 @@ pub struct NewWorker {
     pub version: String,
     /// The newest orders that it understands.
     pub order_level: u32,
+    /// Id of the key with which it registers; none where no key is asked for.
+    pub key: Option<String>,
+}
+
+/// A key that is created.
+#[derive(Debug, Clone)]
+pub struct NewKey {
+    /// Human-readable.
+    pub display_name: String,
+    /// SHA-256 of the key, lower-case hex.
+    pub sha256: String,
+    /// What it allows.
+    pub scopes: Vec<Scope>,
+    /// When it ends, seconds since 1970; none: never.
+    pub expire_time: Option<f64>,
+}
+
+/// A key, as the check of a call needs it.
+#[derive(Debug, Clone)]
+pub struct KeyRow {
+    /// Its id.
+    pub id: String,
+    /// The tenant whose calls it makes.
+    pub tenant: String,
+    /// SHA-256 of the key, lower-case hex.
+    pub sha256: String,
+    /// What it allows.
+    pub scopes: Vec<Scope>,
+    /// When it ends, seconds since 1970.
+    pub expire_time: Option<f64>,
+    /// When it was last noted as used, seconds since 1970.
+    pub used_time: Option<f64>,
+    /// Whether it was revoked.
+    pub revoked: bool,
 }
 
 /// A file that was uploaded and written to the object store.

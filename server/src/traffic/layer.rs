@@ -3,12 +3,11 @@
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
-use crate::http::{is_grpc, is_of_a_browser};
+use crate::http::{self, is_grpc};
 use crate::methods::{self, is_unary};
 use crate::metrics::METRICS;
-use bytes::Bytes;
 use futures::future::BoxFuture;
-use http_body_util::{BodyExt, Full};
+use http_body_util::BodyExt;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 use std::task::{Context, Poll};
@@ -42,11 +41,8 @@ pub struct Limited<S> {
 }
 
 /// The refusal of a page.
-fn plain(status: StatusCode, message: String) -> Response<Body> {
-    let body = Full::new(Bytes::from(message)).map_err(|never| match never {});
-    let mut refused = Response::new(Body::new(body));
-    *refused.status_mut() = status;
-    refused
+fn plain(message: &str) -> Response<Body> {
+    http::text(StatusCode::SERVICE_UNAVAILABLE, message)
 }
 
 /// A call, from its start to the end of its response stream.
@@ -92,11 +88,6 @@ where
     }
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
-        if is_of_a_browser(request.version(), request.method()) {
-            let message = "calls need gRPC over HTTP/2\n".to_owned();
-            let refused = plain(StatusCode::METHOD_NOT_ALLOWED, message);
-            return Box::pin(std::future::ready(Ok(refused)));
-        }
         let traffic = Arc::clone(&self.traffic);
         let limits = &traffic.limits;
         let Ok(place) = Arc::clone(&traffic.calls).try_acquire_owned() else {
@@ -104,7 +95,7 @@ where
             let message = format!("{} calls are open already", limits.calls);
             let refused = match is_grpc(request.headers()) {
                 true => Status::from(busy(message)).into_http(),
-                false => plain(StatusCode::SERVICE_UNAVAILABLE, message),
+                false => plain(&message),
             };
             return Box::pin(std::future::ready(Ok(refused)));
         };
@@ -131,7 +122,7 @@ where
                         let message = format!("the call took longer than {} s", longest.as_secs());
                         return Ok(match grpc {
                             true => Status::deadline_exceeded(message).into_http(),
-                            false => plain(StatusCode::SERVICE_UNAVAILABLE, message),
+                            false => plain(&message),
                         });
                     }
                 }

@@ -1,5 +1,6 @@
 //! The coordinator as its clients and workers see it.
 
+mod access;
 mod backups;
 mod captures;
 mod catalogue;

@@ -1,7 +1,6 @@
 //! Pages over plain HTTP beside gRPC: whether the coordinator lives, whether it can serve, and its figures.
 
 use crate::support::{Service, eventually};
-use prost::Message;
 use std::collections::HashSet;
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -12,8 +11,6 @@ use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
-use yoto_proto::v1::subject_service_client::SubjectServiceClient;
-use yoto_proto::v1::{CreateSubjectRequest, ListSubjectsRequest};
 use yoto_server::{ServerConfig, ServerError};
 
 /// Serves on a port too.
@@ -47,45 +44,6 @@ async fn ask(address: SocketAddr, method: &str, path: &str) -> (u16, String, Str
 async fn get(address: SocketAddr, path: &str) -> (u16, String) {
     let (status, _, body) = ask(address, "GET", path).await;
     (status, body)
-}
-
-/// The status of the answer to a call over HTTP/1.1, as a page of the web can have a browser send one.
-async fn post(address: SocketAddr, path: &str, kind: &str, message: &impl Message) -> u16 {
-    let message = message.encode_to_vec();
-    let mut body = vec![0];
-    body.extend((message.len() as u32).to_be_bytes());
-    body.extend(message);
-    let head = format!(
-        "POST {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\nContent-Type: {kind}\r\n\
-         Content-Length: {}\r\n\r\n",
-        body.len()
-    );
-    let mut connection = TcpStream::connect(address).await.expect("connects");
-    let request = [head.as_bytes(), &body].concat();
-    connection.write_all(&request).await.expect("writes");
-    let mut answer = Vec::new();
-    connection.read_to_end(&mut answer).await.expect("reads");
-    let answer = String::from_utf8_lossy(&answer);
-    let status = answer.split(' ').nth(1).and_then(|it| it.parse().ok());
-    status.expect("a status")
-}
-
-#[tokio::test]
-async fn a_call_of_a_browser_changes_nothing() {
-    let service = Service::start().await;
-    let (address, serving) = listen(&service).await;
-    let request = CreateSubjectRequest {
-        display_name: "Mallory".into(),
-        ..<_>::default()
-    };
-    let path = "/yoto.v1.SubjectService/CreateSubject";
-    for kind in ["application/grpc", "text/plain"] {
-        assert_eq!(post(address, path, kind, &request).await, 405, "{kind}");
-    }
-    let mut subjects = SubjectServiceClient::new(service.channel.clone());
-    let all = subjects.list_subjects(ListSubjectsRequest::default()).await;
-    assert_eq!(all.expect("lists").into_inner().subjects, []);
-    serving.abort();
 }
 
 #[tokio::test]

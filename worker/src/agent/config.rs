@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_ingest::IngestSettings;
+use yoto_proto::key::Key;
 use yoto_proto::v1::JobKind;
 
 /// Kinds of jobs that this program runs.
@@ -52,6 +53,8 @@ pub struct WorkerConfig {
     /// Where the files of a running job are: an upload to read, a checkpoint to load or save. Created if
     /// missing.
     pub scratch: PathBuf,
+    /// The worker's key, where the service asks for one.
+    pub key: Option<Key>,
     /// Called after each job, e.g. to give memory back to the system.
     pub after_job: fn(),
 }
@@ -73,6 +76,7 @@ impl Default for WorkerConfig {
             ingest: IngestSettings::default(),
             lpips: None,
             scratch: std::env::temp_dir(),
+            key: None,
             after_job: || {},
         }
     }

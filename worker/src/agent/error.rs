@@ -12,8 +12,8 @@ pub enum WorkerError {
     #[error(transparent)]
     Objects(#[from] ObjectsError),
     /// The coordinator refuses this worker.
-    #[error("the coordinator refuses this worker: {0}")]
-    Refused(#[source] Box<Status>),
+    #[error("the coordinator refuses this worker: {} [{:?}]", .0.message(), .0.code())]
+    Refused(Box<Status>),
     /// The coordinator has no such service for workers.
     #[error(
         "the service at this address does not speak with workers of version {}: use the service's own version of yoto, \

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 use tonic::Status;
-use tonic::transport::Channel;
+use yoto_proto::key::Connection;
 use yoto_proto::v1::Progress;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{Claim, HeartbeatRequest, HeartbeatResponse};
@@ -18,7 +18,7 @@ const RENEWALS: u32 = 3;
 
 /// The task that keeps one lease.
 pub(super) struct Heartbeat {
-    pub(super) client: WorkerServiceClient<Channel>,
+    pub(super) client: WorkerServiceClient<Connection>,
     pub(super) claim: Claim,
     pub(super) control: Arc<JobControl>,
     pub(super) latest: watch::Receiver<Progress>,

@@ -38,6 +38,7 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_objects::{Objects, Rights};
 use yoto_proto::backoff::Backoff;
+use yoto_proto::key::{Connection, connection};
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::orders;
 use yoto_proto::v1::JobKind;
@@ -50,7 +51,7 @@ use yoto_proto::worker::v1::{
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// A worker, ready to [`run`](Self::run).
 pub struct Worker {
-    client: WorkerServiceClient<Channel>,
+    client: WorkerServiceClient<Connection>,
     objects: Objects,
     device: PickedDevice,
     display_name: String,
@@ -100,7 +101,8 @@ impl Worker {
             source,
         })?;
         Ok(Self {
-            client: WorkerServiceClient::new(channel).max_decoding_message_size(ANSWER_BYTES),
+            client: WorkerServiceClient::new(connection(channel, config.key))
+                .max_decoding_message_size(ANSWER_BYTES),
             objects: objects.patient(),
             device,
             display_name: config.display_name,

@@ -6,8 +6,8 @@ use crate::jobs::JobFailure;
 use crate::retry::{is_stale_lease, is_transient};
 use std::time::Duration;
 use tonic::Status;
-use tonic::transport::Channel;
 use yoto_proto::backoff::Backoff;
+use yoto_proto::key::Connection;
 use yoto_proto::v1::JobResult;
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
@@ -16,7 +16,7 @@ use yoto_proto::worker::v1::{Claim, EndJobRequest};
 /// Delivers `outcome`. Returns the end of the lease once the coordinator accepts it, or reports that the lease is lost;
 /// retries while the connection is broken. The caller limits it.
 pub(super) async fn report(
-    client: WorkerServiceClient<Channel>,
+    client: WorkerServiceClient<Connection>,
     claim: &Claim,
     outcome: Result<JobResult, JobFailure>,
 ) -> JobEnd {
@@ -42,7 +42,7 @@ pub(super) async fn report(
 
 /// Calls until there is a definite answer.
 async fn deliver(
-    client: &WorkerServiceClient<Channel>,
+    client: &WorkerServiceClient<Connection>,
     claim: &Claim,
     outcome: Outcome,
 ) -> Result<(), Status> {

@@ -16,13 +16,13 @@ use tempfile::TempDir;
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tokio::time::timeout;
-use tonic::transport::Channel;
 use tonic::{Code, Status};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_objects::{Extent, Objects, ObjectsError, Part};
 use yoto_proto::backoff::Backoff;
+use yoto_proto::key::Connection;
 use yoto_proto::names::{Collection, NameError};
 use yoto_proto::v1::{Checkpoint, ObjectRef, Progress, RenderedFile};
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
@@ -51,7 +51,7 @@ pub struct JobContext {
     /// Where the job's files are as long as it runs.
     pub(crate) scratch: PathBuf,
     pub(crate) objects: Objects,
-    pub(crate) client: WorkerServiceClient<Channel>,
+    pub(crate) client: WorkerServiceClient<Connection>,
     pub(crate) progress: watch::Sender<Progress>,
     pub(crate) runtime: Handle,
     pub(crate) pace: Arc<Mutex<Pace>>,

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tonic::transport::Endpoint;
+use yoto_proto::key::connection;
 use yoto_proto::worker::v1::Claim;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 
@@ -27,7 +28,7 @@ pub(crate) fn context() -> JobContext {
         lpips: None,
         scratch: std::env::temp_dir(),
         objects: yoto_objects::Objects::over(Arc::new(InMemory::new())),
-        client: WorkerServiceClient::new(channel),
+        client: WorkerServiceClient::new(connection(channel, None)),
         progress: watch::Sender::default(),
         runtime: Handle::current(),
         pace: Default::default(),

@@ -13,6 +13,7 @@ use super::{ClientError, YotoClient, request_id};
 use prost::Message;
 use send::send;
 use tonic::Status;
+use yoto_proto::key::Connection;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::reasons;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
@@ -25,7 +26,7 @@ use yoto_proto::v1::{
 const LOSSES: u32 = 3;
 
 impl YotoClient {
-    fn upload_service(&self) -> UploadServiceClient<tonic::transport::Channel> {
+    fn upload_service(&self) -> UploadServiceClient<Connection> {
         UploadServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES)
     }
 

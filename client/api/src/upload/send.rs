@@ -6,8 +6,9 @@ use bytes::Bytes;
 use std::collections::HashMap;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::{Status, transport::Channel};
+use tonic::Status;
 use yoto_proto::crc32c;
+use yoto_proto::key::Connection;
 use yoto_proto::limits::CHUNK_BYTES;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{FileHeader, Upload, WriteUploadRequest};
@@ -21,7 +22,7 @@ const AHEAD: usize = 4;
 /// # Errors
 /// [`ClientError::File`] when a file can't be read or has changed.
 pub(super) async fn send<F: FnMut(u64)>(
-    mut service: UploadServiceClient<Channel>,
+    mut service: UploadServiceClient<Connection>,
     upload: &Upload,
     files: &[UploadFile],
     headers: &[FileHeader],

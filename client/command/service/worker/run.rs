@@ -8,7 +8,6 @@ use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use url::Url;
-use yoto_client::Addresses;
 use yoto_proto::v1::JobKind;
 use yoto_worker::{Ended, JobEnd, Worker, WorkerConfig};
 
@@ -75,7 +74,8 @@ impl WorkerArgs {
         )?;
         let given = self.kinds.into_iter().map(JobKind::from).collect();
         let kinds = needs::kinds(self.needs, given)?;
-        let service = Addresses::parse(&self.server.server)?;
+        let service = self.server.addresses()?;
+        let key = self.server.key()?;
         // Opening a GPU takes a while and may block.
         let needs = self.needs;
         let picked = tokio::task::spawn_blocking(move || needs::pick(needs))
@@ -95,6 +95,7 @@ impl WorkerArgs {
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             scratch: self.scratch,
+            key,
             after_job: crate::allocator::give_back_memory,
             ..WorkerConfig::default()
         };

@@ -2,6 +2,7 @@
 
 mod catalogue;
 mod jobs;
+mod keys;
 mod operators;
 mod upkeep;
 mod uploads;

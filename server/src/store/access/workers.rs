@@ -20,6 +20,16 @@ impl Store {
         transaction!(self, |tx| workers::register(tx, tenant, new.clone()))
     }
 
+    /// Checks that the tenant's worker has registered with this key: to other keys, it does not exist.
+    pub async fn require_worker_of_key(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        key: &str,
+    ) -> Result<(), StoreError> {
+        workers::require_key(&mut self.db.read().await?, tenant, id, key).await
+    }
+
     /// The workers with a RUNNING job, and those that have asked for one lately. The time of a report is
     /// `lease_seconds` before the deadline of the lease.
     pub async fn active_workers(

@@ -55,6 +55,18 @@ impl Database {
         Ok(Self { driver, clock })
     }
 
+    /// Opens a file of SQLite whose schema is that of this program.
+    ///
+    /// # Errors
+    /// When there is no such file, or its schema is another.
+    pub async fn open_sqlite_as_it_is(
+        path: &Path,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        let driver = Driver::Sqlite(Sqlite::open_as_it_is(path).await?);
+        Ok(Self { driver, clock })
+    }
+
     /// Opens a database of PostgreSQL and brings its schema up to date. Its own clock tells the time, unless `clock` is a
     /// test's.
     ///

@@ -81,6 +81,7 @@ impl Arena {
 
     async fn worker(&self, kinds: &[JobKind]) -> String {
         let new = NewWorker {
+            key: None,
             embedded: None,
             display_name: "w".into(),
             device: WorkerDevice::default(),

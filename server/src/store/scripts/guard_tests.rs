@@ -32,6 +32,7 @@ impl Stage {
         let staged = kind.store(own_clock).await;
         let store = &staged.store;
         let worker = NewWorker {
+            key: None,
             display_name: "w".into(),
             device: WorkerDevice::default(),
             kinds: vec![JobKind::Train, JobKind::Render],

@@ -15,6 +15,7 @@ mod guard_tests;
 pub mod helpers;
 pub mod inputs;
 pub mod jobs;
+pub mod keys;
 pub mod leases;
 pub mod metrics;
 pub mod models;

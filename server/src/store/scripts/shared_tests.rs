@@ -245,6 +245,7 @@ async fn files_are_removed_or_read_again_but_not_both(kind: Kind) {
 async fn a_worker_that_asked_one_coordinator_is_known_to_the_other(kind: Kind) {
     let two = Two::new(kind).await;
     let worker = NewWorker {
+        key: None,
         display_name: "w".to_owned(),
         device: WorkerDevice::default(),
         kinds: vec![JobKind::Train],

@@ -15,8 +15,8 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sql("INSERT INTO workers
              (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant,
-              version, order_level, instance)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)")
+              version, order_level, instance, key)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)")
     .bind(&id)
     .bind(&new.display_name)
     .bind(&new.device.backend)
@@ -29,6 +29,7 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     .bind(&new.version)
     .bind(new.order_level)
     .bind(new.embedded)
+    .bind(new.key)
     .execute(tx, "registering a worker")
     .await?;
     for kind in new.kinds {
@@ -49,6 +50,29 @@ pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), Store
         .bind(tenant.id())
         .one(tx, "looking for a worker")
         .await?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(StoreError::NotFound {
+            name: Collection::Workers.name(id),
+        }),
+    }
+}
+
+/// Checks that the tenant's worker has registered with this key.
+pub async fn require_key(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    key: &str,
+) -> Result<(), StoreError> {
+    let row = sql(
+        "SELECT EXISTS (SELECT 1 FROM workers WHERE id = $1 AND tenant = $2 AND key = $3) AS found",
+    )
+    .bind(id)
+    .bind(tenant.id())
+    .bind(key)
+    .one(tx, "looking for a worker of a key")
+    .await?;
     match row.flag("found")? {
         true => Ok(()),
         false => Err(StoreError::NotFound {

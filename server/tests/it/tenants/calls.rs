@@ -5,8 +5,8 @@ use prost::Message;
 use prost_reflect::{DynamicMessage, MethodDescriptor};
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::codegen::http::uri::PathAndQuery;
-use tonic::transport::Channel;
 use tonic::{Code, Request, Status};
+use yoto_proto::key::Connection;
 
 /// What a caller learns from a call.
 #[derive(Debug, PartialEq, Eq)]
@@ -32,11 +32,20 @@ impl Answer {
 }
 
 /// Calls `method` with one message. All calls are made as streams in both directions, which is the same on the wire.
-pub async fn call(channel: Channel, method: &MethodDescriptor, request: &DynamicMessage) -> Answer {
+pub async fn call(
+    connection: Connection,
+    method: &MethodDescriptor,
+    request: &DynamicMessage,
+) -> Answer {
     let path = format!("/{}/{}", method.parent_service().full_name(), method.name());
+    call_path(connection, &path, request.encode_to_vec()).await
+}
+
+/// The same by the method's path.
+pub async fn call_path(connection: Connection, path: &str, request: Vec<u8>) -> Answer {
     let path = PathAndQuery::try_from(path).expect("a path");
-    let request = Request::new(tokio_stream::once(request.encode_to_vec()));
-    let mut grpc = tonic::client::Grpc::new(channel);
+    let request = Request::new(tokio_stream::once(request));
+    let mut grpc = tonic::client::Grpc::new(connection);
     grpc.ready().await.expect("connects");
     let first = async {
         let answers = grpc.streaming(request, path, Bytes).await?;

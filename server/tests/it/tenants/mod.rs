@@ -2,32 +2,34 @@
 //!
 //! The contract's descriptors are walked, so that a new call is covered without being named here.
 
-mod calls;
-mod requests;
+pub mod calls;
+pub mod requests;
 
-use crate::support::{Service, chunks as chunks_of, file};
+use crate::support::{SCOPES, Service, chunks as chunks_of, file};
 use calls::{Answer, call};
 use prost_reflect::{DynamicMessage, FieldDescriptor, MethodDescriptor};
 use requests::{Content, is_report, leaves, methods, unknown, with};
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::mem;
 use tonic::Code;
 use tonic::transport::Channel;
+use yoto_proto::key::{Connection, connection};
 use yoto_proto::names;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
     CreateSubjectRequest, FinishUploadRequest, GetUploadRequest, JobKind, ListSubjectsRequest,
-    PauseJobsRequest,
+    PauseJobsRequest, Scope,
 };
-use yoto_server::{Tenant, in_memory};
+use yoto_server::{Admission, Tenant, in_memory};
 
 /// Connects as another tenant.
 fn connect(service: &Service, tenant: &str) -> Channel {
     let (connector, incoming) = in_memory();
     let tenant = Tenant::new(tenant).expect("an id");
-    let serving = service
-        .coordinator
-        .serve_tenant(tenant, incoming, std::future::pending());
+    let serving =
+        service
+            .coordinator
+            .serve_to(Admission::Process(tenant), incoming, std::future::pending());
     tokio::spawn(serving);
     connector.channel()
 }
@@ -46,34 +48,74 @@ async fn content(service: &Service) -> Content {
         checkpoint: trained.checkpoint.name,
         job: trained.training.job.expect("has a job").name,
         worker: trained.worker,
+        key: "keys/none".into(),
     }
 }
 
-/// A service with one of everything of each of two tenants: the default one's, and that of the tenant on whose channel
-/// `service` is left.
-async fn two_tenants() -> (Service, Content, Content) {
+/// A service with one of everything of each of two tenants, and keys of the second one.
+struct TwoTenants {
+    /// It runs as long as this lives.
+    _service: Service,
+    /// What the default tenant has.
+    theirs: Content,
+    /// What the tenant `other` has.
+    own: Content,
+    /// The tenant's connection for each scope.
+    keyed: HashMap<Scope, Connection>,
+}
+
+async fn two_tenants() -> TwoTenants {
     let mut service = Service::start().await;
-    let theirs = content(&service).await;
+    let mut theirs = content(&service).await;
+    theirs.key = service.key("default", &[Scope::Read]).await.name;
+    let door = service.door(Admission::Nobody);
+    let (mut keyed, mut of_worker) = (HashMap::new(), String::new());
+    for scope in SCOPES {
+        let key = service.key("other", &[scope]).await;
+        of_worker = key.name.clone();
+        keyed.insert(scope, connection(door.clone(), Some(key.secret)));
+    }
+    let revoked = service.key("other", &[Scope::Read]).await.name;
     service.channel = connect(&service, "other");
-    let own = content(&service).await;
-    (service, theirs, own)
+    let mut own = content(&service).await;
+    own.key = revoked;
+    // As if it had registered with the key.
+    let bound = format!(
+        "UPDATE workers SET key = '{}' WHERE id = '{}'",
+        requests::id(&of_worker),
+        requests::id(&own.worker)
+    );
+    service.database.run(&bound).await;
+    TwoTenants {
+        _service: service,
+        theirs,
+        own,
+        keyed,
+    }
+}
+
+impl TwoTenants {
+    /// The connection that may call the method.
+    fn connection(&self, method: &MethodDescriptor) -> Connection {
+        self.keyed[&requests::scope(method)].clone()
+    }
 }
 
 /// The answer to a call in which the field at the end of `path` is `name`.
 async fn ask(
-    service: &Service,
+    two: &TwoTenants,
     method: &MethodDescriptor,
     path: &[FieldDescriptor],
-    own: &Content,
     name: &str,
 ) -> Answer {
-    let request = with(&method.input(), path, own, name);
-    call(service.channel.clone(), method, &request).await
+    let request = with(&method.input(), path, &two.own, name);
+    call(two.connection(method), method, &request).await
 }
 
 #[tokio::test]
 async fn a_name_of_another_tenant_is_answered_like_one_that_does_not_exist() {
-    let (service, theirs, own) = two_tenants().await;
+    let two = two_tenants().await;
+    let theirs = &two.theirs;
     let (mut asked, mut faults) = (0, Vec::new());
     for method in methods() {
         for path in leaves(&method.input()) {
@@ -82,8 +124,8 @@ async fn a_name_of_another_tenant_is_answered_like_one_that_does_not_exist() {
             let mut seen = Vec::new();
             for name in theirs.names() {
                 let missing = unknown(name);
-                let answer = ask(&service, &method, &path, &own, name).await;
-                let expected = ask(&service, &method, &path, &own, &missing).await;
+                let answer = ask(&two, &method, &path, name).await;
+                let expected = ask(&two, &method, &path, &missing).await;
                 if answer.without(name) != expected.without(&missing) {
                     faults.push(format!("{shown} tells whether {name} exists: {answer:?}"));
                 }
@@ -115,11 +157,12 @@ async fn a_name_of_another_tenant_is_answered_like_one_that_does_not_exist() {
 
 #[tokio::test]
 async fn no_answer_holds_an_id_of_another_tenant() {
-    let (service, theirs, own) = two_tenants().await;
+    let two = two_tenants().await;
+    let (theirs, own) = (&two.theirs, &two.own);
     let mut listed = 0;
     for method in methods() {
         let request = DynamicMessage::new(method.input());
-        let answer = call(service.channel.clone(), &method, &request).await;
+        let answer = call(two.connection(&method), &method, &request).await;
         for name in theirs.names() {
             let id = requests::id(name);
             assert!(!answer.holds(id), "{} shows {name}", method.full_name());

@@ -4,6 +4,7 @@ use prost_reflect::{
     DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor,
     Value,
 };
+use yoto_proto::v1::Scope;
 
 /// Names of one of everything that a tenant has.
 #[derive(Debug)]
@@ -16,6 +17,7 @@ pub struct Content {
     pub job: String,
     pub worker: String,
     pub object: String,
+    pub key: String,
 }
 
 impl Content {
@@ -29,9 +31,10 @@ impl Content {
             job,
             worker,
             object,
+            key,
         } = self;
         let all = [
-            subject, capture, upload, model, checkpoint, job, worker, object,
+            subject, capture, upload, model, checkpoint, job, worker, object, key,
         ];
         all.into_iter().map(String::as_str)
     }
@@ -77,6 +80,7 @@ const NO_NAMES: &[&str] = &[
     "sha256",
     "shards",
     "slots",
+    "tenant",
     "tier",
     "variant",
     "version",
@@ -135,6 +139,35 @@ pub fn methods() -> Vec<MethodDescriptor> {
         .iter()
         .flat_map(|it| it.methods().collect::<Vec<_>>())
         .collect()
+}
+
+/// The scope that the contract names beside a method.
+pub fn scope(method: &MethodDescriptor) -> Scope {
+    number(method, "scope")
+        .expect("has a scope")
+        .try_into()
+        .expect("a scope")
+}
+
+/// Whether the contract says beside a method that it is about the whole service.
+pub fn is_of_whole_service(method: &MethodDescriptor) -> bool {
+    number(method, "whole_service") == Some(1)
+}
+
+/// An option of a method.
+fn number(method: &MethodDescriptor, option: &str) -> Option<i32> {
+    let pool = method.parent_pool();
+    let known = pool.get_extension_by_name(&format!("yoto.v1.{option}"));
+    let known = known.expect("is in the contract");
+    let options = method.options();
+    if !options.has_extension(&known) {
+        return None;
+    }
+    match options.get_extension(&known).as_ref() {
+        Value::EnumNumber(number) => Some(*number),
+        Value::Bool(is_set) => Some(i32::from(*is_set)),
+        other => panic!("{option} is {other:?}"),
+    }
 }
 
 /// The id in a name: of the resource, or of the one that it belongs to.

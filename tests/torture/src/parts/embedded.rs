@@ -15,6 +15,8 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         database: None,
         objects: None,
         listen: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, port))),
+        admission: yoto_server::Admission::Machine,
+        tls: None,
         worker: true,
         scratch: None,
         drain: std::time::Duration::ZERO,

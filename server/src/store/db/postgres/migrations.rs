@@ -19,6 +19,7 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/postgres/0024_operators.sql").into_sql_str();
     let several = include_str!("../../../../../migrations/postgres/0025_several_coordinators.sql")
         .into_sql_str();
+    let keys = include_str!("../../../../../migrations/postgres/0026_keys.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -28,6 +29,7 @@ pub fn migrations() -> Migrator {
         step(23, "upload parts", parts),
         step(24, "operators", operators),
         step(25, "several coordinators", several),
+        step(26, "keys", keys),
     ])
 }
 

@@ -49,6 +49,7 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/sqlite/0024_operators.sql").into_sql_str();
     let several = include_str!("../../../../../migrations/sqlite/0025_several_coordinators.sql")
         .into_sql_str();
+    let keys = include_str!("../../../../../migrations/sqlite/0026_keys.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -78,6 +79,7 @@ pub fn migrations() -> Migrator {
         step(23, "upload parts", parts, false),
         step(24, "operators", operators, false),
         step(25, "several coordinators", several, false),
+        step(26, "keys", keys, false),
     ])
 }
 
@@ -90,6 +92,22 @@ pub async fn run(writer: &SqlitePool) -> Result<(), StoreError> {
     schema::check(&migrations, &found(writer).await?)?;
     let done = migrations.run(writer).await.map_err(sqlx::Error::from);
     done.during("bringing the database's schema up to date")
+}
+
+/// Refuses a schema that is not this program's. A service of another version may run on it, so nothing is changed.
+///
+/// # Errors
+/// As [`run`], and when steps are missing.
+pub async fn are_applied(writer: &SqlitePool) -> Result<(), StoreError> {
+    let (migrations, found) = (migrations(), found(writer).await?);
+    schema::check(&migrations, &found)?;
+    let newest = migrations.iter().map(|it| it.version).max();
+    match found.applied.last().map(|(version, _)| *version) == newest {
+        true => Ok(()),
+        false => Err(StoreError::Unusable(
+            "has the schema of an earlier version of yoto: start `yoto serve` of this version first".to_owned(),
+        )),
+    }
 }
 
 /// What the database contains.

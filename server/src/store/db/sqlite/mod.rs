@@ -45,6 +45,20 @@ impl Sqlite {
         Ok(Self { writer, readers })
     }
 
+    /// Opens a file whose schema is that of this program.
+    pub async fn open_as_it_is(path: &Path) -> Result<Self, StoreError> {
+        if !path.is_file() {
+            return Err(StoreError::Unusable(format!(
+                "{} does not exist: start `yoto serve` once, or name the folder of its --data",
+                path.display()
+            )));
+        }
+        let writer = connections::writer(path).await?;
+        migrations::are_applied(&writer).await?;
+        let readers = connections::readers(path).await?;
+        Ok(Self { writer, readers })
+    }
+
     pub async fn read(&self) -> Result<Connection, StoreError> {
         let connection = self.readers.acquire().await;
         let connection = connection.during("waiting for a database connection")?;

@@ -94,6 +94,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         .expect("is queued");
     assert_eq!(evaluation.queue_position, 2, "behind the jobs that wait");
     let new = NewWorker {
+        key: None,
         embedded: None,
         display_name: "new".into(),
         device: WorkerDevice::default(),
@@ -169,6 +170,7 @@ async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
     let own = Tenant::default();
     running_job_goes_on(&store, 1).await;
     let new = NewWorker {
+        key: None,
         embedded: None,
         display_name: "new".into(),
         device: WorkerDevice::default(),
@@ -271,6 +273,7 @@ async fn uploads_of_an_earlier_version_are_parts() {
 
     // A worker of the earlier version reads what that version has stored, and nothing else.
     let worker = |order_level| NewWorker {
+        key: None,
         embedded: None,
         display_name: "old".into(),
         device: WorkerDevice::default(),

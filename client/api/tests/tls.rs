@@ -1,0 +1,143 @@
+//! TLS between a client and a service: who is trusted, and a certificate that is replaced while the service runs.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tempfile::TempDir;
+use tokio::net::TcpListener;
+use yoto_client::{Addresses, ClientError, YotoClient};
+use yoto_proto::key::Key;
+use yoto_proto::v1::CreateKeyRequest;
+use yoto_server::{
+    Admission, Certificates, Coordinator, KeyStore, ServerConfig, TlsError, TlsFiles,
+};
+
+/// A certificate of tests/tls, with its key.
+fn pem(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/tls");
+    folder.join(format!("{name}.pem"))
+}
+
+/// An encrypted service whose certificate is in a file of its folder.
+struct Service {
+    dir: TempDir,
+    _coordinator: Coordinator,
+    port: u16,
+    key: Key,
+}
+
+impl Service {
+    async fn start(clients: Option<PathBuf>) -> Self {
+        let dir = TempDir::new().expect("a folder");
+        let coordinator = Coordinator::open(ServerConfig::new(dir.path())).await;
+        let coordinator = coordinator.expect("opens");
+        let keys = KeyStore::in_folder(dir.path()).await.expect("opens");
+        let request = CreateKeyRequest {
+            display_name: "ada".into(),
+            scopes: vec![1],
+            ..CreateKeyRequest::default()
+        };
+        let made = keys.create(request).await.expect("is made");
+        let file = dir.path().join("service.pem");
+        std::fs::copy(pem("first"), &file).expect("copies");
+        let certificates = Certificates::load(TlsFiles {
+            certificate: file.clone(),
+            key: file,
+            client_authorities: clients,
+        });
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
+        let port = listener.local_addr().expect("has an address").port();
+        let incoming = yoto_server::tls(listener, certificates.expect("are good"));
+        let serving = coordinator.serve_to(Admission::Nobody, incoming, std::future::pending());
+        tokio::spawn(serving);
+        Self {
+            dir,
+            _coordinator: coordinator,
+            port,
+            key: made.secret.parse().expect("a key"),
+        }
+    }
+
+    /// Calls by a new connection.
+    async fn call(&self, ca: Option<&str>, own: Option<&str>) -> Result<(), ClientError> {
+        let (ca, own) = (ca.map(pem), own.map(pem));
+        let addresses = Addresses::parse(&format!("https://localhost:{}", self.port))?;
+        let addresses = addresses.with_certificates(ca.as_deref(), own.as_deref())?;
+        let channel = addresses.connect().await?;
+        let client = YotoClient::with_key(channel, Some(self.key.clone()));
+        client.status().await.map(drop)
+    }
+
+    async fn refusal(&self, ca: Option<&str>) -> String {
+        let refused = self.call(ca, None).await.expect_err("is refused");
+        assert!(matches!(refused, ClientError::Tls(_)), "{refused:?}");
+        let told = refused.to_string();
+        assert_eq!(told.lines().count(), 1, "{told}");
+        told
+    }
+
+    /// Replaces the certificate. The files are looked at once a second.
+    async fn replace(&self, write: impl FnOnce(&Path)) {
+        write(&self.dir.path().join("service.pem"));
+        tokio::time::sleep(Duration::from_millis(1100)).await;
+    }
+}
+
+#[tokio::test]
+async fn only_a_service_with_a_good_certificate_is_called() {
+    let service = Service::start(None).await;
+    service
+        .call(Some("authority"), None)
+        .await
+        .expect("answers");
+    let unknown = service.refusal(None).await;
+    assert!(unknown.contains("--ca"), "{unknown}");
+    let copy = |name| {
+        move |file: &Path| {
+            std::fs::copy(pem(name), file).expect("copies");
+        }
+    };
+    service.replace(copy("expired")).await;
+    let expired = service.refusal(Some("authority")).await;
+    assert!(expired.contains("has expired"), "{expired}");
+    service.replace(copy("second")).await;
+    service
+        .call(Some("authority"), None)
+        .await
+        .expect("answers");
+}
+
+#[tokio::test]
+async fn a_new_certificate_that_can_not_be_used_leaves_the_earlier_one() {
+    let service = Service::start(None).await;
+    let torn = |file: &Path| std::fs::write(file, "-----BEGIN").expect("writes");
+    service.replace(torn).await;
+    service
+        .call(Some("authority"), None)
+        .await
+        .expect("answers");
+}
+
+#[tokio::test]
+async fn a_client_without_the_certificate_that_is_asked_for_is_refused() {
+    let service = Service::start(Some(pem("authority"))).await;
+    let own = service.call(Some("authority"), Some("client")).await;
+    own.expect("answers");
+    let without = service.call(Some("authority"), None).await;
+    without.expect_err("has none");
+}
+
+#[test]
+fn a_key_of_another_certificate_is_told() {
+    let load = |certificate: &str, key: PathBuf| {
+        Certificates::load(TlsFiles {
+            certificate: pem(certificate),
+            key,
+            client_authorities: None,
+        })
+    };
+    let other = load("first", pem("second")).expect_err("is refused");
+    assert!(matches!(other, TlsError::OtherKey { .. }), "{other}");
+    let none = load("first", pem("authority")).expect_err("is refused");
+    assert!(none.to_string().contains("authority.pem"), "{none}");
+    load("first", PathBuf::from("no such file")).expect_err("is refused");
+}

@@ -1,0 +1,228 @@
+//! The layer that authorizes each call of a listener.
+
+use super::guard::{self, Ended, Guarded};
+use super::keys::Keys;
+use super::rules::{self, Rule};
+use super::{Admission, Caller, browser};
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::http::{self, is_grpc};
+use crate::methods::is_unary;
+use crate::store::KeyRow;
+use crate::tenant::Tenant;
+use futures::future::BoxFuture;
+use std::sync::Arc;
+use std::task::{self, Poll};
+use tonic::Status;
+use tonic::body::Body;
+use tonic::codegen::http::{Request, Response};
+use tower::{Layer, Service};
+use yoto_proto::key::{HEADER, SCHEME, is_key};
+use yoto_proto::sha256_hex;
+use yoto_proto::v1::{ErrorReason, Scope};
+
+/// Authorizes the calls of a listener.
+#[derive(Clone)]
+pub struct AccessLayer {
+    /// The shared parts.
+    pub context: Arc<Context>,
+    /// Whom the listener admits.
+    pub admission: Admission,
+}
+
+impl<S> Layer<S> for AccessLayer {
+    type Service = Authorized<S>;
+
+    fn layer(&self, inner: S) -> Authorized<S> {
+        Authorized {
+            inner,
+            access: self.clone(),
+        }
+    }
+}
+
+/// Services whose calls are authorized.
+#[derive(Clone)]
+pub struct Authorized<S> {
+    inner: S,
+    access: AccessLayer,
+}
+
+/// A caller, and the SHA-256 of its key.
+type Admitted = (Caller, Option<String>);
+
+impl Admission {
+    /// Admits a caller without a key.
+    ///
+    /// # Errors
+    /// When a key is asked for.
+    pub(super) fn without_key(&self, keys: &Keys) -> Result<(), RequestError> {
+        let admitted = match self {
+            Self::Process(_) => true,
+            Self::Machine | Self::Anyone => !keys.any(),
+            Self::Nobody => false,
+        };
+        match admitted {
+            true => Ok(()),
+            false => Err(RequestError::refused(
+                ErrorReason::KeyMissing,
+                "the service asks for a key: set YOTO_KEY, or send `authorization: Bearer yoto_…`",
+            )),
+        }
+    }
+}
+
+impl AccessLayer {
+    /// Who makes the call.
+    async fn admit(&self, request: &Head, rule: Rule) -> Result<Admitted, RequestError> {
+        if let Admission::Process(tenant) = &self.admission {
+            return Ok((Caller::trusted(tenant.clone()), None));
+        }
+        let keys = self.context.keys.current(&self.context.store).await?;
+        let key = match &request.key {
+            Some(key) if keys.any() => key,
+            _ => {
+                self.admission.without_key(&keys)?;
+                let on_loopback = self.admission == Admission::Machine;
+                browser::check(&request.uri, &request.headers, on_loopback)?;
+                return Ok((Caller::trusted(Tenant::default()), None));
+            }
+        };
+        let sha256 = sha256_hex(key.as_bytes());
+        let row = keys.find(&sha256)?;
+        allows(row, rule)?;
+        if self.context.keys.is_news(&keys, row) {
+            self.note_use(row.id.clone());
+        }
+        let caller = Caller {
+            tenant: Tenant::new(&row.tenant).ok_or(RequestError::NoTenant)?,
+            key: Some(row.id.as_str().into()),
+        };
+        Ok((caller, Some(sha256)))
+    }
+
+    /// Notes the use of a key, which no call waits for.
+    fn note_use(&self, id: String) {
+        let context = Arc::clone(&self.context);
+        tokio::spawn(async move {
+            if let Err(error) = context.store.note_key_use(&id).await {
+                tracing::warn!(%error, key = id, "the use of a key can't be noted");
+            }
+        });
+    }
+}
+
+/// Refuses what the key does not allow.
+fn allows(row: &KeyRow, rule: Rule) -> Result<(), RequestError> {
+    let Rule::Scope {
+        scope,
+        whole_service,
+    } = rule
+    else {
+        return Ok(());
+    };
+    let refused = |message| Err(RequestError::refused(ErrorReason::ScopeMissing, message));
+    if !row.scopes.contains(&scope) {
+        return refused(format!(
+            "the call needs a key with the scope {}",
+            name(scope)
+        ));
+    }
+    if whole_service && row.tenant != Tenant::default().id() {
+        let operators = Tenant::default();
+        return refused(format!(
+            "the call is about the whole service, and needs a key of the tenant {operators}"
+        ));
+    }
+    Ok(())
+}
+
+fn name(scope: Scope) -> String {
+    let name = scope.as_str_name().trim_start_matches("SCOPE_");
+    name.to_ascii_lowercase()
+}
+
+/// What of a call says who makes it.
+struct Head {
+    uri: tonic::codegen::http::Uri,
+    headers: tonic::codegen::http::HeaderMap,
+    key: Option<String>,
+}
+
+impl Head {
+    /// Takes the key out of the request: nothing behind this layer needs it, or can log it.
+    fn of(request: &mut Request<Body>) -> Self {
+        let sent = request.headers_mut().remove(HEADER);
+        // A scheme has no case. Other credentials than a key are none.
+        let key = sent.as_ref().and_then(|it| it.to_str().ok()).map(|text| {
+            let (scheme, key) = text.split_at_checked(SCHEME.len()).unwrap_or((text, ""));
+            match scheme.eq_ignore_ascii_case(SCHEME) && is_key(key) {
+                true => key.to_owned(),
+                false => String::new(),
+            }
+        });
+        Self {
+            uri: request.uri().clone(),
+            headers: request.headers().clone(),
+            key,
+        }
+    }
+}
+
+impl<S> Service<Request<Body>> for Authorized<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>> + Clone + Send + 'static,
+    S::Future: Send + 'static,
+    S::Error: Send + 'static,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = BoxFuture<'static, Result<Response<Body>, S::Error>>;
+
+    fn poll_ready(&mut self, context: &mut task::Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.inner.poll_ready(context)
+    }
+
+    fn call(&mut self, mut request: Request<Body>) -> Self::Future {
+        let access = self.access.clone();
+        // The ready one is used, and its clone gets ready for the next call.
+        let next = self.inner.clone();
+        let mut inner = std::mem::replace(&mut self.inner, next);
+        Box::pin(async move {
+            let grpc = is_grpc(request.headers());
+            let head = Head::of(&mut request);
+            let rule = match rules::of(request.uri().path()) {
+                None => return Ok(http::unknown(grpc)),
+                Some(Rule::Open) => return inner.call(request).await,
+                Some(rule) => rule,
+            };
+            let (caller, sha256) = match access.admit(&head, rule).await {
+                Ok(admitted) => admitted,
+                Err(error) => return Ok(http::refusal(error, grpc)),
+            };
+            let streams = grpc && !is_unary(request.uri().path());
+            request.extensions_mut().insert(caller.tenant.clone());
+            request.extensions_mut().insert(caller);
+            let answer = inner.call(request);
+            if !streams || matches!(access.admission, Admission::Process(_)) {
+                return answer.await;
+            }
+            until(
+                answer,
+                guard::ended(access.context, access.admission, sha256),
+            )
+            .await
+        })
+    }
+}
+
+/// The answer of a stream, which ends with the caller's right.
+async fn until<E>(
+    answer: impl Future<Output = Result<Response<Body>, E>>,
+    mut ended: Ended,
+) -> Result<Response<Body>, E> {
+    tokio::select! {
+        answer = answer => Ok(answer?.map(|body| Body::new(Guarded::new(body, ended)))),
+        status = &mut ended => Ok(Status::into_http(status)),
+    }
+}

@@ -1,0 +1,129 @@
+//! Keys of callers. What is stored of a key is its SHA-256: 244 random bits need no slow hash.
+
+use super::page;
+use crate::store::db::{Row, Tx, sql, timestamp};
+use crate::store::{Entry, KeyRow, NewKey, Page, StoreError, new_id};
+use crate::tenant::Tenant;
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{Key, Scope};
+
+/// Adds a key.
+pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, StoreError> {
+    let id = new_id();
+    let names: Vec<&str> = new.scopes.iter().map(Scope::as_str_name).collect();
+    let now = tx.now();
+    sql(
+        "INSERT INTO keys (id, tenant, display_name, sha256, scopes, create_time, expire_time)
+         VALUES ($1, $2, $3, $4, $5, $6, $7)",
+    )
+    .bind(&id)
+    .bind(tenant.id())
+    .bind(&new.display_name)
+    .bind(&new.sha256)
+    .bind(names.join(" "))
+    .bind(now)
+    .bind(new.expire_time)
+    .execute(tx, "creating a key")
+    .await?;
+    Ok(Key {
+        name: Collection::Keys.name(&id),
+        display_name: new.display_name.clone(),
+        tenant: tenant.id().to_owned(),
+        scopes: new.scopes.iter().map(|it| (*it).into()).collect(),
+        create_time: Some(timestamp(now)),
+        expire_time: new.expire_time.map(timestamp),
+        last_use_time: None,
+        revoke_time: None,
+    })
+}
+
+/// All keys, for the check of each call.
+pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
+    let rows =
+        sql("SELECT id, tenant, sha256, scopes, expire_time, used_time, revoke_time FROM keys")
+            .rows(tx, "reading the keys")
+            .await?;
+    rows.iter()
+        .map(|row| {
+            Ok(KeyRow {
+                id: row.text("id")?,
+                tenant: row.text("tenant")?,
+                sha256: row.text("sha256")?,
+                scopes: scopes(row)?,
+                expire_time: row.real("expire_time")?,
+                used_time: row.real("used_time")?,
+                revoked: row.real("revoke_time")?.is_some(),
+            })
+        })
+        .collect()
+}
+
+/// The keys of a tenant, newest first.
+pub async fn list(tx: &mut Tx, tenant: &Tenant, page: Page) -> Result<Vec<Entry<Key>>, StoreError> {
+    let rows = sql("SELECT * FROM keys WHERE tenant = $1 AND ord < $2 ORDER BY ord DESC LIMIT $3")
+        .bind(tenant.id())
+        .bind(page.after.unwrap_or(i64::MAX))
+        .bind(page.limit)
+        .rows(tx, "listing keys")
+        .await?;
+    page::entries(&rows, read)
+}
+
+/// Revokes a key of the tenant, or of any tenant. A second revocation keeps the time of the first.
+pub async fn revoke(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Key, StoreError> {
+    sql("UPDATE keys SET revoke_time = coalesce(revoke_time, $3)
+         WHERE id = $1 AND ($2 IS NULL OR tenant = $2)")
+    .bind(id)
+    .bind(tenant.map(Tenant::id).map(str::to_owned))
+    .bind(tx.now())
+    .execute(tx, "revoking a key")
+    .await?;
+    let row = sql("SELECT * FROM keys WHERE id = $1 AND ($2 IS NULL OR tenant = $2)")
+        .bind(id)
+        .bind(tenant.map(Tenant::id).map(str::to_owned))
+        .row(tx, "reading a key")
+        .await?;
+    match row {
+        Some(row) => read(&row),
+        None => Err(StoreError::NotFound {
+            name: Collection::Keys.name(id),
+        }),
+    }
+}
+
+/// Notes that the key was used now.
+pub async fn note_use(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+    sql("UPDATE keys SET used_time = $2 WHERE id = $1")
+        .bind(id)
+        .bind(tx.now())
+        .execute(tx, "noting the use of a key")
+        .await?;
+    Ok(())
+}
+
+fn scopes(row: &Row) -> Result<Vec<Scope>, StoreError> {
+    let names = row.text("scopes")?;
+    names
+        .split(' ')
+        .map(|name| {
+            Scope::from_str_name(name).ok_or_else(|| StoreError::Corrupt {
+                what: "scopes",
+                detail: name.to_owned(),
+            })
+        })
+        .collect()
+}
+
+fn read(row: &Row) -> Result<Key, StoreError> {
+    let id = row.text("id")?;
+    Ok(Key {
+        name: Collection::Keys.name(&id),
+        display_name: row.text("display_name")?,
+        tenant: row.text("tenant")?,
+        scopes: scopes(row)?.into_iter().map(i32::from).collect(),
+        create_time: row.time("create_time")?,
+        expire_time: row.time("expire_time")?,
+        last_use_time: row.time("used_time")?,
+        revoke_time: row.time("revoke_time")?,
+    })
+}

@@ -1,0 +1,108 @@
+//! Browsers, and pages over plain HTTP: a page of another site calls nothing, and figures ask for a key.
+
+use crate::support::{Service, eventually};
+use std::net::SocketAddr;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tonic::Code;
+use tonic::transport::{Channel, Endpoint};
+use yoto_proto::v1::ListSubjectsRequest;
+use yoto_proto::v1::Scope;
+use yoto_proto::v1::subject_service_client::SubjectServiceClient;
+use yoto_server::Admission;
+
+/// Serves on a port of this machine.
+async fn listen(service: &Service) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
+    let address = listener.local_addr().expect("has an address");
+    let incoming = yoto_server::tcp(listener);
+    let serving =
+        service
+            .coordinator
+            .serve_to(Admission::Machine, incoming, std::future::pending());
+    tokio::spawn(serving);
+    address
+}
+
+/// Status and text of the answer to a request with these headers.
+async fn get(address: SocketAddr, path: &str, headers: &[&str]) -> (u16, String) {
+    let mut connection = TcpStream::connect(address).await.expect("connects");
+    let lines: String = headers.iter().map(|it| format!("{it}\r\n")).collect();
+    let request = format!("GET {path} HTTP/1.1\r\nConnection: close\r\n{lines}\r\n");
+    let written = connection.write_all(request.as_bytes()).await;
+    written.expect("writes");
+    let mut answer = String::new();
+    connection.read_to_string(&mut answer).await.expect("reads");
+    let status = answer.split(' ').nth(1).and_then(|it| it.parse().ok());
+    (status.expect("a status"), answer)
+}
+
+/// The code of a call of gRPC that names the service so.
+async fn call(address: SocketAddr, named: &str) -> Code {
+    let endpoint = Endpoint::from_shared(format!("http://{address}")).expect("an address");
+    let origin = format!("http://{named}").parse().expect("a URI");
+    let channel: Channel = endpoint.origin(origin).connect().await.expect("connects");
+    let listed = SubjectServiceClient::new(channel)
+        .list_subjects(ListSubjectsRequest::default())
+        .await;
+    listed.map_or_else(|status| status.code(), |_| Code::Ok)
+}
+
+#[tokio::test]
+async fn pages_of_other_sites_are_refused_where_no_key_is_asked_for() {
+    let service = Service::start().await;
+    let address = listen(&service).await;
+    let own = format!("Host: {address}");
+    assert_eq!(get(address, "/metrics", &[&own]).await.0, 200);
+    for foreign in [
+        &["Host: evil.example"][..],
+        &[&own, "Origin: https://evil.example"],
+        &[&own, "Sec-Fetch-Site: cross-site"],
+        &[&own, "Origin: null"],
+    ] {
+        let (status, text) = get(address, "/metrics", foreign).await;
+        assert_eq!(status, 403, "{foreign:?}: {text}");
+    }
+    // Probes learn one word, whoever asks.
+    assert_eq!(
+        get(address, "/readyz", &["Host: balancer.example"]).await.0,
+        200
+    );
+    let port = address.port();
+    assert_eq!(call(address, &format!("localhost:{port}")).await, Code::Ok);
+    assert_eq!(
+        call(address, &format!("evil.example:{port}")).await,
+        Code::PermissionDenied
+    );
+}
+
+#[tokio::test]
+async fn figures_ask_for_an_operators_key_of_the_service() {
+    let service = Service::start().await;
+    let address = listen(&service).await;
+    let operator = service.key("default", &[Scope::Operate]).await;
+    let reader = service.key("default", &[Scope::Read]).await;
+    let other = service.key("other", &[Scope::Operate]).await;
+    let own = format!("Host: {address}");
+    let with = |key: &str| format!("Authorization: Bearer {key}");
+    let (status, text) = get(address, "/metrics", &[&own]).await;
+    assert_eq!(status, 401);
+    assert!(
+        text.to_lowercase().contains("www-authenticate: bearer"),
+        "{text}"
+    );
+    for key in [&reader, &other] {
+        let (status, text) = get(address, "/metrics", &[&own, &with(&key.text)]).await;
+        assert_eq!(status, 403, "{text}");
+    }
+    let wrong = get(address, "/metrics", &[&own, "Authorization: Basic eA=="]).await;
+    assert_eq!(wrong.0, 401, "{}", wrong.1);
+    // By a name that only a proxy knows, since the key says enough.
+    let proxied = ["Host: yoto.example", &with(&operator.text)];
+    assert_eq!(get(address, "/metrics", &proxied).await.0, 200);
+    for open in ["/healthz", "/readyz"] {
+        let answers = || async { (get(address, open, &[&own]).await.0 == 200).then_some(()) };
+        eventually(open, answers).await;
+    }
+    assert_eq!(get(address, "/", &[&own]).await.0, 404);
+}
