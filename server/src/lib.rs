@@ -4,8 +4,8 @@
 //! (database, by the `rules` of the queue). [`Coordinator`] opens them on a data folder and serves them on any
 //! stream of connections, over a network or [in memory](in_memory()).
 
-mod adopt;
 mod access;
+mod adopt;
 mod api;
 pub mod backup;
 mod changes;
@@ -38,8 +38,8 @@ mod tls;
 mod traffic;
 mod uploads;
 
-pub use adopt::adopt;
 pub use access::Admission;
+pub use adopt::adopt;
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
