@@ -29,6 +29,9 @@ pub async fn send(context: Arc<Context>) {
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner),
         );
+        if hints.is_empty() {
+            continue;
+        }
         for text in texts(&context.instance, &hints) {
             if let Err(error) = context.store.notify(&text).await {
                 tracing::debug!(%error, "hints for other coordinators are lost");
