@@ -67,6 +67,17 @@ impl Service {
         client.status().await.map(drop)
     }
 
+    /// What a probe without a key learns.
+    async fn is_ready(&self) -> bool {
+        let addresses = Addresses::parse(&format!("https://localhost:{}", self.port));
+        let ca = pem("authority");
+        let addresses = addresses.expect("good").with_certificates(Some(&ca), None);
+        let channel = addresses.expect("good").connect().await.expect("connects");
+        let client = YotoClient::new(channel);
+        client.status().await.expect_err("asks for a key");
+        client.is_ready().await.expect("answers")
+    }
+
     async fn refusal(&self, ca: Option<&str>) -> String {
         let refused = self.call(ca, None).await.expect_err("is refused");
         assert!(matches!(refused, ClientError::Tls(_)), "{refused:?}");
@@ -89,6 +100,7 @@ async fn only_a_service_with_a_good_certificate_is_called() {
         .call(Some("authority"), None)
         .await
         .expect("answers");
+    assert!(service.is_ready().await, "health asks for no key");
     let unknown = service.refusal(None).await;
     assert!(unknown.contains("--ca"), "{unknown}");
     let copy = |name| {
