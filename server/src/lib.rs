@@ -14,6 +14,7 @@ mod context;
 mod error;
 pub mod faults;
 mod field_faults;
+pub mod fsck;
 mod health;
 mod http;
 mod in_memory;
@@ -40,7 +41,7 @@ pub use listen::tcp;
 pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use traffic::TrafficLimits;
-pub use yoto_objects::{ObjectsError, shown};
+pub use yoto_objects::{Environment, ObjectsError, shown};
 
 use changes::JobChanges;
 use context::Context;

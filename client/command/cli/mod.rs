@@ -81,6 +81,8 @@ enum Command {
     Backup(service::backup::Backup),
     #[cfg(feature = "embedded")]
     Restore(service::backup::Restore),
+    #[cfg(feature = "embedded")]
+    Fsck(service::fsck::Fsck),
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     Scene(scene::SceneCommand),
@@ -164,6 +166,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Backup(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Restore(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Fsck(command) => runtime.block_on(command.run()).map(|ended| code = ended),
         Command::Motion(command) => command.run(),
         Command::Scene(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),

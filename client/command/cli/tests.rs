@@ -50,6 +50,7 @@ fn what_a_newcomer_types_parses() {
         "yoto serve --listen localhost:0 --log-json",
         "yoto backup saved --data d",
         "yoto restore saved --data d --rows-only",
+        "yoto fsck --data d --objects s3://bucket/prefix --output json",
         "yoto --log-json serve",
     ];
     let everywhere = [

@@ -5,6 +5,8 @@ pub(crate) mod backup;
 #[cfg(feature = "embedded")]
 pub(crate) mod config;
 pub(crate) mod drain;
+#[cfg(feature = "embedded")]
+pub(crate) mod fsck;
 pub(crate) mod gc;
 pub(crate) mod logs;
 #[cfg(feature = "embedded")]

@@ -1,6 +1,6 @@
 //! `yoto serve`: coordinator and worker in one process.
 
-use super::state::StateArgs;
+use super::state::{ObjectsArgs, StateArgs};
 use crate::embedded::{Embedded, EmbeddedOptions};
 use anyhow::Context;
 use clap::Args;
@@ -8,7 +8,6 @@ use clap::builder::BoolishValueParser;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
-use url::Url;
 use yoto_server::StorageLimits;
 
 const AFTER_HELP: &str = "\
@@ -39,16 +38,8 @@ Examples:
 pub(crate) struct Serve {
     #[command(flatten)]
     state: StateArgs,
-    /// Store for objects, s3://BUCKET/PREFIX or file:///FOLDER, instead of objects/ in the data folder.
-    /// Credentials are in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY), never in the URL.
-    #[arg(
-        long,
-        visible_alias = "store",
-        value_name = "URL",
-        env = "YOTO_OBJECTS",
-        hide_env_values = true
-    )]
-    objects: Option<Url>,
+    #[command(flatten)]
+    objects: ObjectsArgs,
     /// Address to listen at: host and port.
     #[arg(
         long,
@@ -174,7 +165,7 @@ impl Serve {
         let options = EmbeddedOptions {
             data: self.state.data,
             database: self.state.database,
-            objects: self.objects,
+            objects: self.objects.objects,
             listen: Some(self.listen),
             worker: !self.no_worker,
             ingest: self.ingest.settings(),

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use std::path::PathBuf;
+use url::Url;
 use yoto_server::PostgresUrl;
 
 /// Options that name the data folder and the database.
@@ -24,4 +25,19 @@ pub(crate) struct StateArgs {
         hide_env_values = true
     )]
     pub database: Option<PostgresUrl>,
+}
+
+/// The option that names another object store.
+#[derive(Debug, Args)]
+pub(crate) struct ObjectsArgs {
+    /// Store for objects, s3://BUCKET/PREFIX or file:///FOLDER, instead of objects/ in the data folder.
+    /// Credentials are in the environment (AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY), never in the URL.
+    #[arg(
+        long,
+        visible_alias = "store",
+        value_name = "URL",
+        env = "YOTO_OBJECTS",
+        hide_env_values = true
+    )]
+    pub objects: Option<Url>,
 }

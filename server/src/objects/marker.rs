@@ -16,12 +16,20 @@ pub const KEY: &str = "yoto-store";
 pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<(), ServerError> {
     // Coordinators of one database do this one after the other, so it needs no conditional write, which not all stores know.
     let id = store.object_store(|| mark(objects)).await??;
+    belong(objects, url, &id).await
+}
+
+/// Refuses the object store at `url` if it is not the one called `id`.
+///
+/// # Errors
+/// [`ServerError::OtherObjects`], or when the store fails.
+pub async fn belong(objects: &Objects, url: &Url, id: &str) -> Result<(), ServerError> {
     match found(objects).await? {
         Some(found) if found == id => Ok(()),
         _ => Err(ServerError::OtherObjects {
             url: shown(url).to_string(),
             key: KEY,
-            id,
+            id: id.to_owned(),
         }),
     }
 }

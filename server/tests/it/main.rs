@@ -11,6 +11,7 @@ mod evaluations;
 mod exports;
 mod faults;
 mod faulty_fields;
+mod fsck;
 mod garbage;
 mod helpers;
 mod ingests;

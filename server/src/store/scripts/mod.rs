@@ -18,6 +18,7 @@ pub mod jobs;
 pub mod leases;
 pub mod metrics;
 pub mod models;
+pub mod named;
 pub mod object_store;
 pub mod operators;
 pub mod outcome;

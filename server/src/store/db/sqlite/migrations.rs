@@ -92,6 +92,14 @@ pub async fn run(writer: &SqlitePool) -> Result<(), StoreError> {
     done.during("bringing the database's schema up to date")
 }
 
+/// Whether the schema has to be brought up to date.
+///
+/// # Errors
+/// As [`run`].
+pub async fn are_pending(readers: &SqlitePool) -> Result<bool, StoreError> {
+    schema::are_pending(&migrations(), &found(readers).await?)
+}
+
 /// What the database contains.
 async fn found(writer: &SqlitePool) -> Result<Found, StoreError> {
     let action = "reading the database's schema";

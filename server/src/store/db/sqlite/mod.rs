@@ -10,6 +10,7 @@ mod migrations;
 mod upgrade_tests;
 
 use super::Statement;
+use super::schema;
 use super::statement::query;
 use crate::store::StoreError;
 use failures::During;
@@ -41,6 +42,18 @@ impl Sqlite {
         migrations::run(&writer).await?;
         let readers = connections::readers(path).await?;
         Ok(Self { writer, readers })
+    }
+
+    /// Opens an existing file for reads. What writes fails.
+    pub async fn inspect(path: &Path) -> Result<Self, StoreError> {
+        let readers = connections::readers(path).await?;
+        match migrations::are_pending(&readers).await? {
+            true => Err(schema::outdated()),
+            false => Ok(Self {
+                writer: readers.clone(),
+                readers,
+            }),
+        }
     }
 
     pub async fn read(&self) -> Result<Connection, StoreError> {
