@@ -79,6 +79,14 @@ pub const ROOTS: &[(&str, usize)] = &[
     ("renders", 2),
 ];
 
+/// The folder with the object `key` that is kept or deleted as a whole; `None` for an object that is in no such folder.
+pub fn collected_folder(key: &str) -> Option<&str> {
+    let root = key.split('/').next()?;
+    let (_, depth) = ROOTS.iter().find(|(known, _)| *known == root)?;
+    let (end, _) = key.match_indices('/').nth(*depth)?;
+    Some(&key[..end])
+}
+
 /// The owner of a folder that is kept or deleted as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FolderOwner<'a> {
@@ -199,6 +207,14 @@ mod tests {
             let depth = found.split('/').count() - 1;
             let root = found.split('/').next().unwrap_or_default();
             assert!(ROOTS.contains(&(root, depth)), "{key}");
+        }
+        for (key, expected) in [
+            ("models/m/j-1/5/a", Some("models/m/j-1/5")),
+            ("uploads/c/parts/3-1", Some("uploads/c")),
+            ("models/m/j-1/5", None),
+            ("yoto-store", None),
+        ] {
+            assert_eq!(collected_folder(key), expected, "{key}");
         }
         assert_eq!(writer_of_part(&upload_part("c", 3, 17)), Some((3, 17)));
         for other in [

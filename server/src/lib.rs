@@ -16,6 +16,7 @@ mod context;
 mod error;
 pub mod faults;
 mod field_faults;
+pub mod fsck;
 mod health;
 mod hints;
 mod http;
@@ -49,7 +50,7 @@ pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
 pub use traffic::TrafficLimits;
-pub use yoto_objects::{ObjectsError, shown};
+pub use yoto_objects::{Environment, ObjectsError, shown};
 
 use access::keys::KeyRing;
 use changes::JobChanges;

@@ -84,6 +84,8 @@ enum Command {
     Restore(service::backup::Restore),
     #[cfg(feature = "embedded")]
     Adopt(service::adopt::Adopt),
+    #[cfg(feature = "embedded")]
+    Fsck(service::fsck::Fsck),
     Render(Box<render::Render>),
     Motion(motion::MotionCommand),
     Scene(scene::SceneCommand),
@@ -170,6 +172,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Restore(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Adopt(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Fsck(command) => runtime.block_on(command.run()).map(|ended| code = ended),
         Command::Motion(command) => command.run(),
         Command::Scene(command) => command.run(),
         Command::Render(command) => runtime.block_on(command.run()),

@@ -51,6 +51,7 @@ fn what_a_newcomer_types_parses() {
         "yoto backup saved --data d",
         "yoto adopt --data d",
         "yoto restore saved --data d --rows-only",
+        "yoto fsck --data d --objects s3://bucket/prefix --output json",
         "yoto --log-json serve",
     ];
     let everywhere = [

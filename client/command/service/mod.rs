@@ -9,6 +9,8 @@ pub(crate) mod config;
 pub(crate) mod drain;
 #[cfg(feature = "embedded")]
 mod exposure;
+#[cfg(feature = "embedded")]
+pub(crate) mod fsck;
 pub(crate) mod gc;
 pub(crate) mod logs;
 #[cfg(feature = "embedded")]

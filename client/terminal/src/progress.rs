@@ -92,6 +92,11 @@ impl ProgressDisplay {
         self.moved("fetching", received, of);
     }
 
+    /// The same of bytes that are read and compared.
+    pub fn read(&mut self, read: u64, of: u64) {
+        self.moved("reading", read, of);
+    }
+
     fn moved(&mut self, doing: &str, sent: u64, of: u64) {
         let fraction = if of == 0 {
             1.0

@@ -58,6 +58,16 @@ impl Objects {
         }
     }
 
+    /// The same store inside another one, such as a test's that fails.
+    #[must_use]
+    pub fn inside(
+        mut self,
+        wrap: impl FnOnce(Arc<dyn ObjectStore>) -> Arc<dyn ObjectStore>,
+    ) -> Self {
+        self.store = wrap(self.store);
+        self
+    }
+
     /// The same store, whose faults are waited out: each read and write is tried [`ATTEMPTS`] times. For
     /// jobs, which would each need the same loop; a coordinator answers its caller at once.
     #[must_use]

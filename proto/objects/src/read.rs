@@ -49,6 +49,40 @@ impl Objects {
         }
     }
 
+    /// Reads the whole `object`, in little memory, and compares it with its size and its checksum.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub async fn verify(&self, object: &ObjectRef) -> Result<(), ObjectsError> {
+        let (key, path) = (&object.key, parse(&object.key)?);
+        let read = self.attempt("reading", key, || async {
+            let mut chunks = self.store.get(&path).await?.into_stream();
+            let (mut bytes, mut hash) = (0, Sha256::new());
+            while let Some(chunk) = chunks.try_next().await? {
+                bytes += chunk.len() as u64;
+                hash.update(&chunk);
+            }
+            Ok((bytes, hash))
+        });
+        let (bytes, hash) = read.await?;
+        same_size(object, bytes)?;
+        same_bytes(object, hash)
+    }
+
+    /// The size of the object at `key`, or `None` if there is none.
+    ///
+    /// # Errors
+    /// When the store fails.
+    pub async fn size(&self, key: &str) -> Result<Option<u64>, ObjectsError> {
+        let path = parse(key)?;
+        let found = self.attempt("looking for", key, || self.store.head(&path));
+        match found.await {
+            Ok(found) => Ok(Some(found.size)),
+            Err(ObjectsError::Missing { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Copies `object` into the file at `to`, so that one larger than memory can be read.
     ///
     /// # Errors

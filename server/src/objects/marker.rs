@@ -27,12 +27,26 @@ pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<(), Se
     // Coordinators of one database do this one after the other, so it needs no conditional write, which not all stores know.
     let id = store.object_store(|| begin(objects, url)).await??;
     match found(objects).await? {
-        Some(marker) if marker.id == id && marker.bound => Ok(()),
-        Some(marker) if marker.id == id => Ok(put(objects, &id).await?),
+        Some(marker) if marker.id == id && !marker.bound => Ok(put(objects, &id).await?),
+        found => is_of(found, url, &id),
+    }
+}
+
+/// Refuses the object store at `url` if it is not the one called `id`. Nothing is written.
+///
+/// # Errors
+/// [`ServerError::OtherObjects`], or when the store fails.
+pub async fn belong(objects: &Objects, url: &Url, id: &str) -> Result<(), ServerError> {
+    is_of(found(objects).await?, url, id)
+}
+
+fn is_of(found: Option<Marker>, url: &Url, id: &str) -> Result<(), ServerError> {
+    match found {
+        Some(marker) if marker.id == id => Ok(()),
         _ => Err(ServerError::OtherObjects {
             url: shown(url).to_string(),
             key: KEY,
-            id,
+            id: id.to_owned(),
         }),
     }
 }

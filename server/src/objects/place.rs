@@ -126,10 +126,10 @@ impl Place {
 /// The folders of a remote store, by its objects.
 async fn remote_folders(objects: &Objects) -> Result<Vec<Folder>, ObjectsError> {
     let mut found: BTreeMap<String, Folder> = BTreeMap::new();
-    for (root, depth) in keys::ROOTS {
+    for (root, _) in keys::ROOTS {
         let mut listed = objects.list(root);
         while let Some(object) = listed.try_next().await? {
-            let Some(key) = folder_of(&object.key, *depth) else {
+            let Some(key) = keys::collected_folder(&object.key) else {
                 continue;
             };
             let folder = found.entry(key.to_owned()).or_insert_with(|| Folder {
@@ -142,12 +142,6 @@ async fn remote_folders(objects: &Objects) -> Result<Vec<Folder>, ObjectsError> 
         }
     }
     Ok(found.into_values().collect())
-}
-
-/// The folder that is `depth` levels below the first one of `key`; `None` for an object that is not in one.
-fn folder_of(key: &str, depth: usize) -> Option<&str> {
-    let (end, _) = key.match_indices('/').nth(depth)?;
-    Some(&key[..end])
 }
 
 #[cfg(test)]

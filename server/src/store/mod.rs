@@ -21,9 +21,9 @@ pub use job_types::{
     OpenJobs, QueueFigures, Reaped, TakenRange,
 };
 pub use types::{
-    Entry, Horizons, KeyRow, KnownGarbage, NewKey, NewModel, NewPart, NewPiece, NewSubject,
-    NewUpload, NewWorker, Page, PartId, Reference, RequestKey, StoreError, StoredPart,
-    SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
+    Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewKey, NewModel, NewPart, NewPiece,
+    NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References, RequestKey, StoreError,
+    StoredPart, SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;
@@ -74,6 +74,26 @@ impl Store {
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StoreError> {
         Ok(Self::of(Database::open_sqlite_as_it_is(path, clock).await?))
+    }
+
+    /// Opens an existing file to read what is in it, also beside a coordinator. Every method that writes fails.
+    ///
+    /// # Errors
+    /// When the file can't be opened, or its schema is not this version's.
+    pub async fn inspect_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
+        Ok(Self::of(Database::inspect_sqlite(path, clock).await?))
+    }
+
+    /// Opens a database of PostgreSQL to read what is in it, also beside coordinators of this version. Others can't change the
+    /// schema meanwhile.
+    ///
+    /// # Errors
+    /// When the database can't be reached, or its schema is not this version's.
+    pub async fn inspect_postgres(
+        url: &PostgresUrl,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        Ok(Self::of(Database::inspect_postgres(url, clock).await?))
     }
 
     fn of(db: Database) -> Self {

@@ -2,6 +2,7 @@
 
 use super::JobKind;
 use prost::Message;
+use std::collections::{HashMap, HashSet};
 use thiserror::Error;
 use yoto_objects::Part;
 use yoto_proto::names::Collection;
@@ -402,4 +403,47 @@ pub struct Horizons {
     pub attempts: f64,
     /// Workers that no row names any more.
     pub workers: f64,
+}
+
+/// Everything that rows name in the object store, and what may get a row yet.
+#[derive(Debug, Default)]
+pub struct References {
+    /// The objects, each once for each resource that names it.
+    pub objects: Vec<NamedObject>,
+    /// Leases that last, as job and token: what is written under one may get a row.
+    pub leases: HashSet<(String, u64)>,
+    /// Open uploads with their newest writers, whose parts may get rows.
+    pub writers: HashMap<String, u64>,
+}
+
+/// An object that a row names.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct NamedObject {
+    /// The resource of the row, e.g. `jobs/{id}`.
+    pub of: String,
+    /// Key, size and checksum. The checksum is empty for a part of an upload by an earlier version, whose size is the
+    /// least that the object has.
+    pub object: ObjectRef,
+    /// Whether it is the manifest of a checkpoint, which names other objects.
+    pub manifest: bool,
+}
+
+impl References {
+    /// Adds an object, if there is one.
+    pub fn add(&mut self, of: String, object: Option<ObjectRef>) {
+        self.push(of, object, false);
+    }
+
+    /// Adds the manifest of a checkpoint.
+    pub fn add_manifest(&mut self, of: String, object: Option<ObjectRef>) {
+        self.push(of, object, true);
+    }
+
+    fn push(&mut self, of: String, object: Option<ObjectRef>, manifest: bool) {
+        self.objects.extend(object.map(|object| NamedObject {
+            of,
+            object,
+            manifest,
+        }));
+    }
 }

@@ -12,6 +12,7 @@ mod evaluations;
 mod exports;
 mod faults;
 mod faulty_fields;
+mod fsck;
 mod garbage;
 mod helpers;
 mod hints;

@@ -6,7 +6,8 @@ use tonic::Code;
 use url::Url;
 use yoto_proto::v1::GetStatusRequest;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
-use yoto_server::{Coordinator, ServerConfig};
+use yoto_server::fsck::{FsckError, Place, fsck};
+use yoto_server::{Coordinator, PostgresUrl, ServerConfig};
 use yoto_test_s3::{BUCKET, Fault, Server};
 
 /// Tests of what only a folder has: its kind and its room, its owner, files of a writer that was killed, a file in
@@ -123,4 +124,30 @@ async fn a_store_that_can_not_be_used_is_told_at_the_start() {
         panic!("garbage could never be removed");
     };
     assert!(refused.to_string().contains("s3:DeleteObject"), "{refused}");
+}
+
+#[tokio::test]
+async fn rows_in_postgresql_and_objects_in_s3_are_checked_together() {
+    let Some(database) = yoto_test_postgres::Database::create() else {
+        return;
+    };
+    let url: PostgresUrl = database.url().parse().expect("an address");
+    let (service, server) = service_and_server(|config| config.database = Some(url.clone())).await;
+    service.ready_subject("Ada").await;
+    let place = Place {
+        data_dir: service.dir.path().to_owned(),
+        database: Some(url),
+        objects: Some(service.coordinator.objects_url().clone()),
+        environment: server.environment().into(),
+    };
+    let report = fsck(&place, |_| {}).await.expect("can be read");
+    assert!(report.is_sound(), "{report:?}");
+    assert!(report.objects > 0);
+    server.fail(Fault::Unavailable);
+    let down = fsck(&place, |_| {}).await.expect_err("can't be read");
+    assert!(matches!(down, FsckError::Objects(_)), "{down}");
+    server.heal();
+    std::fs::remove_dir_all(server.folder().join("yoto/captures")).expect("removes");
+    let report = fsck(&place, |_| {}).await.expect("can be read");
+    assert_eq!(report.missing.len(), 1, "{report:?}");
 }

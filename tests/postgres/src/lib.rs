@@ -7,6 +7,7 @@
 mod server;
 
 use server::{Durability, Server};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -30,12 +31,13 @@ impl Database {
         Some(Self::on(running()?))
     }
 
-    /// The same on a server of its own that syncs each commit to the disk, for measurements. It ends with the process.
+    /// The same on a server of its own that syncs each commit to the disk, for measurements and crashes. It ends with the
+    /// process.
     ///
     /// # Panics
-    /// When PostgreSQL does not start.
+    /// As [`Self::create`].
     pub fn create_durable() -> Option<Self> {
-        let server = Server::start(server::programs()?, Durability::Full);
+        let server = Server::start(programs()?, Durability::Full);
         Some(Self::on(Box::leak(Box::new(server))))
     }
 
@@ -84,6 +86,35 @@ impl Database {
         String::from_utf8_lossy(&ran.stdout).trim().to_owned()
     }
 
+    /// Its server's socket, for a proxy.
+    pub fn socket(&self) -> PathBuf {
+        self.server.folder().join(".s.PGSQL.5432")
+    }
+
+    /// Stops every process of its server (SIGSTOP), or has them go on. For a server of its own.
+    ///
+    /// # Panics
+    /// When the server does not run.
+    pub fn stop(&self, stopped: bool) {
+        self.server.signal(if stopped { "-STOP" } else { "-CONT" });
+    }
+
+    /// Ends its server as a crash does, with all connections. For a server of its own.
+    ///
+    /// # Panics
+    /// When that fails.
+    pub fn crash(&self) {
+        self.server.crash();
+    }
+
+    /// Starts its server again after [`Self::crash`].
+    ///
+    /// # Panics
+    /// When it does not start.
+    pub fn restart(&self) {
+        self.server.restart();
+    }
+
     /// Ends all connections to it, as a restart of the server does.
     ///
     /// # Panics
@@ -115,14 +146,20 @@ pub fn is_there() -> bool {
     running().is_some()
 }
 
+/// The folder of the server's programs.
+fn programs() -> Option<PathBuf> {
+    let programs = server::programs();
+    if programs.is_none() && std::env::var_os(REQUIRED).is_some_and(|it| it == "1") {
+        panic!("PostgreSQL is missing, and {REQUIRED} is 1: apt-get install postgresql");
+    }
+    programs
+}
+
 /// The server of this process.
 fn running() -> Option<&'static Server> {
     static RUNNING: OnceLock<Option<Server>> = OnceLock::new();
     let running = RUNNING.get_or_init(|| {
-        let programs = server::programs();
-        if programs.is_none() && std::env::var_os(REQUIRED).is_some_and(|it| it == "1") {
-            panic!("PostgreSQL is missing, and {REQUIRED} is 1: apt-get install postgresql");
-        }
+        let programs = programs();
         programs.map(|it| Server::start(it, Durability::None))
     });
     if running.is_none() {
@@ -149,5 +186,33 @@ mod tests {
             other.run("SELECT count(*) FROM pg_tables WHERE tablename = 't'"),
             "0"
         );
+    }
+
+    #[test]
+    fn a_server_crashes_and_stops_and_keeps_what_was_committed() {
+        let Some(database) = Database::create_durable() else {
+            eprintln!("skipped: no PostgreSQL");
+            return;
+        };
+        database.run("CREATE TABLE t (a BIGINT); INSERT INTO t VALUES (1)");
+        database.crash();
+        let connected = || std::os::unix::net::UnixStream::connect(database.socket());
+        connected().expect_err("nobody listens");
+        database.restart();
+        database.stop(true);
+        let process = std::fs::read_to_string(database.server.folder().join("data/postmaster.pid"));
+        let process = process
+            .expect("runs")
+            .lines()
+            .next()
+            .expect("has a process")
+            .to_owned();
+        let is_stopped = || {
+            let state = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("runs");
+            state.contains(") T ")
+        };
+        while !is_stopped() {}
+        database.stop(false);
+        assert_eq!(database.run("SELECT a FROM t"), "1");
     }
 }

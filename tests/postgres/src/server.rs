@@ -1,5 +1,6 @@
 //! The server's process.
 
+use std::io::Write;
 use std::os::unix::fs::{MetadataExt, chown};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -15,16 +16,32 @@ const DEBIAN: &str = "/usr/lib/postgresql";
 /// Longest time for a start.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Runs the server until the pipe from this process is closed, also by a kill of it, and removes its folder.
-/// `$0`: folder of the programs, `$1`: folder of the server, the rest: the server's options.
+/// Runs the server until the pipe from this process is closed, also by a kill of it, and removes its folder. Lines from the pipe
+/// end the server as a crash does, and start it again. `$0`: folder of the programs, `$1`: folder of the server, the rest: the
+/// server's options.
 const RUN: &str = r#"
 programs=$0 folder=$1
 shift
-"$programs/postgres" -D "$folder/data" -k "$folder" "$@" >"$folder/log" 2>&1 </dev/null &
-server=$!
-cat >/dev/null
-kill -QUIT $server
-wait $server
+start() {
+    "$programs/postgres" -D "$folder/data" -k "$folder" "$@" >>"$folder/log" 2>&1 </dev/null &
+    server=$!
+}
+crash() {
+    [ -z "$server" ] && return
+    # Signals wait while it is stopped.
+    kill -QUIT $server
+    kill -CONT $server
+    wait $server
+    server=
+}
+start "$@"
+while read -r order; do
+    case $order in
+    crash) crash ;;
+    start) start "$@" ;;
+    esac
+done
+crash
 rm -rf "$folder"
 "#;
 
@@ -62,7 +79,7 @@ pub struct Server {
     programs: PathBuf,
     folder: PathBuf,
     /// The shell around the server, which holds the other end of the pipe.
-    _shell: Child,
+    shell: Child,
 }
 
 /// The folder of the programs `initdb` and `postgres`.
@@ -136,7 +153,7 @@ impl Server {
         let server = Self {
             programs,
             folder,
-            _shell: shell,
+            shell,
         };
         server.wait();
         server
@@ -158,11 +175,47 @@ impl Server {
         command
     }
 
-    fn wait(&self) {
-        let began = Instant::now();
+    /// Ends it at once, as a crash does.
+    pub fn crash(&self) {
+        self.order("crash");
+        while self.answers() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Starts it again after [`Self::crash`].
+    pub fn restart(&self) {
+        self.order("start");
+        self.wait();
+    }
+
+    /// Sends a signal to each of its processes.
+    pub fn signal(&self, name: &str) {
+        let file = self.folder.join("data/postmaster.pid");
+        let text = std::fs::read_to_string(file).expect("it runs");
+        let first = text.lines().next().expect("has a process").to_owned();
+        // In this order, so that a stopped server starts no others.
+        for processes in [vec![first.clone()], children(&first)] {
+            // One of them may have ended by itself.
+            let sent = Command::new("kill").arg(name).args(processes).output();
+            sent.expect("kill starts");
+        }
+    }
+
+    fn order(&self, order: &str) {
+        let mut pipe = self.shell.stdin.as_ref().expect("a pipe");
+        writeln!(pipe, "{order}").expect("the shell reads");
+    }
+
+    fn answers(&self) -> bool {
         let mut ask = self.client("psql");
         ask.args(["--dbname", "postgres", "--command", "SELECT 1"]);
-        while !ask.output().expect("psql starts").status.success() {
+        ask.output().expect("psql starts").status.success()
+    }
+
+    fn wait(&self) {
+        let began = Instant::now();
+        while !self.answers() {
             let log = std::fs::read_to_string(self.folder.join("log")).unwrap_or_default();
             assert!(
                 began.elapsed() < PATIENCE,
@@ -171,6 +224,23 @@ impl Server {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
+}
+
+/// The processes whose parent is `parent`.
+fn children(parent: &str) -> Vec<String> {
+    let entries = std::fs::read_dir("/proc").expect("the system's processes");
+    let names = entries.flatten().map(|it| it.file_name());
+    let ids = names.filter_map(|it| it.into_string().ok());
+    ids.filter(|id| {
+        let stat = std::fs::read_to_string(format!("/proc/{id}/stat"));
+        // Its name, in brackets, may have anything in it; state and parent follow.
+        let parent_of = stat.ok().and_then(|it| {
+            let (_, after) = it.rsplit_once(')')?;
+            Some(after.split_whitespace().nth(1)?.to_owned())
+        });
+        parent_of.as_deref() == Some(parent)
+    })
+    .collect()
 }
 
 /// User and group of the server if this process, which owns `folder`, runs as root.

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result};
 use std::future::Future;
+use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 use tonic::{Code, Response, Status};
@@ -67,12 +68,13 @@ pub fn is_transient(code: Code) -> bool {
 pub struct Calls(Channel);
 
 impl Calls {
-    /// A client of the service at `address`, which need not run yet.
+    /// A client of the coordinators at `addresses`, which need not run yet.
     ///
     /// # Errors
-    /// When the address is invalid.
-    pub fn to(address: std::net::SocketAddr) -> Result<Self> {
-        let service = Addresses::parse(&address.to_string()).context("the address")?;
+    /// When there is no address.
+    pub fn to(addresses: &[SocketAddr]) -> Result<Self> {
+        let addresses: Vec<String> = addresses.iter().map(SocketAddr::to_string).collect();
+        let service = Addresses::parse(&addresses.join(",")).context("the addresses")?;
         Ok(Self(service.connect_lazy()))
     }
 
@@ -104,6 +106,16 @@ impl Calls {
         let asked = service.check(HealthCheckRequest::default());
         let answer = tokio::time::timeout(ANSWER, asked).await.ok()?.ok()?;
         Some(answer.get_ref().status() == ServingStatus::Serving)
+    }
+
+    /// Whether the service answers a question to its database, once and within `limit`.
+    pub async fn answers(&self, limit: Duration) -> bool {
+        let request = GetJobRequest {
+            name: "jobs/none".to_owned(),
+        };
+        let mut service = self.jobs();
+        let asked = tokio::time::timeout(limit, service.get_job(request)).await;
+        matches!(asked, Ok(Err(status)) if status.code() == Code::NotFound)
     }
 
     /// Creates a person and returns its name.

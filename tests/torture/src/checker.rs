@@ -35,6 +35,8 @@ pub struct Final {
     pub captures: BTreeMap<String, (String, bool)>,
     /// Keys of referenced objects that don't have the bytes of their reference, with what is wrong.
     pub damaged: Vec<(String, String)>,
+    /// Number of objects that nothing refers to.
+    pub orphans: usize,
     /// Numbers of checkpoints by model that nothing keeps.
     pub spare: BTreeMap<String, usize>,
     /// Answers to repetitions of acknowledged calls: request id and job.
@@ -62,6 +64,8 @@ pub struct Findings {
     pub corrupt_loads: Vec<String>,
     /// Referenced objects that are missing or differ, without having been damaged by the plan.
     pub unreadable: Vec<String>,
+    /// Number of objects that nothing refers to: the next collections remove them.
+    pub orphans: usize,
     /// Models with more checkpoints than they keep.
     pub hoarded: Vec<String>,
     /// Acknowledged uploads that are neither READY nor REJECTED with reasons.
@@ -105,7 +109,10 @@ impl Findings {
 
 /// Checks the `events` and the state at the `end`.
 pub fn check(events: &[Event], end: &Final) -> Findings {
-    let mut found = Findings::default();
+    let mut found = Findings {
+        orphans: end.orphans,
+        ..Findings::default()
+    };
     let deleted: BTreeSet<&str> = events
         .iter()
         .filter_map(|event| match event {

@@ -7,8 +7,7 @@ use super::fault::Fault;
 use super::history::{Event, History};
 use super::observer::newest_attempt;
 use super::processes::{Fleet, free_port};
-use super::proxy::Proxy;
-use super::records::Records;
+use super::proxy::{Proxy, Target};
 use super::workload::{Workload, train};
 use anyhow::{Context, Result, ensure};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -17,6 +16,8 @@ use std::process::Child;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use yoto_proto::v1::job;
+use yoto_server::Environment;
+use yoto_server::fsck::Place;
 
 /// Longest wait for something that has to happen.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -42,11 +43,11 @@ pub async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
     let folder = fleet.folder().join("embedded");
     let port = free_port()?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    let calls = Calls::to(address)?;
+    let calls = Calls::to(&[address])?;
     let mut service = Ending(fleet.start_embedded(port)?);
     // A history of its own: its jobs are not in the other service.
     let own = Arc::new(History::create(&fleet.folder().join("embedded.jsonl"))?);
-    let proxy = Proxy::start(address).await?;
+    let proxy = Proxy::start(vec![Target::Port(address)]).await?;
     let workload = Workload::new(calls.clone(), proxy, Arc::clone(&own), fleet.folder())?;
     let avatar = workload.avatar().await?;
     let job = workload.ask(train(&avatar.model, STEPS), false).await?;
@@ -78,17 +79,20 @@ pub async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
     })?;
     let ended = workload.wait(&job).await?;
     ensure!(ended.state() == job::State::Succeeded, "{:?}", ended.error);
-    check(&calls, &workload, &folder.join("objects"), &own).await?;
+    check(&calls, &workload, &folder, &own).await?;
     drop(service);
     Ok(())
 }
 
-async fn check(calls: &Calls, workload: &Workload, objects: &Path, own: &History) -> Result<()> {
+async fn check(calls: &Calls, workload: &Workload, folder: &Path, own: &History) -> Result<()> {
     let (events, mut end) = (own.events(), Final::default());
-    let records = Records {
-        database: objects.with_file_name("yoto.db"),
+    let place = Place {
+        data_dir: folder.to_owned(),
+        database: None,
+        objects: None,
+        environment: Environment::default(),
     };
-    ending::collect(calls, &records, objects, &events, &mut end).await?;
+    ending::collect(calls, &place, &events, &mut end).await?;
     ending::repeat(calls, workload, &mut end).await?;
     let found = super::checker::check(&events, &end);
     ensure!(found.is_clean(), "embedded: {:?}", found.broken());

@@ -3,15 +3,12 @@
 use super::calls::Calls;
 use super::checker::{Final, FinalJob};
 use super::history::Event;
-use super::records::Records;
-use super::workload::{Workload, is_ended};
+use super::workload::Workload;
 use anyhow::{Context, Result};
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::time::{Duration, Instant};
-use yoto_proto::manifest::Manifest;
-use yoto_proto::sha256_hex;
-use yoto_proto::v1::{Job, JobResult, ObjectRef, job, job_result};
+use yoto_proto::v1::job;
+use yoto_server::fsck::{Place, fsck};
 
 /// Waits until no job is open, for at most `limit`. The checker reports jobs that stay open.
 ///
@@ -26,14 +23,13 @@ pub async fn settle(calls: &Calls, limit: Duration) -> Result<()> {
     Ok(())
 }
 
-/// Adds the jobs, captures and objects of a service with its objects in `folder`.
+/// Adds the jobs and captures of a service, and what the check of its `place` finds wrong with objects.
 ///
 /// # Errors
-/// When the service gives no definite answer.
+/// When the service gives no definite answer, or can't be checked.
 pub async fn collect(
     calls: &Calls,
-    records: &Records,
-    folder: &Path,
+    place: &Place,
     events: &[Event],
     end: &mut Final,
 ) -> Result<()> {
@@ -54,31 +50,18 @@ pub async fn collect(
             attempts: attempts.collect(),
         };
         end.jobs.insert(job.name.clone(), last);
-        let result = records.result(&job.name).await?;
-        for object in objects_of(&job, result.as_ref()) {
-            check(folder, object, end);
-        }
     }
     for model in models {
         let checkpoints = calls.checkpoints(&model).await?;
         let spare = checkpoints.iter().filter(|it| it.kept_for.is_empty());
         end.spare.insert(model, spare.count());
-        for checkpoint in checkpoints {
-            let manifest = records.manifest(&checkpoint.name).await?;
-            let manifest = manifest.context("a checkpoint has a manifest")?;
-            let Some(bytes) = check(folder, &manifest, end) else {
-                continue;
-            };
-            for object in Manifest::from_json(&bytes)?.objects {
-                let object = ObjectRef {
-                    key: object.key,
-                    bytes: object.bytes,
-                    sha256: object.sha256,
-                };
-                check(folder, &object, end);
-            }
-        }
     }
+    let report = fsck(place, |_| {})
+        .await
+        .context("the check of all objects")?;
+    let faults = report.missing.into_iter().chain(report.damaged);
+    end.damaged.extend(faults.map(|it| (it.key, it.what)));
+    end.orphans = report.orphans.len();
     for event in events {
         let Event::Uploaded { capture } = event else {
             continue;
@@ -105,62 +88,4 @@ pub async fn repeat(calls: &Calls, workload: &Workload, end: &mut Final) -> Resu
         }
     }
     Ok(())
-}
-
-/// The objects that a job's result names, if it has ended.
-fn objects_of<'a>(job: &Job, result: Option<&'a JobResult>) -> Vec<&'a ObjectRef> {
-    match result.and_then(|result| result.kind.as_ref()) {
-        Some(job_result::Kind::Ingest(ingest)) if is_ended(job.state()) => {
-            let shard = ingest.shard.iter().chain(&ingest.check);
-            shard.chain(&ingest.thumbnail).collect()
-        }
-        Some(job_result::Kind::Render(render)) => {
-            let files = render.files.iter();
-            files.filter_map(|file| file.object.as_ref()).collect()
-        }
-        Some(job_result::Kind::Export(export)) => {
-            let files = export.files.iter();
-            files.filter_map(|file| file.object.as_ref()).collect()
-        }
-        _ => Vec::new(),
-    }
-}
-
-/// Hashes the object's file. Returns its bytes if the hash matches.
-fn check(folder: &Path, object: &ObjectRef, end: &mut Final) -> Option<Vec<u8>> {
-    let fault = match std::fs::read(folder.join(&object.key)) {
-        Ok(bytes) if bytes.len() as u64 == object.bytes && sha256_hex(&bytes) == object.sha256 => {
-            return Some(bytes);
-        }
-        Ok(bytes) => format!(
-            "{} bytes, of {}, or another hash",
-            bytes.len(),
-            object.bytes
-        ),
-        Err(error) => error.to_string(),
-    };
-    end.damaged.push((object.key.clone(), fault));
-    None
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_object_with_a_flipped_bit_is_damaged() {
-        let dir = tempfile::tempdir().expect("a folder");
-        std::fs::write(dir.path().join("x"), b"abc").expect("writes");
-        let object = |key: &str, bytes: &[u8]| ObjectRef {
-            key: key.into(),
-            bytes: bytes.len() as u64,
-            sha256: sha256_hex(bytes),
-        };
-        let mut end = Final::default();
-        assert!(check(dir.path(), &object("x", b"abc"), &mut end).is_some());
-        assert!(end.damaged.is_empty());
-        check(dir.path(), &object("x", b"abb"), &mut end);
-        check(dir.path(), &object("y", b"abc"), &mut end);
-        assert_eq!(end.damaged.len(), 2);
-    }
 }

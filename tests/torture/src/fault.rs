@@ -52,11 +52,41 @@ pub enum Fault {
     SilentWatcher,
     /// SIGKILL of a process that contains coordinator and workers.
     EmbeddedKilled,
+    /// SIGSTOP of all processes of PostgreSQL past a lease, then SIGCONT.
+    DatabaseStopped,
+    /// A crash of PostgreSQL, and a start after a while.
+    DatabaseCrashed,
+    /// A coordinator that can't reach the database while another can.
+    DatabaseCut,
+    /// A worker that can't reach one of the coordinators.
+    CoordinatorCut,
+    /// An object store that answers 503 to everybody.
+    StoreUnavailable,
+}
+
+/// What a service is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Makeup {
+    /// Number of coordinators.
+    pub coordinators: usize,
+    /// PostgreSQL in place of SQLite.
+    pub postgres: bool,
+    /// S3 in place of a folder.
+    pub s3: bool,
+}
+
+impl Makeup {
+    /// A coordinator with SQLite and a folder.
+    pub const SMALL: Self = Self {
+        coordinators: 1,
+        postgres: false,
+        s3: false,
+    };
 }
 
 impl Fault {
     /// All kinds, as the table lists them.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 28] = [
         Self::WorkerKilled,
         Self::CoordinatorKilled,
         Self::EndBeforeCommit,
@@ -80,7 +110,43 @@ impl Fault {
         Self::BitFlipped,
         Self::SilentWatcher,
         Self::EmbeddedKilled,
+        Self::DatabaseStopped,
+        Self::DatabaseCrashed,
+        Self::DatabaseCut,
+        Self::CoordinatorCut,
+        Self::StoreUnavailable,
     ];
+
+    /// The kinds that a service of this makeup can have.
+    pub fn kinds(makeup: Makeup) -> Vec<Self> {
+        let Makeup {
+            coordinators,
+            postgres,
+            s3,
+        } = makeup;
+        let mut kinds = Self::ALL.to_vec();
+        kinds.retain(|kind| match kind {
+            Self::DatabaseStopped | Self::DatabaseCrashed => postgres,
+            Self::DatabaseCut => postgres && coordinators > 1,
+            Self::CoordinatorCut => coordinators > 1,
+            Self::StoreUnavailable => s3,
+            // The limit of files is one of the process that writes them, and PostgreSQL has its own.
+            Self::DatabaseFull => !postgres,
+            // A service of its own, with SQLite and a folder.
+            Self::EmbeddedKilled => makeup == Makeup::SMALL,
+            _ => true,
+        });
+        kinds
+    }
+
+    /// The kinds that the smallest service can't have, and the ends of one of several coordinators.
+    pub fn of_several(makeup: Makeup) -> Vec<Self> {
+        let small = Self::kinds(Makeup::SMALL);
+        let mut kinds = Self::kinds(makeup);
+        let several = makeup.coordinators > 1;
+        kinds.retain(|it| !small.contains(it) || (several && *it == Self::CoordinatorKilled));
+        kinds
+    }
 
     /// Its name in the table and in files.
     pub fn name(self) -> &'static str {
@@ -108,6 +174,11 @@ impl Fault {
             Self::BitFlipped => "bit-flipped",
             Self::SilentWatcher => "silent-watcher",
             Self::EmbeddedKilled => "embedded-killed",
+            Self::DatabaseStopped => "database-stopped",
+            Self::DatabaseCrashed => "database-crashed",
+            Self::DatabaseCut => "database-cut",
+            Self::CoordinatorCut => "coordinator-cut",
+            Self::StoreUnavailable => "store-unavailable",
         }
     }
 

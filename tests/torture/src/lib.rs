@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `fault`, `plan` | what can go wrong, and in which order it does |
 //! | `parts` | the processes, made to fail as told |
+//! | `outside` | the database and the store that the processes share |
 //! | `processes`, `proxy` | started, killed, stopped; connections cut |
 //! | `calls`, `workload` | clients that repeat calls by their request ids |
 //! | `breakage`, `late`, `embedded` | each fault, and the recovery from it |
@@ -22,6 +23,7 @@ mod history;
 mod late;
 pub mod load;
 mod observer;
+mod outside;
 mod parts;
 mod plan;
 mod processes;
@@ -37,12 +39,13 @@ use breakage::Breaker;
 use calls::Calls;
 use checker::Final;
 use clap::Args;
-use fault::Fault;
+use fault::{Fault, Makeup};
 use futures::FutureExt;
 use history::{Event, History};
+use outside::Outside;
 use plan::Plan;
 use processes::Fleet;
-use proxy::Proxy;
+use proxy::{Proxy, Target};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use report::Report;
@@ -53,11 +56,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use workload::{Avatar, Workload};
 
-/// Worker processes.
-const WORKERS: usize = 3;
 /// Longest time for all jobs to end after the last fault.
 const SETTLE: Duration = Duration::from_secs(180);
-/// Longest time for the coordinator to end with watchers that never read.
+/// Longest time for the coordinators to end with watchers that never read.
 const DRAIN: Duration = Duration::from_secs(20);
 /// Interval at which ended processes are started again.
 const TEND: Duration = Duration::from_millis(50);
@@ -71,9 +72,21 @@ pub struct Options {
     /// Seed of the faults and the load.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// One round of all faults.
+    /// One round: of all faults, or of those that the smallest service can't have if this one has more than that.
     #[arg(long, conflicts_with = "minutes")]
     pub short: bool,
+    /// Number of coordinators. Several need --postgres.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=8))]
+    pub coordinators: u8,
+    /// Number of workers.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=32))]
+    pub workers: u8,
+    /// Rows in a private PostgreSQL in place of SQLite.
+    #[arg(long)]
+    pub postgres: bool,
+    /// Objects in S3, on a server in this process, in place of a folder.
+    #[arg(long)]
+    pub s3: bool,
     /// Length of a lease, seconds.
     #[arg(long, default_value_t = 3.0)]
     pub lease_seconds: f64,
@@ -85,6 +98,25 @@ pub struct Options {
     pub keep: Option<PathBuf>,
 }
 
+impl Options {
+    fn makeup(&self) -> Makeup {
+        Makeup {
+            coordinators: self.coordinators.into(),
+            postgres: self.postgres,
+            s3: self.s3,
+        }
+    }
+
+    /// The faults that have to happen.
+    fn kinds(&self) -> Vec<Fault> {
+        let makeup = self.makeup();
+        match self.short && makeup != Makeup::SMALL {
+            true => Fault::of_several(makeup),
+            false => Fault::kinds(makeup),
+        }
+    }
+}
+
 /// Runs it and returns the report.
 ///
 /// # Errors
@@ -92,15 +124,28 @@ pub struct Options {
 pub async fn run(options: Options) -> Result<Report> {
     let temporary = tempfile::tempdir()?;
     let folder = options.keep.as_deref().unwrap_or(temporary.path());
-    std::fs::create_dir_all(folder.join("data/objects"))?;
+    let makeup = options.makeup();
+    anyhow::ensure!(
+        makeup.postgres || makeup.coordinators == 1,
+        "several coordinators share a database: add --postgres"
+    );
+    std::fs::create_dir_all(folder)?;
     let folder = folder.canonicalize()?;
     let history = Arc::new(History::create(&folder.join("history.jsonl"))?);
-    let fleet = Arc::new(Fleet::new(&folder, options.lease_seconds, options.seed)?);
-    fleet.start_coordinator()?;
-    for _ in 0..WORKERS {
+    let outside = Outside::start(makeup, &folder)?;
+    let fleet = Fleet::new(
+        &folder,
+        outside,
+        makeup.coordinators,
+        options.lease_seconds,
+        options.seed,
+    );
+    let fleet = Arc::new(fleet.await?);
+    fleet.start_coordinators()?;
+    for _ in 0..options.workers {
         fleet.start_lasting().await?;
     }
-    let calls = Calls::to(fleet.address())?;
+    let calls = Calls::to(&fleet.addresses())?;
     let done = Arc::new(AtomicBool::new(false));
     let tending = tokio::spawn(tend(
         Arc::clone(&fleet),
@@ -123,11 +168,12 @@ pub async fn run(options: Options) -> Result<Report> {
     if let Err(error) = tending.await.context("the tending of processes")? {
         failures.push(format!("{error:#}"));
     }
-    if let Err(error) = fleet.end_coordinator(DRAIN).await {
+    if let Err(error) = fleet.end_coordinators(DRAIN).await {
         failures.push(format!("{error:#}"));
     }
     let events = history.events();
     Ok(Report {
+        kinds: torture.options.kinds(),
         faults: count(&events, fleet.controls().noted()),
         findings: checker::check(&events, &end),
         lease_seconds: torture.options.lease_seconds,
@@ -177,7 +223,9 @@ struct Torture {
 impl Torture {
     /// Breaks the running service. Adds errors to `failures`, and writes the state at the end to `end`.
     async fn run(&self, folder: &Path, failures: &mut Vec<String>, end: &mut Final) -> Result<()> {
-        let proxy = Proxy::start(self.fleet.address()).await?;
+        let addresses = self.fleet.addresses();
+        let targets = addresses.iter().copied().map(Target::Port);
+        let proxy = Proxy::start(targets.collect()).await?;
         let (calls, history) = (self.calls.clone(), Arc::clone(&self.history));
         let workload = Workload::new(calls, proxy.clone(), history, folder)?;
         let workload = Arc::new(workload);
@@ -189,6 +237,7 @@ impl Torture {
                 workload.avatar().await.context("the third person")?,
             ],
             calls: self.calls.clone(),
+            each: (addresses.iter().map(|it| Calls::to(&[*it]))).collect::<Result<_>>()?,
             workload: Arc::clone(&workload),
             proxy,
             history: Arc::clone(&self.history),
@@ -212,8 +261,8 @@ impl Torture {
             }
         }
         let events = self.history.events();
-        let records = self.fleet.records();
-        ending::collect(&self.calls, &records, &self.fleet.objects(), &events, end).await?;
+        let place = self.fleet.outside().place()?;
+        ending::collect(&self.calls, &place, &events, end).await?;
         ending::repeat(&self.calls, &workload, end).await
     }
 
@@ -245,7 +294,7 @@ impl Torture {
     async fn faults(&self, breaker: &mut Breaker, failures: &mut Vec<String>) {
         let began = Instant::now();
         let time = Duration::from_secs_f64(self.options.minutes.max(0.0) * 60.0);
-        let mut plan = Plan::new(self.options.seed);
+        let mut plan = Plan::new(self.options.seed, self.options.kinds());
         let mut pauses = ChaCha8Rng::seed_from_u64(!self.options.seed);
         loop {
             let over = self.options.short || began.elapsed() >= time;

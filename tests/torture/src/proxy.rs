@@ -1,15 +1,37 @@
-//! A TCP proxy on loopback that cuts connections after a number of bytes, or holds all bytes back.
+//! A proxy on loopback that cuts connections after a number of bytes, holds all bytes back, or refuses everybody.
 
 use anyhow::Result;
+use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream, UnixStream};
 use tokio::sync::watch;
 
 /// Without a limit.
 const NEVER: u64 = u64::MAX;
+
+/// What a proxy stands before.
+#[derive(Debug, Clone)]
+pub enum Target {
+    /// A port.
+    Port(SocketAddr),
+    /// A socket of the file system.
+    Socket(PathBuf),
+}
+
+/// What a proxy does with connections and bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gate {
+    /// Passes them.
+    Open,
+    /// Holds them back, and passes them later: a network that drops packets.
+    Held,
+    /// Ends open connections, and new ones at once: a machine that is gone.
+    Refused,
+}
 
 /// A running proxy; it ends with the process.
 #[derive(Debug, Clone)]
@@ -20,34 +42,45 @@ pub struct Proxy {
 
 #[derive(Debug)]
 struct State {
+    targets: Vec<Target>,
+    /// Number of connections so far: each goes to the next target.
+    opened: AtomicUsize,
+    /// Connections that are open.
+    open: AtomicUsize,
     /// Bytes from clients that still pass before the next cut.
     left: AtomicU64,
     cuts: AtomicU64,
-    /// Whether nothing passes.
-    held: watch::Sender<bool>,
+    gate: watch::Sender<Gate>,
 }
 
 impl State {
     /// Waits until bytes may pass.
     async fn free(&self) {
+        self.is(Gate::Open).await;
+    }
+
+    async fn is(&self, wanted: Gate) {
         // The sender is this state's own: it is there.
-        let _ = self.held.subscribe().wait_for(|held| !held).await;
+        let _ = self.gate.subscribe().wait_for(|gate| *gate == wanted).await;
     }
 }
 
 impl Proxy {
-    /// Starts one in front of `target`.
+    /// Starts one in front of `targets`, which take turns.
     ///
     /// # Errors
     /// When no port is free.
-    pub async fn start(target: SocketAddr) -> Result<Self> {
+    pub async fn start(targets: Vec<Target>) -> Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await?;
         let proxy = Self {
             address: listener.local_addr()?,
             state: Arc::new(State {
+                targets,
+                opened: AtomicUsize::new(0),
+                open: AtomicUsize::new(0),
                 left: AtomicU64::new(NEVER),
                 cuts: AtomicU64::new(0),
-                held: watch::Sender::new(false),
+                gate: watch::Sender::new(Gate::Open),
             }),
         };
         let state = Arc::clone(&proxy.state);
@@ -55,7 +88,12 @@ impl Proxy {
             while let Ok((client, _)) = listener.accept().await {
                 let state = Arc::clone(&state);
                 // A connection that breaks is what clients must live with.
-                tokio::spawn(async move { pass(client, target, &state).await });
+                tokio::spawn(async move {
+                    tokio::select! {
+                        () = state.is(Gate::Refused) => {}
+                        _ = pass(client, &state) => {}
+                    }
+                });
             }
         });
         Ok(proxy)
@@ -71,23 +109,55 @@ impl Proxy {
         self.state.left.store(bytes, Ordering::SeqCst);
     }
 
-    /// Holds everything back from now on, in both directions; or lets it pass, with what was held.
-    pub fn hold(&self, held: bool) {
-        self.state.held.send_replace(held);
+    /// Does this with connections and bytes from now on, in both directions.
+    pub fn set(&self, gate: Gate) {
+        self.state.gate.send_replace(gate);
     }
 
     /// Number of cuts so far.
     pub fn cuts(&self) -> u64 {
         self.state.cuts.load(Ordering::SeqCst)
     }
+
+    /// Number of connections to a target so far.
+    pub fn opened(&self) -> usize {
+        self.state.opened.load(Ordering::SeqCst)
+    }
+
+    /// Number of connections that are open.
+    pub fn open(&self) -> usize {
+        self.state.open.load(Ordering::SeqCst)
+    }
+}
+
+/// An open connection counts as long as this lives.
+struct Counted<'a>(&'a AtomicUsize);
+
+impl Drop for Counted<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::SeqCst);
+    }
 }
 
 /// Passes bytes in both directions until a side ends, or the connection is cut.
-async fn pass(mut client: TcpStream, target: SocketAddr, state: &State) -> std::io::Result<()> {
+async fn pass(client: TcpStream, state: &State) -> io::Result<()> {
     state.free().await;
-    let mut server = TcpStream::connect(target).await?;
+    let turn = state.opened.fetch_add(1, Ordering::SeqCst);
+    state.open.fetch_add(1, Ordering::SeqCst);
+    let _counted = Counted(&state.open);
+    match &state.targets[turn % state.targets.len()] {
+        Target::Port(address) => between(client, TcpStream::connect(address).await?, state).await,
+        Target::Socket(path) => between(client, UnixStream::connect(path).await?, state).await,
+    }
+}
+
+async fn between(
+    mut client: TcpStream,
+    server: impl AsyncRead + AsyncWrite,
+    state: &State,
+) -> io::Result<()> {
     let (mut from_client, mut to_client) = client.split();
-    let (mut from_server, mut to_server) = server.split();
+    let (mut from_server, mut to_server) = tokio::io::split(server);
     let up = async {
         let mut buffer = vec![0; 16 << 10];
         loop {
@@ -135,7 +205,8 @@ mod tests {
     async fn start() -> (TcpListener, Proxy) {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await;
         let listener = listener.expect("a port");
-        let proxy = Proxy::start(listener.local_addr().expect("an address")).await;
+        let proxy = listener.local_addr().expect("an address");
+        let proxy = Proxy::start(vec![Target::Port(proxy)]).await;
         (listener, proxy.expect("a proxy"))
     }
 
@@ -156,13 +227,48 @@ mod tests {
         let (listener, proxy) = start().await;
         let mut client = TcpStream::connect(proxy.address()).await.expect("connects");
         let (mut server, _) = listener.accept().await.expect("a connection");
-        proxy.hold(true);
+        proxy.set(Gate::Held);
         client.write_all(b"beat").await.expect("sends");
         let mut arrived = [0; 4];
         let early = tokio::time::timeout(Duration::from_millis(100), server.read(&mut arrived));
         assert!(early.await.is_err(), "nothing passes");
-        proxy.hold(false);
+        proxy.set(Gate::Open);
         server.read_exact(&mut arrived).await.expect("arrives");
         assert_eq!(&arrived, b"beat");
+    }
+
+    #[tokio::test]
+    async fn who_is_refused_loses_the_connection_and_may_come_back() {
+        let (listener, proxy) = start().await;
+        let mut client = TcpStream::connect(proxy.address()).await.expect("connects");
+        let (_server, _) = listener.accept().await.expect("a connection");
+        assert_eq!((proxy.opened(), proxy.open()), (1, 1));
+        proxy.set(Gate::Refused);
+        let ended = client.read(&mut [0; 4]).await;
+        assert!(matches!(ended, Ok(0) | Err(_)), "{ended:?}");
+        let mut again = TcpStream::connect(proxy.address()).await.expect("connects");
+        let ended = again.read(&mut [0; 4]).await;
+        assert!(matches!(ended, Ok(0) | Err(_)), "{ended:?}");
+        proxy.set(Gate::Open);
+        let _client = TcpStream::connect(proxy.address()).await.expect("connects");
+        listener.accept().await.expect("a connection");
+        assert_eq!(proxy.opened(), 2, "nobody came through meanwhile");
+    }
+
+    #[tokio::test]
+    async fn targets_take_turns() {
+        let listen = async || {
+            TcpListener::bind((Ipv4Addr::LOCALHOST, 0))
+                .await
+                .expect("a port")
+        };
+        let (first, second) = (listen().await, listen().await);
+        let target = |it: &TcpListener| Target::Port(it.local_addr().expect("an address"));
+        let proxy = Proxy::start(vec![target(&first), target(&second)]).await;
+        let address = proxy.expect("a proxy").address();
+        let _one = TcpStream::connect(address).await.expect("connects");
+        first.accept().await.expect("a connection");
+        let _two = TcpStream::connect(address).await.expect("connects");
+        second.accept().await.expect("a connection");
     }
 }

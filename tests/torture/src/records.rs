@@ -1,39 +1,54 @@
-//! Reads what only workers know, tokens of leases and keys of objects, from the coordinator's database.
+//! Reads what only workers know, tokens of leases and keys of objects, from the service's database.
 
 use anyhow::{Context, Result};
-use prost::Message;
+use sqlx::postgres::PgConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{ConnectOptions, Row, SqliteConnection};
+use sqlx::{AssertSqlSafe, ConnectOptions};
 use std::path::PathBuf;
 use yoto_proto::names::{Collection, parse_checkpoint};
-use yoto_proto::v1::{JobResult, ObjectRef};
+use yoto_proto::v1::ObjectRef;
 
-/// The records of a coordinator.
+/// The records of a service.
 #[derive(Debug, Clone)]
-pub struct Records {
-    /// Its database.
-    pub database: PathBuf,
+pub enum Records {
+    /// In a file of SQLite.
+    Sqlite(PathBuf),
+    /// In a database of PostgreSQL, by its address.
+    Postgres(String),
+}
+
+/// The rows of a statement that both databases read.
+macro_rules! rows {
+    ($records:expr, $columns:ty, $statement:expr, $($value:expr),+) => {
+        match $records {
+            Records::Sqlite(file) => {
+                let options = SqliteConnectOptions::new().filename(file).read_only(true);
+                let mut connection = options.connect().await.context("reading the database")?;
+                let query = sqlx::query_as::<_, $columns>(AssertSqlSafe($statement.to_owned()));
+                query$(.bind($value))+.fetch_all(&mut connection).await?
+            }
+            Records::Postgres(url) => {
+                let options: PgConnectOptions = url.parse().context("the database's address")?;
+                let mut connection = options.connect().await.context("reading the database")?;
+                let query = sqlx::query_as::<_, $columns>(AssertSqlSafe($statement.to_owned()));
+                query$(.bind($value))+.fetch_all(&mut connection).await?
+            }
+        }
+    };
 }
 
 impl Records {
-    async fn open(&self) -> Result<SqliteConnection> {
-        let options = SqliteConnectOptions::new()
-            .filename(&self.database)
-            .read_only(true);
-        options.connect().await.context("reading the database")
-    }
-
     /// The tokens of all leases of `jobs/{id}`, oldest first. The n-th is that of the attempt with number n.
     ///
     /// # Errors
     /// When the database can't be read.
     pub async fn tokens(&self, job: &str) -> Result<Vec<u64>> {
-        let rows = sqlx::query("SELECT lease FROM job_attempts WHERE job = ?1 ORDER BY lease")
-            .bind(Collection::Jobs.parse(job)?)
-            .fetch_all(&mut self.open().await?)
-            .await?;
-        let token = |row| Ok(u64::try_from(Row::try_get::<i64, _>(row, "lease")?)?);
-        rows.iter().map(token).collect()
+        let job = Collection::Jobs.parse(job)?;
+        let statement = "SELECT lease FROM job_attempts WHERE job = $1 ORDER BY lease";
+        let rows: Vec<(i64,)> = rows!(self, (i64,), statement, job);
+        rows.into_iter()
+            .map(|(token,)| Ok(u64::try_from(token)?))
+            .collect()
     }
 
     /// The manifest of a checkpoint; `None` if the checkpoint was removed.
@@ -42,37 +57,18 @@ impl Records {
     /// When the database can't be read.
     pub async fn manifest(&self, checkpoint: &str) -> Result<Option<ObjectRef>> {
         let (model, step) = parse_checkpoint(checkpoint)?;
-        let row = sqlx::query(
-            "SELECT manifest_key, manifest_bytes, manifest_sha256 FROM checkpoints
-             WHERE model = ?1 AND step = ?2",
-        )
-        .bind(model)
-        .bind(i64::try_from(step)?)
-        .fetch_optional(&mut self.open().await?)
-        .await?;
-        let Some(row) = row else {
+        let step = i64::try_from(step)?;
+        let statement = "SELECT manifest_key, manifest_bytes, manifest_sha256 FROM checkpoints
+             WHERE model = $1 AND step = $2";
+        type Columns = (String, i64, String);
+        let rows: Vec<Columns> = rows!(self, Columns, statement, model, step);
+        let Some((key, bytes, sha256)) = rows.into_iter().next() else {
             return Ok(None);
         };
         Ok(Some(ObjectRef {
-            key: row.try_get("manifest_key")?,
-            bytes: u64::try_from(row.try_get::<i64, _>("manifest_bytes")?)?,
-            sha256: row.try_get("manifest_sha256")?,
+            key,
+            bytes: u64::try_from(bytes)?,
+            sha256,
         }))
-    }
-
-    /// The result of `jobs/{id}`, with the keys of its objects; `None` if it has none.
-    ///
-    /// # Errors
-    /// When the database can't be read.
-    pub async fn result(&self, job: &str) -> Result<Option<JobResult>> {
-        let row = sqlx::query("SELECT result FROM jobs WHERE id = ?1")
-            .bind(Collection::Jobs.parse(job)?)
-            .fetch_optional(&mut self.open().await?)
-            .await?;
-        let Some(row) = row else {
-            return Ok(None);
-        };
-        let bytes: Option<&[u8]> = row.try_get("result")?;
-        Ok(bytes.map(JobResult::decode).transpose()?)
     }
 }

@@ -81,6 +81,27 @@ impl Database {
         Ok(Self { driver, clock })
     }
 
+    /// Opens an existing file of SQLite for reads.
+    ///
+    /// # Errors
+    /// When the file can't be opened, or its schema is not this version's.
+    pub async fn inspect_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
+        let driver = Driver::Sqlite(Sqlite::inspect(path).await?);
+        Ok(Self { driver, clock })
+    }
+
+    /// Opens a database of PostgreSQL for reads.
+    ///
+    /// # Errors
+    /// When the database can't be reached, or its schema is not this version's.
+    pub async fn inspect_postgres(
+        url: &PostgresUrl,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
+        let driver = Driver::Postgres(Postgres::inspect(url).await?.into());
+        Ok(Self { driver, clock })
+    }
+
     /// The file of SQLite.
     #[cfg(test)]
     fn sqlite(&self) -> &Sqlite {

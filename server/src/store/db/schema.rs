@@ -55,6 +55,24 @@ pub fn check(known: &Migrator, found: &Found) -> Result<(), StoreError> {
     Ok(())
 }
 
+/// Whether a database that this program may use has to be brought up to date.
+///
+/// # Errors
+/// As [`check`].
+pub fn are_pending(known: &Migrator, found: &Found) -> Result<bool, StoreError> {
+    check(known, found)?;
+    let newest = known.iter().map(|it| it.version).max();
+    Ok(found.applied.last().map(|(version, _)| *version) != newest)
+}
+
+/// The refusal to read a database that has to be brought up to date first.
+pub fn outdated() -> StoreError {
+    StoreError::Unusable(
+        "is empty or of an earlier version: start `yoto serve` of this version with it once"
+            .to_owned(),
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

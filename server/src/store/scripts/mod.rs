@@ -19,6 +19,7 @@ pub mod keys;
 pub mod leases;
 pub mod metrics;
 pub mod models;
+pub mod named;
 pub mod object_store;
 pub mod operators;
 pub mod outcome;

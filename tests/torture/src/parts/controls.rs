@@ -59,21 +59,21 @@ impl Controls {
         &self.0
     }
 
-    /// Moves the coordinator's clock to `seconds` after the system's.
+    /// Moves the clock of the coordinator with this number to `seconds` after the system's.
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn set_clock(&self, seconds: f64) -> Result<()> {
-        self.write("clock", &seconds.to_string())
+    pub fn set_clock(&self, coordinator: usize, seconds: f64) -> Result<()> {
+        self.write(&format!("clock-{coordinator}"), &seconds.to_string())
     }
 
-    /// Seconds by which the coordinator's clock is ahead.
-    pub fn clock(&self) -> f64 {
-        let text = self.read("clock");
+    /// Seconds by which that coordinator's clock is ahead.
+    pub fn clock(&self, coordinator: usize) -> f64 {
+        let text = self.read(&format!("clock-{coordinator}"));
         text.and_then(|text| text.parse().ok()).unwrap_or(0.0)
     }
 
-    /// Has the coordinator end at the next `fault` of a `call`.
+    /// Has one of the coordinators end at the next `fault` of a `call`.
     ///
     /// # Errors
     /// When the file can't be written.

@@ -2,14 +2,13 @@
 //! which ends at chosen moments.
 
 use super::controls::Controls;
-use super::{asked_to_stop, disk};
+use super::{CoordinatorArgs, asked_to_stop, disk};
 use crate::fault::Fault;
 use anyhow::{Context, Result};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::net::Ipv4Addr;
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -34,22 +33,33 @@ const NEVER_LATE: [&str; 2] = ["LeaseJob", "RegisterWorker"];
 const LOST: f64 = 0.05;
 
 /// Serves until SIGTERM.
-pub async fn run(
-    data: PathBuf,
-    port: u16,
-    lease_seconds: f64,
-    controls: Controls,
-    seed: u64,
-) -> Result<()> {
+pub async fn run(settings: CoordinatorArgs) -> Result<()> {
+    let CoordinatorArgs {
+        number,
+        data,
+        port,
+        lease_seconds,
+        controls,
+        seed,
+        database,
+        objects,
+    } = settings;
+    let controls = Controls::of(controls);
     let mut config = ServerConfig::new(data);
     config.lease_seconds = lease_seconds;
+    config.objects = Some(objects);
     config.reap_interval = Duration::from_millis(100);
     config.storage.min_free_bytes = 0;
     config.storage.grace = GRACE;
     config.storage.collect_interval = Duration::from_secs(1);
     config.health_interval = HEALTH;
     let disk_controls = controls.clone();
-    config.clock = Arc::new(JumpingClock(controls.clone()));
+    config.clock = Arc::new(JumpingClock {
+        controls: controls.clone(),
+        number,
+        replaced: database.is_some(),
+    });
+    config.database = database;
     config.faults = Some(Arc::new(Disturbed {
         controls,
         chance: Mutex::new(ChaCha8Rng::seed_from_u64(seed)),
@@ -67,11 +77,21 @@ pub async fn run(
 
 /// The system's clock, moved by the controls.
 #[derive(Debug)]
-struct JumpingClock(Controls);
+struct JumpingClock {
+    controls: Controls,
+    /// Whose it is.
+    number: usize,
+    /// Whether the database's clock takes its place.
+    replaced: bool,
+}
 
 impl Clock for JumpingClock {
     fn now(&self) -> f64 {
-        SystemClock.now() + self.0.clock()
+        SystemClock.now() + self.controls.clock(self.number)
+    }
+
+    fn is_system(&self) -> bool {
+        self.replaced
     }
 
     fn steady(&self) -> f64 {
@@ -97,9 +117,10 @@ impl Disturbed {
 impl Faults for Disturbed {
     fn reached(&self, call: &str, moment: Moment) {
         if let Some(fault) = self.controls.end(call, moment) {
-            // Only once: the next process must live.
-            self.controls.withdraw_end();
-            self.controls.end_here(fault);
+            // Only once: the next process must live, and so must another one that is here too.
+            if self.controls.withdraw_end() {
+                self.controls.end_here(fault);
+            }
         }
     }
 

@@ -12,39 +12,25 @@ mod worker;
 
 pub use controls::{Controls, StoreFault};
 
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 use std::path::PathBuf;
 use tracing_subscriber::EnvFilter;
+use url::Url;
+use yoto_server::PostgresUrl;
 
 /// A process of the service under torture.
 #[derive(Debug, Subcommand)]
 pub enum Part {
     /// A coordinator without workers.
-    Coordinator {
-        /// Data folder.
-        #[arg(long)]
-        data: PathBuf,
-        /// Port on loopback.
-        #[arg(long)]
-        port: u16,
-        /// Length of a lease, seconds.
-        #[arg(long)]
-        lease_seconds: f64,
-        /// Folder of the controls.
-        #[arg(long)]
-        controls: PathBuf,
-        /// Seed of the disturbed calls.
-        #[arg(long)]
-        seed: u64,
-    },
+    Coordinator(CoordinatorArgs),
     /// A worker.
     Worker {
-        /// Address of the coordinator.
+        /// Addresses of the coordinators.
         #[arg(long)]
-        server: String,
-        /// Folder of the objects.
+        service: String,
+        /// Store of the objects.
         #[arg(long)]
-        objects: PathBuf,
+        objects: Url,
         /// Display name.
         #[arg(long)]
         name: String,
@@ -66,6 +52,35 @@ pub enum Part {
     },
 }
 
+/// The settings of a coordinator.
+#[derive(Debug, Args)]
+pub struct CoordinatorArgs {
+    /// Which of several it is, from 0.
+    #[arg(long)]
+    number: usize,
+    /// Data folder.
+    #[arg(long)]
+    data: PathBuf,
+    /// Port on loopback.
+    #[arg(long)]
+    port: u16,
+    /// Length of a lease, seconds.
+    #[arg(long)]
+    lease_seconds: f64,
+    /// Folder of the controls.
+    #[arg(long)]
+    controls: PathBuf,
+    /// Seed of the disturbed calls.
+    #[arg(long)]
+    seed: u64,
+    /// A database of PostgreSQL.
+    #[arg(long)]
+    database: Option<PostgresUrl>,
+    /// Store of the objects.
+    #[arg(long)]
+    objects: Url,
+}
+
 impl Part {
     /// Runs until SIGTERM.
     ///
@@ -81,22 +96,16 @@ impl Part {
             .with_ansi(false)
             .init();
         match self {
-            Self::Coordinator {
-                data,
-                port,
-                lease_seconds,
-                controls,
-                seed,
-            } => coordinator::run(data, port, lease_seconds, Controls::of(controls), seed).await,
+            Self::Coordinator(settings) => coordinator::run(settings).await,
             Self::Worker {
-                server,
+                service,
                 objects,
                 name,
                 controls,
                 largest_file,
             } => {
                 worker::run(
-                    &server,
+                    &service,
                     &objects,
                     name,
                     Controls::of(controls),

@@ -5,31 +5,31 @@ use crate::fault::Fault;
 use async_trait::async_trait;
 use futures::stream::BoxStream;
 use futures::{StreamExt, stream};
-use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::{
     CopyOptions, Error, GetOptions, GetResult, GetResultPayload, ListResult, MultipartUpload,
     ObjectMeta, ObjectStore, PutMultipartOptions, PutOptions, PutPayload, PutResult, Result,
 };
 use std::fmt;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Time that a late answer takes.
 const LATE: Duration = Duration::from_millis(700);
 
-/// A local store with faults. While it fails, every second call does, so that a caller that tries again
+/// A store with faults. While it fails, every second call does, so that a caller that tries again
 /// gets on.
 #[derive(Debug)]
 pub struct FaultyStore {
-    inner: LocalFileSystem,
+    inner: Arc<dyn ObjectStore>,
     controls: Controls,
     calls: AtomicU64,
 }
 
 impl FaultyStore {
     /// Has `inner` fail by the `controls`.
-    pub fn new(inner: LocalFileSystem, controls: Controls) -> Self {
+    pub fn new(inner: Arc<dyn ObjectStore>, controls: Controls) -> Self {
         Self {
             inner,
             controls,

@@ -4,9 +4,8 @@ use super::controls::Controls;
 use super::store::FaultyStore;
 use super::{asked_to_stop, disk};
 use anyhow::{Context, Result};
-use object_store::local::LocalFileSystem;
-use std::path::Path;
 use std::sync::Arc;
+use url::Url;
 use yoto_client::Addresses;
 use yoto_objects::Objects;
 use yoto_worker::{Worker, WorkerConfig};
@@ -16,8 +15,8 @@ const SILENCE: f64 = 10.0;
 
 /// Works until SIGTERM.
 pub async fn run(
-    server: &str,
-    objects: &Path,
+    service: &str,
+    objects: &Url,
     name: String,
     controls: Controls,
     largest_file: Option<u64>,
@@ -25,12 +24,12 @@ pub async fn run(
     if let Some(bytes) = largest_file {
         disk::limit(bytes)?;
     }
-    let channel = Addresses::parse(server)
-        .context("the address")?
+    let channel = Addresses::parse(service)
+        .context("the addresses")?
         .connect_lazy();
     let picked = tokio::task::spawn_blocking(yoto_device::pick).await?;
-    let store = LocalFileSystem::new_with_prefix(objects)?.with_fsync(true);
-    let store = FaultyStore::new(store, controls.clone());
+    let objects = Objects::open(objects)?;
+    let objects = objects.inside(|store| Arc::new(FaultyStore::new(store, controls.clone())));
     let config = WorkerConfig {
         display_name: name,
         idle_poll_seconds: 0.25,
@@ -38,7 +37,6 @@ pub async fn run(
         scratch: controls.folder().join("scratch"),
         ..WorkerConfig::default()
     };
-    let objects = Objects::over(Arc::new(store));
     let worker = Worker::with_objects(channel, objects, picked, config)?;
     worker.run(asked_to_stop()).await.context("working")?;
     Ok(())

@@ -49,10 +49,7 @@ pub async fn run(pool: &PgPool) -> Result<(), StoreError> {
 /// # Errors
 /// As [`run`].
 pub async fn are_pending(pool: &PgPool) -> Result<bool, StoreError> {
-    let (migrations, found) = (migrations(), found(pool).await?);
-    schema::check(&migrations, &found)?;
-    let newest = migrations.iter().map(|it| it.version).max();
-    Ok(found.applied.last().map(|(version, _)| *version) != newest)
+    schema::are_pending(&migrations(), &found(pool).await?)
 }
 
 /// Refuses a schema that a newer version has changed.

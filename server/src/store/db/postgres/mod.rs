@@ -18,7 +18,7 @@ pub use notices::Listener;
 pub use url::{PostgresUrl, UrlError};
 
 use super::statement::query;
-use super::{Lock, Statement};
+use super::{Lock, Statement, schema};
 use crate::store::StoreError;
 use failures::During;
 use guard::Guard;
@@ -57,6 +57,22 @@ impl Postgres {
         let pending = async || migrations::are_pending(&pool).await;
         let upgrade = async || migrations::run(&pool).await;
         let guard = Guard::take(options, pending, upgrade).await?;
+        Ok(Self {
+            pool,
+            guard,
+            ahead: AtomicU64::new(0.0_f64.to_bits()),
+        })
+    }
+
+    /// Opens the database for reads, unless its schema has to be brought up to date.
+    pub async fn inspect(url: &PostgresUrl) -> Result<Self, StoreError> {
+        let options = connections::options(url)?;
+        let pool = connections::pool(options.clone()).await?;
+        let pending = async || match migrations::are_pending(&pool).await? {
+            true => Err(schema::outdated()),
+            false => Ok(false),
+        };
+        let guard = Guard::take(options, pending, async || Ok(())).await?;
         Ok(Self {
             pool,
             guard,

@@ -94,20 +94,12 @@ pub async fn run(writer: &SqlitePool) -> Result<(), StoreError> {
     done.during("bringing the database's schema up to date")
 }
 
-/// Refuses a schema that is not this program's. A service of another version may run on it, so nothing is changed.
+/// Whether the schema has to be brought up to date.
 ///
 /// # Errors
-/// As [`run`], and when steps are missing.
-pub async fn are_applied(writer: &SqlitePool) -> Result<(), StoreError> {
-    let (migrations, found) = (migrations(), found(writer).await?);
-    schema::check(&migrations, &found)?;
-    let newest = migrations.iter().map(|it| it.version).max();
-    match found.applied.last().map(|(version, _)| *version) == newest {
-        true => Ok(()),
-        false => Err(StoreError::Unusable(
-            "has the schema of an earlier version of yoto: start `yoto serve` of this version first".to_owned(),
-        )),
-    }
+/// As [`run`].
+pub async fn are_pending(readers: &SqlitePool) -> Result<bool, StoreError> {
+    schema::are_pending(&migrations(), &found(readers).await?)
 }
 
 /// What the database contains.

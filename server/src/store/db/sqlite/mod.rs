@@ -12,6 +12,7 @@ mod running_upgrade_tests;
 mod upgrade_tests;
 
 use super::Statement;
+use super::schema;
 use super::statement::query;
 use crate::store::StoreError;
 use failures::During;
@@ -54,9 +55,23 @@ impl Sqlite {
             )));
         }
         let writer = connections::writer(path).await?;
-        migrations::are_applied(&writer).await?;
         let readers = connections::readers(path).await?;
-        Ok(Self { writer, readers })
+        match migrations::are_pending(&readers).await? {
+            true => Err(schema::outdated()),
+            false => Ok(Self { writer, readers }),
+        }
+    }
+
+    /// Opens an existing file for reads. What writes fails.
+    pub async fn inspect(path: &Path) -> Result<Self, StoreError> {
+        let readers = connections::readers(path).await?;
+        match migrations::are_pending(&readers).await? {
+            true => Err(schema::outdated()),
+            false => Ok(Self {
+                writer: readers.clone(),
+                readers,
+            }),
+        }
     }
 
     pub async fn read(&self) -> Result<Connection, StoreError> {

@@ -1,9 +1,13 @@
 //! The processes of the service: started, killed, stopped, and started again when they have ended.
 
+mod coordinators;
+
+use super::outside::Outside;
 use super::parts::Controls;
-use super::proxy::Proxy;
+use super::proxy::{Gate, Proxy, Target};
 use super::records::Records;
 use anyhow::{Context, Result};
+use coordinators::Seat;
 use nix::sys::signal::{self, Signal};
 use nix::unistd::Pid;
 use std::fs::OpenOptions;
@@ -13,21 +17,25 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A coordinator and its workers in a folder.
+/// Coordinators and their workers in a folder.
 #[derive(Debug)]
 pub struct Fleet {
     program: PathBuf,
     folder: PathBuf,
-    port: u16,
     lease_seconds: f64,
     seed: u64,
     controls: Controls,
+    outside: Outside,
+    seats: Vec<Seat>,
     inside: Mutex<Inside>,
 }
 
 #[derive(Debug, Default)]
 struct Inside {
-    coordinator: Option<Child>,
+    /// The process in each seat; none while it is down.
+    coordinators: Vec<Option<Child>>,
+    /// Whether nobody starts it again.
+    held_down: Vec<bool>,
     workers: Vec<Member>,
     started: u64,
     /// Workers that have ended by themselves, with an error.
@@ -39,26 +47,41 @@ struct Inside {
 struct Member {
     name: String,
     child: Child,
-    /// Its proxy to the coordinator, which its replacement takes over; `None`: the worker is not replaced.
-    proxy: Option<Proxy>,
+    /// Its proxies to the coordinators, which its replacement takes over; none: the worker is not replaced.
+    proxies: Vec<Proxy>,
 }
 
 impl Fleet {
-    /// A fleet without processes, in `folder`.
+    /// A fleet without processes, in `folder`, with `coordinators` to come.
     ///
     /// # Errors
     /// When a folder can't be made, or no port is free.
-    pub fn new(folder: &Path, lease_seconds: f64, seed: u64) -> Result<Self> {
+    pub async fn new(
+        folder: &Path,
+        outside: Outside,
+        coordinators: usize,
+        lease_seconds: f64,
+        seed: u64,
+    ) -> Result<Self> {
         let controls = Controls::of(folder.join("controls"));
         std::fs::create_dir_all(controls.folder())?;
+        let mut seats = Vec::new();
+        for _ in 0..coordinators {
+            seats.push(Seat::new(&outside).await?);
+        }
         Ok(Self {
             program: std::env::current_exe()?,
             folder: folder.to_owned(),
-            port: free_port()?,
             lease_seconds,
             seed,
             controls,
-            inside: Mutex::default(),
+            outside,
+            inside: Mutex::new(Inside {
+                coordinators: seats.iter().map(|_| None).collect(),
+                held_down: vec![false; seats.len()],
+                ..Inside::default()
+            }),
+            seats,
         })
     }
 
@@ -67,26 +90,22 @@ impl Fleet {
         &self.controls
     }
 
-    /// The coordinator's records.
+    /// What the processes share.
+    pub fn outside(&self) -> &Outside {
+        &self.outside
+    }
+
+    /// The service's records.
     pub fn records(&self) -> Records {
-        Records {
-            database: self.folder.join("data/yoto.db"),
+        match self.outside.database_url() {
+            Some(url) => Records::Postgres(url),
+            None => Records::Sqlite(self.outside.data(0).join("yoto.db")),
         }
     }
 
     /// Folder of all data and logs.
     pub fn folder(&self) -> &Path {
         &self.folder
-    }
-
-    /// Address of the coordinator, the same for each of its processes.
-    pub fn address(&self) -> SocketAddr {
-        SocketAddr::from((Ipv4Addr::LOCALHOST, self.port))
-    }
-
-    /// Folder of the objects.
-    pub fn objects(&self) -> PathBuf {
-        self.folder.join("data/objects")
     }
 
     /// Length of a lease.
@@ -98,33 +117,17 @@ impl Fleet {
         self.inside.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Starts the coordinator.
-    ///
-    /// # Errors
-    /// When the process can't be started.
-    pub fn start_coordinator(&self) -> Result<()> {
-        let mut inside = self.inside();
-        inside.started += 1;
-        let arguments = [
-            "coordinator".to_owned(),
-            format!("--data={}", self.folder.join("data").display()),
-            format!("--port={}", self.port),
-            format!("--lease-seconds={}", self.lease_seconds),
-            format!("--controls={}", self.controls.folder().display()),
-            format!("--seed={}", self.seed.wrapping_add(inside.started)),
-        ];
-        inside.coordinator = Some(self.start("coordinator", &arguments)?);
-        Ok(())
-    }
-
-    /// Starts a worker that is replaced when it ends. It reaches the coordinator through its own proxy, which
+    /// Starts a worker that is replaced when it ends. It reaches each coordinator through its own proxy, which
     /// can be blocked.
     ///
     /// # Errors
     /// When the process can't be started.
     pub async fn start_lasting(&self) -> Result<String> {
-        let proxy = Proxy::start(self.address()).await?;
-        self.start_worker(Some(proxy), None)
+        let mut proxies = Vec::new();
+        for address in self.addresses() {
+            proxies.push(Proxy::start(vec![Target::Port(address)]).await?);
+        }
+        self.start_worker(proxies, None)
     }
 
     /// Starts a worker that can't write files above `largest_file` bytes. Nothing replaces it.
@@ -132,19 +135,23 @@ impl Fleet {
     /// # Errors
     /// When the process can't be started.
     pub fn start_full(&self, largest_file: u64) -> Result<String> {
-        self.start_worker(None, Some(largest_file))
+        self.start_worker(Vec::new(), Some(largest_file))
     }
 
     /// Starts a worker and returns its display name.
-    fn start_worker(&self, proxy: Option<Proxy>, largest_file: Option<u64>) -> Result<String> {
+    fn start_worker(&self, proxies: Vec<Proxy>, largest_file: Option<u64>) -> Result<String> {
         let mut inside = self.inside();
         inside.started += 1;
         let name = format!("worker-{}", inside.started);
-        let server = proxy.as_ref().map_or(self.address(), Proxy::address);
+        let service = match proxies.is_empty() {
+            true => self.addresses(),
+            false => proxies.iter().map(Proxy::address).collect(),
+        };
+        let service: Vec<String> = service.iter().map(SocketAddr::to_string).collect();
         let mut arguments = vec![
             "worker".to_owned(),
-            format!("--server=http://{server}"),
-            format!("--objects={}", self.objects().display()),
+            format!("--service={}", service.join(",")),
+            format!("--objects={}", self.outside.objects_url()?),
             format!("--name={name}"),
             format!("--controls={}", self.controls.folder().display()),
         ];
@@ -153,7 +160,7 @@ impl Fleet {
         inside.workers.push(Member {
             name: name.clone(),
             child,
-            proxy,
+            proxies,
         });
         Ok(name)
     }
@@ -179,6 +186,7 @@ impl Fleet {
         Command::new(&self.program)
             .arg("part")
             .args(arguments)
+            .envs(self.outside.environment())
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log)
@@ -186,19 +194,15 @@ impl Fleet {
             .with_context(|| format!("starting {} {arguments:?}", self.program.display()))
     }
 
-    /// Starts what has ended again. Returns when the coordinator was found to have ended.
+    /// Starts what has ended again. Returns when a coordinator was found to have ended.
     ///
     /// # Errors
     /// When a process can't be started.
     pub fn tend(&self) -> Result<Option<Instant>> {
-        let (mut ended, mut proxies) = (None, Vec::new());
+        let ended = self.tend_coordinators()?;
+        let mut proxies = Vec::new();
         {
             let mut inside = self.inside();
-            if let Some(child) = &mut inside.coordinator
-                && child.try_wait()?.is_some()
-            {
-                ended = Some(Instant::now());
-            }
             let mut alive = Vec::new();
             for mut member in std::mem::take(&mut inside.workers) {
                 match member.child.try_wait()? {
@@ -206,17 +210,14 @@ impl Fleet {
                     Some(status) => {
                         // A killed one has no code.
                         inside.gave_up += u64::from(status.code().is_some_and(|code| code != 0));
-                        proxies.extend(member.proxy);
+                        proxies.push(member.proxies);
                     }
                 }
             }
             inside.workers = alive;
         }
-        if ended.is_some() {
-            self.start_coordinator()?;
-        }
-        for proxy in proxies {
-            self.start_worker(Some(proxy), None)?;
+        for proxies in proxies.into_iter().filter(|it| !it.is_empty()) {
+            self.start_worker(proxies, None)?;
         }
         Ok(ended)
     }
@@ -226,22 +227,21 @@ impl Fleet {
         self.inside().gave_up
     }
 
-    /// Blocks or unblocks the proxy of the worker with this display name. Returns whether it has one.
-    pub fn hold(&self, name: &str, held: bool) -> bool {
+    /// The proxies of the worker with this display name, one to each coordinator; empty without the worker.
+    pub fn proxies(&self, name: &str) -> Vec<Proxy> {
         let inside = self.inside();
         let member = inside.workers.iter().find(|it| it.name == name);
-        let proxy = member.and_then(|it| it.proxy.as_ref());
-        proxy.map(|proxy| proxy.hold(held)).is_some()
+        member.map(|it| it.proxies.clone()).unwrap_or_default()
     }
 
-    /// Kills the coordinator (SIGKILL).
-    ///
-    /// # Errors
-    /// When the signal can't be sent.
-    pub fn kill_coordinator(&self) -> Result<()> {
-        let mut inside = self.inside();
-        let child = inside.coordinator.as_mut().context("no coordinator")?;
-        child.kill().context("killing the coordinator")
+    /// Holds back what the worker with this display name sends and gets, or lets it pass. Returns whether there is one.
+    pub fn hold(&self, name: &str, held: bool) -> bool {
+        let proxies = self.proxies(name);
+        let gate = if held { Gate::Held } else { Gate::Open };
+        for proxy in &proxies {
+            proxy.set(gate);
+        }
+        !proxies.is_empty()
     }
 
     /// Sends a signal to the worker with this display name; whether there is one.
@@ -259,38 +259,18 @@ impl Fleet {
         send(&member.child, signal)?;
         Ok(true)
     }
-
-    /// Asks the coordinator to end (SIGTERM), and waits; how long it took.
-    ///
-    /// # Errors
-    /// When it does not end within `limit`.
-    pub async fn end_coordinator(&self, limit: Duration) -> Result<Duration> {
-        let taken = self.inside().coordinator.take();
-        let mut child = taken.context("no coordinator")?;
-        let began = Instant::now();
-        send(&child, Signal::SIGTERM)?;
-        while began.elapsed() < limit {
-            if child.try_wait()?.is_some() {
-                return Ok(began.elapsed());
-            }
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
-        child.kill()?;
-        child.wait()?;
-        anyhow::bail!("the coordinator did not end within {} s", limit.as_secs())
-    }
 }
 
 impl Drop for Fleet {
     fn drop(&mut self) {
         let mut inside = self.inside();
         let Inside {
-            coordinator,
+            coordinators,
             workers,
             ..
         } = &mut *inside;
         let workers = workers.iter_mut().map(|member| &mut member.child);
-        for child in workers.chain(coordinator) {
+        for child in workers.chain(coordinators.iter_mut().flatten()) {
             // It may have ended already.
             let _ = child.kill();
             let _ = child.wait();
