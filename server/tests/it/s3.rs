@@ -15,6 +15,7 @@ use yoto_test_s3::{BUCKET, Fault, Server};
 const OF_FOLDERS: &[&str] = &[
     "backups::a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one",
     "backups::a_backup_of_a_running_service_is_a_service_at_one_point",
+    "backups::rows_of_sqlite_are_carried_to_postgres",
     "garbage::the_remains_of_a_killed_writer_and_empty_folders_go",
     "pages::a_coordinator_without_its_database_or_its_objects_is_not_ready",
     "pages::figures_tell_the_queue_and_what_happened",
@@ -133,7 +134,9 @@ async fn rows_in_postgresql_and_objects_in_s3_are_checked_together() {
     };
     let url: PostgresUrl = database.url().parse().expect("an address");
     let (service, server) = service_and_server(|config| config.database = Some(url.clone())).await;
-    service.ready_subject("Ada").await;
+    let ada = service.subject("Ada").await;
+    let files = vec![file("poses.json", b"{}"), file("a", b"frame")];
+    service.upload(&ada.name, files).await.expect("arrives");
     let place = Place {
         data_dir: service.dir.path().to_owned(),
         database: Some(url),
@@ -147,7 +150,7 @@ async fn rows_in_postgresql_and_objects_in_s3_are_checked_together() {
     let down = fsck(&place, |_| {}).await.expect_err("can't be read");
     assert!(matches!(down, FsckError::Objects(_)), "{down}");
     server.heal();
-    std::fs::remove_dir_all(server.folder().join("yoto/captures")).expect("removes");
+    std::fs::remove_dir_all(server.folder().join("yoto/uploads")).expect("removes");
     let report = fsck(&place, |_| {}).await.expect("can be read");
     assert_eq!(report.missing.len(), 1, "{report:?}");
 }
