@@ -11,6 +11,7 @@ mod checkpoints;
 pub mod clock;
 pub mod config;
 mod context;
+mod dashboard;
 mod error;
 pub mod faults;
 mod field_faults;
@@ -96,7 +97,7 @@ impl Coordinator {
             Some(url) => Store::open_postgres(url, clock).await?,
             None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await?,
         };
-        marker::check(&objects, &objects_url, &store).await?;
+        let store_id = marker::check(&objects, &objects_url, &store).await?;
         let instance = instance::of(&data_dir)?;
         let started = config.clock.time();
         let context = Arc::new(Context {
@@ -104,6 +105,7 @@ impl Coordinator {
             store,
             objects,
             objects_url,
+            store_id,
             place,
             changes: JobChanges::default(),
             feed: JobFeed::default(),

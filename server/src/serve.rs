@@ -4,6 +4,7 @@ use crate::api::{
     JobApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi, WorkerApi,
 };
 use crate::context::Context;
+use crate::dashboard;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
 use crate::health::{self, Health};
@@ -75,6 +76,7 @@ async fn routes(
         .add_service(workers.max_decoding_message_size(limit));
     let mut routes = routes;
     let router = std::mem::take(routes.axum_router_mut());
+    let router = router.merge(dashboard::routes(context(), drain()));
     *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))
 }

@@ -9,15 +9,15 @@ use yoto_objects::{Objects, ObjectsError, shown};
 pub const KEY: &str = "yoto-store";
 
 /// Refuses the object store at `url` if the database was begun with another one. The first coordinator of a database
-/// decides: it takes the id that it finds, or writes one.
+/// decides: it takes the id that it finds, or writes one. Returns the id of the store.
 ///
 /// # Errors
 /// [`ServerError::OtherObjects`], or when the store or the database fails.
-pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<(), ServerError> {
+pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<String, ServerError> {
     // Coordinators of one database do this one after the other, so it needs no conditional write, which not all stores know.
     let id = store.object_store(|| mark(objects)).await??;
     match found(objects).await? {
-        Some(found) if found == id => Ok(()),
+        Some(found) if found == id => Ok(id),
         _ => Err(ServerError::OtherObjects {
             url: shown(url).to_string(),
             key: KEY,
