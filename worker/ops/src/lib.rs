@@ -23,6 +23,7 @@ pub mod composite;
 mod cube;
 pub mod deconv;
 pub mod encode;
+pub mod exponential;
 mod flex;
 pub mod form;
 pub mod hash;

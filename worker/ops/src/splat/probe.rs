@@ -9,6 +9,10 @@ use super::tiles::{SIDE, Tiles};
 use super::{MAX_ALPHA, MIN_ALPHA, View};
 use crate::form::Form;
 
+/// Power below which even an opaque splat has less than [`MIN_ALPHA`], ln(1/255) = −5.541: most splats of a tile do not
+/// reach a given pixel.
+const FAINT: f32 = -5.55;
+
 /// A picture of which single pixels are computed.
 pub struct Probe<'a> {
     slices: SplatSlices<'a>,
@@ -164,6 +168,9 @@ impl<'a> Probe<'a> {
             let [xx, xy, yy] = projected.conic;
             // α = min(o exp(−dᵀ Σ'⁻¹ d / 2), MAX_ALPHA)
             let power = -0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy);
+            if power < FAINT {
+                continue;
+            }
             let alpha = (projected.opacity * power.min(0.0).exp()).min(MAX_ALPHA);
             if alpha >= MIN_ALPHA {
                 layers.push(Layer {

@@ -3,19 +3,27 @@
 
 use rayon::prelude::*;
 use yoto_capture::skeleton::{Skeleton, Vec3};
+use yoto_ops::exponential::exp_of_negative;
+use yoto_ops::form::{Form, Work};
 
 /// Nearness below which a joint counts as far.
 const FAR: f32 = 1e-3;
-/// Places per task.
+/// Places per task, whose coordinates stay in the first-level cache.
 const BLOCK: usize = 512;
 
 /// The joints in the rest pose, and the bones that each turns.
 pub(crate) struct Nearness {
     joints: Vec<[f32; 3]>,
-    /// Joint, start, and way to the child.
-    bones: Vec<(usize, [f32; 3], [f32; 3])>,
+    bones: Vec<Bone>,
     /// Distance at which the nearness is e^(−1/2), metres.
     reach: f32,
+}
+
+/// A bone from a joint, which turns it, to a child.
+struct Bone {
+    joint: usize,
+    from: [f32; 3],
+    way: [f32; 3],
 }
 
 impl Nearness {
@@ -26,7 +34,11 @@ impl Nearness {
         let bones = children.filter_map(|(child, parent)| {
             let parent = (*parent)?;
             let (from, to) = (joints[parent], joints[child]);
-            Some((parent, from, std::array::from_fn(|a| to[a] - from[a])))
+            Some(Bone {
+                joint: parent,
+                from,
+                way: std::array::from_fn(|a| to[a] - from[a]),
+            })
         });
         Self {
             bones: bones.collect(),
@@ -45,37 +57,81 @@ impl Nearness {
         self.reach
     }
 
-    /// aₖ of each joint at a place, into `row` `[K]`: exp(−d²/2r²) of the distance to the joint and its bones.
-    fn fill(&self, row: &mut [f32], at: [f32; 3]) {
-        for (to, joint) in row.iter_mut().zip(&self.joints) {
-            *to = squared(std::array::from_fn(|a| at[a] - joint[a]));
-        }
-        for (joint, from, way) in &self.bones {
-            let off: [f32; 3] = std::array::from_fn(|a| at[a] - from[a]);
-            let along = (0..3).map(|a| off[a] * way[a]).sum::<f32>() / squared(*way).max(1e-9);
-            let along = along.clamp(0.0, 1.0);
-            let distance = squared(std::array::from_fn(|a| off[a] - along * way[a]));
-            row[*joint] = row[*joint].min(distance);
-        }
-        let scale = -0.5 / (self.reach * self.reach);
-        for value in row {
-            let nearness = (scale * *value).exp();
-            *value = if nearness < FAR { 0.0 } else { nearness };
-        }
-    }
-
     /// aₖ(x) `[N, K]` at `places` `[N, 3]`.
     pub fn dense(&self, places: &[f32]) -> Vec<f32> {
         let joints = self.joints.len();
         let places = places.as_chunks::<3>().0;
         let mut all = vec![0f32; joints * places.len()];
-        let rows = all.par_chunks_mut(joints).zip(places);
-        let rows = rows.with_min_len(BLOCK);
-        rows.for_each(|(row, at)| self.fill(row, *at));
+        let blocks = all.par_chunks_mut(joints * BLOCK);
+        blocks.zip(places.par_chunks(BLOCK)).for_each(|(near, at)| {
+            Form::best().run(Rows {
+                nearness: self,
+                at,
+                near,
+            });
+        });
         all
     }
 }
 
+/// Fills the nearness `[N, K]` of the places `at`, [`BLOCK`] at most.
+struct Rows<'a> {
+    nearness: &'a Nearness,
+    at: &'a [[f32; 3]],
+    near: &'a mut [f32],
+}
+
+impl Work for Rows<'_> {
+    type Output = ();
+
+    /// exp(−d²/2r²) of the distance to each joint and its bones.
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let Nearness {
+            joints,
+            bones,
+            reach,
+        } = self.nearness;
+        let scale = -0.5 / (reach * reach);
+        let far = FAR.ln();
+        let mut axes = [[0f32; BLOCK]; 3];
+        for (i, at) in self.at.iter().enumerate() {
+            for (axis, value) in axes.iter_mut().zip(at) {
+                axis[i] = *value;
+            }
+        }
+        let [x, y, z] = &axes;
+        let mut nearest = [0f32; BLOCK];
+        for (k, joint) in joints.iter().enumerate() {
+            for i in 0..BLOCK {
+                nearest[i] = squared([x[i] - joint[0], y[i] - joint[1], z[i] - joint[2]]);
+            }
+            for bone in bones.iter().filter(|bone| bone.joint == k) {
+                let [a, b, c] = bone.way;
+                let shorter = 1.0 / squared(bone.way).max(1e-9);
+                for i in 0..BLOCK {
+                    let off = [
+                        x[i] - bone.from[0],
+                        y[i] - bone.from[1],
+                        z[i] - bone.from[2],
+                    ];
+                    let along = ((off[0] * a + off[1] * b + off[2] * c) * shorter).clamp(0.0, 1.0);
+                    let off = [off[0] - along * a, off[1] - along * b, off[2] - along * c];
+                    nearest[i] = nearest[i].min(squared(off));
+                }
+            }
+            for value in &mut nearest {
+                let exponent = scale * *value;
+                let nearness = exp_of_negative::<FMA>(exponent);
+                *value = if exponent < far { 0.0 } else { nearness };
+            }
+            let column = self.near[k..].iter_mut().step_by(joints.len());
+            column.zip(&nearest).for_each(|(to, from)| *to = *from);
+        }
+    }
+}
+
+#[inline(always)]
 fn squared([x, y, z]: [f32; 3]) -> f32 {
     x * x + y * y + z * z
 }

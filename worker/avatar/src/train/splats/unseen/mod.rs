@@ -41,35 +41,35 @@ pub(crate) fn guess_unseen(
             AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
             _ => return Ok(notes),
         };
-        let guessed = guess(model, subject, splats, opened)?;
         let own = Avatar::own_slot(&model.config, subject.slot);
         // What was held did not learn: it is a guess still, even where a frame shows it by now.
-        let mut held = guessed.anew.clone();
-        if let Some(before) = avatar.held_splats(own)? {
-            held.iter_mut()
-                .zip(before)
-                .for_each(|(held, before)| *held |= before);
-        }
+        let held = avatar.held_splats(own)?;
+        let guessed = guess(model, subject, splats, opened, held)?;
         let avatar = model.state.avatar_mut();
         avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
-        avatar.hold_splats(own, Some(&held))?;
+        avatar.hold_splats(own, Some(&guessed.anew))?;
         notes.extend(guessed.note(&subject.name, avatar.guessed_share(own)?));
     }
     Ok(notes)
 }
 
-/// The colours of a person's splats, with guesses where no frame shows them.
+/// The colours of a person's splats, with guesses where no frame shows them, or of the splats that are `held`. Splats hardly
+/// move after the first guess, and to look at frames again would take as long as ten steps.
 fn guess(
     model: &Model,
     subject: &TrainSubject,
     avatar: AvatarSplats<'_>,
     opened: f64,
+    held: Option<Vec<bool>>,
 ) -> Result<Guessed, TrainError> {
     let pose = |frame: &TrainFrame| match &model.state.poses[subject.slot] {
         Some(poses) => poses.refined(frame.position, &frame.pose),
         None => frame.pose.clone(),
     };
-    let seen = sighted(subject, avatar, opened, pose)?;
+    let seen = match held {
+        Some(held) => held.into_iter().map(|held| !held).collect(),
+        None => sighted(subject, avatar, opened, pose)?,
+    };
     let skeleton = &subject.body.skeleton;
     let rest = Pose::rest(skeleton.joints());
     let posed = avatar.pose(&subject.body, subject.slot, &rest, opened);
