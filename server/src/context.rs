@@ -30,6 +30,8 @@ pub struct Context {
     pub objects: Objects,
     /// Where the objects are.
     pub objects_url: Url,
+    /// The id of the object store: a random number that only the database and the store have.
+    pub store_id: String,
     /// Where that is, for operations that the object store's interface lacks.
     pub place: Place,
     /// Wakes the watchers of jobs.

@@ -13,6 +13,7 @@ mod checkpoints;
 pub mod clock;
 pub mod config;
 mod context;
+mod dashboard;
 mod error;
 pub mod faults;
 mod field_faults;
@@ -101,7 +102,7 @@ impl Coordinator {
         let objects_url = objects_url(&config, &data_dir)?;
         let (place, objects) = Place::open(&objects_url, &config).await?;
         let store = open_store(&config, &data_dir).await?;
-        marker::check(&objects, &objects_url, &store).await?;
+        let store_id = marker::check(&objects, &objects_url, &store).await?;
         let instance = instance::of(&data_dir)?;
         let hints = Hints::new(config.hints && store.is_shared());
         let started = config.clock.time();
@@ -110,6 +111,7 @@ impl Coordinator {
             store,
             objects,
             objects_url,
+            store_id,
             place,
             changes: JobChanges::default(),
             feed: JobFeed::default(),

@@ -6,6 +6,7 @@ use crate::api::{
     WorkerApi,
 };
 use crate::context::Context;
+use crate::dashboard;
 use crate::error::ServerError;
 use crate::faults::FaultLayer;
 use crate::health::{self, Health};
@@ -79,6 +80,7 @@ async fn routes(
         .add_service(workers.max_decoding_message_size(limit));
     let mut routes = routes;
     let router = std::mem::take(routes.axum_router_mut());
+    let router = router.merge(dashboard::routes(context(), drain()));
     *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))
 }

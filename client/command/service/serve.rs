@@ -3,10 +3,11 @@
 use super::exposure::Exposure;
 use super::state::{ObjectsArgs, StateArgs};
 use crate::embedded::{Embedded, EmbeddedOptions};
+use crate::show;
 use anyhow::Context;
 use clap::Args;
 use clap::builder::BoolishValueParser;
-use std::net::{SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
 use yoto_server::StorageLimits;
@@ -26,8 +27,11 @@ from the first key on.
 On the same port, /healthz, /readyz and /metrics answer to balancers and Prometheus. Each option can also be
 an environment variable, YOTO_LISTEN for --listen, or a key of --config.
 
+http://ADDRESS/ is the dashboard: people, models with their curves, jobs, workers, and the service.
+
 Examples:
   yoto serve
+  yoto serve --open
   yoto serve --data /srv/yoto --listen 127.0.0.1:6000
   yoto serve --database 'postgres://yoto@db.example/yoto?sslmode=verify-full'
   yoto serve --print-config > yoto.toml
@@ -63,6 +67,9 @@ pub(crate) struct Serve {
     scratch: Option<PathBuf>,
     #[command(flatten)]
     exposure: Exposure,
+    /// Open the dashboard in the browser.
+    #[arg(long)]
+    open: bool,
     /// Time from SIGTERM until calls are refused, seconds. Meanwhile `/readyz` and the health of gRPC say that
     /// nobody should come any more, so that a balancer sends its calls elsewhere. Workers in this process stop at
     /// once.
@@ -187,6 +194,11 @@ impl Serve {
         if let Some(address) = service.address() {
             tell!("yoto serves {scheme}://{address} from {place}");
             tell!("objects at {}", service.shown_objects_url());
+            let dashboard = dashboard(scheme, address);
+            tell!("dashboard at {dashboard}");
+            if self.open {
+                tokio::task::spawn_blocking(move || show::in_browser(dashboard));
+            }
         }
         if !self.no_worker {
             tell!("computing on {}", service.device());
@@ -201,6 +213,17 @@ impl Serve {
         tell!("stopping");
         service.shutdown().await.context("stopping the service")?;
         failure.map_or(Ok(()), Err)
+    }
+}
+
+/// The address of the dashboard for a browser of this machine, where the service listens at `address`: an address that stands for
+/// all of the machine is none that a browser can open.
+fn dashboard(scheme: &str, address: SocketAddr) -> String {
+    let port = address.port();
+    match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => format!("{scheme}://127.0.0.1:{port}/"),
+        IpAddr::V6(ip) if ip.is_unspecified() => format!("{scheme}://[::1]:{port}/"),
+        _ => format!("{scheme}://{address}/"),
     }
 }
 
@@ -249,6 +272,15 @@ mod tests {
         for bad in ["localhost", "6000", "no such host:1"] {
             assert!(address(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_browser_opens_an_address_of_this_machine() {
+        let at = |address: &str| dashboard("http", address.parse().expect("an address"));
+        assert_eq!(at("127.0.0.1:50051"), "http://127.0.0.1:50051/");
+        assert_eq!(at("[::1]:1"), "http://[::1]:1/");
+        assert_eq!(at("0.0.0.0:80"), "http://127.0.0.1:80/");
+        assert_eq!(at("[::]:80"), "http://[::1]:80/");
     }
 
     #[test]

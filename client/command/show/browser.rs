@@ -1,10 +1,11 @@
 //! Pages that a command has made.
 
-use std::path::Path;
+use std::ffi::OsStr;
 
-/// Opens `page` in the user's browser. Without a browser, prints a note: the page is written in any
+/// Opens `page`, a file or an address, in the user's browser. Without a browser, prints a note: the page is there in any
 /// case.
-pub(crate) fn in_browser(page: &Path) {
+pub(crate) fn in_browser(page: impl AsRef<OsStr>) {
+    let page = page.as_ref();
     if let Err(error) = open::that(page) {
         tell!(
             "note: no browser opens here ({error}): open {} yourself",

@@ -2,7 +2,7 @@
 
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
-use super::rules::{self, Rule};
+use super::rules::{self, EVENTS, Rule};
 use super::{Admission, Caller, browser};
 use crate::context::Context;
 use crate::error::RequestError;
@@ -200,7 +200,8 @@ where
                 Ok(admitted) => admitted,
                 Err(error) => return Ok(http::refusal(error, grpc)),
             };
-            let streams = grpc && !is_unary(request.uri().path());
+            let path = request.uri().path();
+            let streams = path == EVENTS || (grpc && !is_unary(path));
             request.extensions_mut().insert(caller.tenant.clone());
             request.extensions_mut().insert(caller);
             let answer = inner.call(request);

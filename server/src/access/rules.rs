@@ -40,11 +40,62 @@ const PAGES: [(&str, Rule); 3] = [
     ),
 ];
 
+/// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
+const DASHBOARD: [(&str, &str); 18] = [
+    ("/", "/yoto.v1.StatusService/GetStatus"),
+    ("/people", "/yoto.v1.SubjectService/ListSubjects"),
+    ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
+    ("/models", "/yoto.v1.ModelService/ListModels"),
+    ("/models/*", "/yoto.v1.ModelService/GetModel"),
+    ("/models/*/train", "/yoto.v1.JobService/CreateJob"),
+    ("/models/*/player", "/yoto.v1.JobService/CreateJob"),
+    ("/jobs", "/yoto.v1.JobService/ListJobs"),
+    ("/jobs/*", "/yoto.v1.JobService/GetJob"),
+    ("/jobs/*/cancel", "/yoto.v1.JobService/CancelJob"),
+    ("/jobs/*/retry", "/yoto.v1.JobService/RetryJob"),
+    ("/jobs/*/files/*", "/yoto.v1.ObjectService/DownloadObject"),
+    (
+        "/captures/*/thumbnail.png",
+        "/yoto.v1.ObjectService/DownloadObject",
+    ),
+    ("/workers", "/yoto.v1.StatusService/ListWorkers"),
+    ("/workers/cordon", "/yoto.v1.StatusService/CordonWorker"),
+    ("/workers/uncordon", "/yoto.v1.StatusService/UncordonWorker"),
+    ("/service", "/yoto.v1.StatusService/GetStatus"),
+    (EVENTS, "/yoto.v1.JobService/WatchJobs"),
+];
+/// The page that is a stream.
+pub const EVENTS: &str = "/events";
+/// Script and style of the dashboard, which are the same for everybody.
+const ASSETS: &str = "/assets/*";
+
 static RULES: LazyLock<HashMap<String, Rule>> = LazyLock::new(all);
 
 /// The rule of the path; `None` if nothing is there.
 pub fn of(path: &str) -> Option<Rule> {
-    RULES.get(path).copied()
+    let own = RULES.get(path).copied();
+    own.or_else(|| of_dashboard(path))
+}
+
+fn of_dashboard(path: &str) -> Option<Rule> {
+    if matches(ASSETS, path) {
+        return Some(Rule::Open);
+    }
+    let found = DASHBOARD.iter().find(|(page, _)| matches(page, path));
+    found.and_then(|(_, call)| RULES.get(*call).copied())
+}
+
+/// Whether the segments of `path` are those of `pattern`.
+fn matches(pattern: &str, path: &str) -> bool {
+    let (mut wanted, mut found) = (pattern.split('/'), path.split('/'));
+    loop {
+        match (wanted.next(), found.next()) {
+            (None, None) => return true,
+            (Some(wanted), Some(found)) if wanted == found => {}
+            (Some("*"), Some(found)) if !found.is_empty() => {}
+            _ => return false,
+        }
+    }
 }
 
 fn all() -> HashMap<String, Rule> {
@@ -151,11 +202,30 @@ mod tests {
     }
 
     #[test]
+    fn each_page_for_people_has_the_rule_of_a_call() {
+        for (page, call) in DASHBOARD {
+            assert!(RULES.contains_key(call), "{page}: {call}");
+            assert_eq!(of(&page.replace('*', "x")), of(call), "{page}");
+        }
+        let scope = |path| match of(path) {
+            Some(Rule::Scope { scope, .. }) => Some(scope),
+            _ => None,
+        };
+        assert_eq!(scope("/people/ada"), Some(Scope::Read));
+        assert_eq!(scope("/jobs/1/cancel"), Some(Scope::Write));
+        assert_eq!(scope("/workers/cordon"), Some(Scope::Operate));
+        assert_eq!(of("/assets/page.js"), Some(Rule::Open));
+    }
+
+    #[test]
     fn what_has_no_rule_is_not_there() {
         for path in [
             "",
-            "/",
             "/metrics/",
+            "/people/",
+            "/people/1/2",
+            "/assets/",
+            "/models/1/delete",
             "/yoto.v1.JobService/Nothing",
             "/grpc.health.v1.Health",
         ] {

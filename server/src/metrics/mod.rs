@@ -167,6 +167,12 @@ impl Metrics {
         self.last_collection.set(SystemClock.now() as i64);
     }
 
+    /// When this process last collected garbage, seconds since 1970.
+    pub fn last_collected(&self) -> Option<f64> {
+        let at = self.last_collection.get();
+        (at > 0).then_some(at as f64)
+    }
+
     /// A call of the method at `path`, which is one of the contract.
     pub fn called(&self, path: &str) {
         let method = path.trim_start_matches('/').to_owned();

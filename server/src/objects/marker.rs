@@ -19,17 +19,19 @@ struct Marker {
     bound: bool,
 }
 
-/// Refuses the object store at `url` if the database was begun with another one, or the store belongs to another database.
+/// Refuses the object store at `url` if the database was begun with another one, or the store belongs to another database. Returns the id
+/// of the store.
 ///
 /// # Errors
 /// [`ServerError::OtherObjects`], [`ServerError::OtherDatabase`], or when the store or the database fails.
-pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<(), ServerError> {
+pub async fn check(objects: &Objects, url: &Url, store: &Store) -> Result<String, ServerError> {
     // Coordinators of one database do this one after the other, so it needs no conditional write, which not all stores know.
     let id = store.object_store(|| begin(objects, url)).await??;
     match found(objects).await? {
-        Some(marker) if marker.id == id && !marker.bound => Ok(put(objects, &id).await?),
-        found => is_of(found, url, &id),
+        Some(marker) if marker.id == id && !marker.bound => put(objects, &id).await?,
+        found => is_of(found, url, &id)?,
     }
+    Ok(id)
 }
 
 /// Refuses the object store at `url` if it is not the one called `id`. Nothing is written.

@@ -54,6 +54,8 @@ pub(super) struct Incoming {
     pub(super) held: Arc<Held>,
     /// Whether the call is unary: the bytes of its message count until it is answered.
     pub(super) single: bool,
+    /// Whether the body consists of messages of gRPC. That of a form is passed on as it comes.
+    framed: bool,
     /// Full name of the messages' type; `None` if it is not of the contract.
     kind: Option<&'static str>,
     arrived: BytesMut,
@@ -70,6 +72,7 @@ impl Incoming {
         client: Option<Arc<Client>>,
         held: Arc<Held>,
         single: bool,
+        framed: bool,
         kind: Option<&'static str>,
     ) -> Self {
         Self {
@@ -78,6 +81,7 @@ impl Incoming {
             client,
             held,
             single,
+            framed,
             kind,
             arrived: BytesMut::new(),
             whole: 0,
@@ -148,6 +152,12 @@ impl Incoming {
         let before = self.arrived.len();
         self.count(before, data.len())?;
         self.arrived.extend_from_slice(data);
+        if !self.framed {
+            // All of it has the time of one message.
+            self.begun.get_or_insert_with(Instant::now);
+            self.whole = self.arrived.len();
+            return Ok(());
+        }
         loop {
             let mut rest = &self.arrived[self.whole..];
             if rest.is_empty() {
@@ -243,8 +253,27 @@ mod tests {
         let body = Body::new(StreamBody::new(receiver));
         let client = Some(Arc::clone(client));
         let held = Arc::default();
-        let incoming = Incoming::new(body, Arc::clone(traffic), client, held, single, None);
+        let incoming = Incoming::new(body, Arc::clone(traffic), client, held, single, true, None);
         (Sender(sender), Box::pin(incoming.frames()))
+    }
+
+    #[tokio::test]
+    async fn a_form_is_passed_on_as_it_comes_within_the_time_of_one_message() {
+        let limits = TrafficLimits {
+            message: Duration::ZERO,
+            ..TrafficLimits::default()
+        };
+        let (sender, receiver) = mpsc::unbounded();
+        let body = Body::new(StreamBody::new(receiver));
+        let held = Arc::default();
+        let form = Incoming::new(body, Traffic::new(&limits), None, held, true, false, None);
+        let mut frames: Frames = Box::pin(form.frames());
+        let sender = Sender(sender);
+        // In messages of gRPC, "token" would begin one of 1.8 GB.
+        sender.send(b"token=1&");
+        assert_eq!(passed(&mut frames), Some(b"token=1&".to_vec()));
+        let late = frames.next().await.expect("an end");
+        assert_eq!(late.expect_err("is late").code(), Code::DeadlineExceeded);
     }
 
     fn message(bytes: &[u8]) -> Vec<u8> {
@@ -284,7 +313,7 @@ mod tests {
     async fn an_announced_length_takes_no_memory() {
         let traffic = Traffic::new(&TrafficLimits::default());
         let body = Body::new(StreamBody::new(stream::pending::<Result<_, Status>>()));
-        let mut incoming = Incoming::new(body, traffic, None, Arc::default(), true, None);
+        let mut incoming = Incoming::new(body, traffic, None, Arc::default(), true, true, None);
         let length = u32::try_from(incoming.traffic.limits.message_bytes).expect("fits");
         incoming.keep(&[0]).expect("is kept");
         incoming.keep(&length.to_be_bytes()).expect("is kept");

@@ -111,7 +111,7 @@ where
         if kind.is_some() {
             METRICS.called(parts.uri.path());
         }
-        let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary, kind);
+        let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary, grpc, kind);
         let request = Request::from_parts(parts, incoming.into_body());
         let answer = self.inner.call(request);
         Box::pin(async move {

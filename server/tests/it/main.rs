@@ -7,6 +7,7 @@ mod catalogue;
 mod changes;
 mod clock;
 mod coordinators;
+mod dashboard;
 mod deletions;
 mod evaluations;
 mod exports;

@@ -1,45 +1,14 @@
 //! Pages over plain HTTP beside gRPC: whether the coordinator lives, whether it can serve, and its figures.
 
-use crate::support::{Service, eventually};
+use crate::support::{Service, ask, eventually, listen};
 use std::collections::HashSet;
 use std::net::SocketAddr;
 use std::time::Duration;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::task::JoinHandle;
 use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
-use yoto_server::{ServerConfig, ServerError};
-
-/// Serves on a port too.
-async fn listen(service: &Service) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
-    let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
-    let address = listener.local_addr().expect("has an address");
-    let incoming = yoto_server::tcp(listener);
-    let serving = (service.coordinator).serve(incoming, std::future::pending());
-    (address, tokio::spawn(serving))
-}
-
-/// Status, headers and body of the answer to a request of HTTP/1.1.
-async fn ask(address: SocketAddr, method: &str, path: &str) -> (u16, String, String) {
-    let mut connection = TcpStream::connect(address).await.expect("connects");
-    let request =
-        format!("{method} {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
-    let written = connection.write_all(request.as_bytes()).await;
-    written.expect("writes");
-    let mut answer = String::new();
-    let read = connection.read_to_string(&mut answer).await;
-    read.expect("reads");
-    let (head, body) = answer.split_once("\r\n\r\n").expect("a head");
-    let status = head.split(' ').nth(1).and_then(|it| it.parse().ok());
-    (
-        status.expect("a status"),
-        head.to_lowercase(),
-        body.to_owned(),
-    )
-}
+use yoto_server::ServerConfig;
 
 async fn get(address: SocketAddr, path: &str) -> (u16, String) {
     let (status, _, body) = ask(address, "GET", path).await;
@@ -56,7 +25,7 @@ async fn pages_answer_get_and_head_alone() {
     assert_eq!((status, body.as_str()), (200, ""));
     assert!(head.contains("openmetrics-text"), "{head}");
     assert_eq!(ask(address, "POST", "/readyz").await.0, 405);
-    assert_eq!(get(address, "/").await.0, 404);
+    assert_eq!(get(address, "/nothing").await.0, 404);
     assert_eq!(get(address, "/yoto.v1.NoService/Get").await.0, 404);
     serving.abort();
 }

@@ -19,7 +19,14 @@ use std::path::{Path, PathBuf};
 /// The command whose settings can be in a file.
 pub(crate) const COMMAND: &str = "serve";
 /// Options of that command that are no settings.
-const NOT_SETTINGS: [&str; 5] = ["config", "print_config", "log_json", "help", "version"];
+const NOT_SETTINGS: [&str; 6] = [
+    "config",
+    "print_config",
+    "open",
+    "log_json",
+    "help",
+    "version",
+];
 
 /// A command line that was parsed with a file.
 pub(crate) struct Parsed {

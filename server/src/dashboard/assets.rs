@@ -1,0 +1,68 @@
+//! The files of all pages. They are in the program, and their names contain their digests: a browser keeps them, and
+//! never mixes those of two versions.
+
+use super::fault::Fault;
+use axum::extract::Path;
+use axum::http::StatusCode;
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
+use std::sync::LazyLock;
+use yoto_proto::sha256_hex;
+
+/// A file in the program.
+#[derive(Debug)]
+pub struct Asset {
+    /// Where it is served.
+    pub path: String,
+    content_type: &'static str,
+    content: &'static str,
+}
+
+impl Asset {
+    fn new(name: &str, content_type: &'static str, content: &'static str) -> Self {
+        let digest = sha256_hex(content.as_bytes());
+        Self {
+            path: format!("/assets/{}-{name}", &digest[..12]),
+            content_type,
+            content,
+        }
+    }
+}
+
+/// The style sheet.
+pub static STYLE: LazyLock<Asset> = LazyLock::new(|| {
+    let text = include_str!("assets/page.css");
+    Asset::new("page.css", "text/css; charset=utf-8", text)
+});
+/// The script.
+pub static SCRIPT: LazyLock<Asset> = LazyLock::new(|| {
+    let text = include_str!("assets/page.js");
+    Asset::new("page.js", "text/javascript; charset=utf-8", text)
+});
+/// The icon.
+pub static ICON: LazyLock<Asset> = LazyLock::new(|| {
+    let text = include_str!("assets/icon.svg");
+    Asset::new("icon.svg", "image/svg+xml", text)
+});
+/// What the pages of this program are made with: a page of another program loads itself anew.
+pub static BUILD: LazyLock<String> = LazyLock::new(|| {
+    let all = format!("{}{}{}", env!("CARGO_PKG_VERSION"), STYLE.path, SCRIPT.path);
+    sha256_hex(all.as_bytes())[..12].to_owned()
+});
+
+/// An asset.
+pub async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
+    let path = format!("/assets/{name}");
+    let found = [&*STYLE, &*SCRIPT, &*ICON]
+        .into_iter()
+        .find(|it| it.path == path);
+    let Some(asset) = found else {
+        let words = "this file is of another version of the service: reload the page";
+        return Err(Fault::of(StatusCode::NOT_FOUND, words));
+    };
+    let headers = [
+        (CONTENT_TYPE, asset.content_type),
+        (CACHE_CONTROL, "public, max-age=31536000, immutable"),
+    ];
+    Ok((headers, asset.content).into_response())
+}

@@ -1,0 +1,76 @@
+//! The pages for people: what the service has, what it does, and how well.
+//!
+//! ```text
+//! request ─► Asker: who asks ─► the services of `api`, called as gRPC calls them ─► a page of maud, or events
+//! ```
+//!
+//! A page reads and changes nothing by itself: [`asker`] makes all calls, with the tenant that the layers of `serve` have put
+//! into the request. So a page has the rights, the limits and the errors of the calls behind it. Pages answer GET and HEAD;
+//! what changes something is a form with a token ([`token`]).
+//!
+//! The document of a page is complete without a script. With it, the page listens to [`events`], asks for its own
+//! document again after a change, and takes over what is different (`assets/page.js`). There is therefore one way from data
+//! to HTML, and nothing accumulates in a page that stays open.
+
+mod actions;
+mod asker;
+mod assets;
+mod chart;
+mod curves;
+mod document;
+mod events;
+mod fault;
+mod files;
+mod findings;
+mod headers;
+mod job;
+mod jobs;
+mod model;
+mod models;
+mod names;
+mod orders;
+mod outcome;
+mod overview;
+mod people;
+mod person;
+mod progress;
+mod query;
+mod service;
+mod token;
+mod tradeoff;
+mod words;
+mod workers;
+
+use crate::context::Context;
+use axum::Router;
+use axum::middleware::map_response;
+use axum::routing::{get, post};
+use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+
+/// All pages. `drain` ends their streams of events, which would otherwise delay a shutdown.
+pub fn routes(context: Arc<Context>, drain: CancellationToken) -> Router {
+    let site = Arc::new(asker::Site::new(context, drain));
+    Router::new()
+        .route("/", get(overview::page))
+        .route("/people", get(people::page))
+        .route("/people/{id}", get(person::page))
+        .route("/models", get(models::page))
+        .route("/models/{id}", get(model::page))
+        .route("/models/{id}/train", post(orders::train))
+        .route("/models/{id}/player", post(orders::player))
+        .route("/jobs", get(jobs::page))
+        .route("/jobs/{id}", get(job::page))
+        .route("/jobs/{id}/cancel", post(actions::cancel))
+        .route("/jobs/{id}/retry", post(actions::retry))
+        .route("/jobs/{id}/files/{file}", get(files::of_job))
+        .route("/captures/{id}/thumbnail.png", get(files::thumbnail))
+        .route("/workers", get(workers::page))
+        .route("/workers/cordon", post(actions::cordon))
+        .route("/workers/uncordon", post(actions::uncordon))
+        .route("/service", get(service::page))
+        .route("/events", get(events::stream))
+        .route("/assets/{file}", get(assets::file))
+        .layer(map_response(headers::secured))
+        .with_state(site)
+}

@@ -1,0 +1,133 @@
+//! One person: captures with what the check has found, and the models that have them.
+
+use super::asker::Asker;
+use super::document::{self, Page};
+use super::fault::Fault;
+use super::findings;
+use super::people::portrait;
+use super::words::{
+    ago, badge, bytes, capture_state, count, name, page_of, short, subject_state, told,
+};
+use axum::extract::Path;
+use maud::{Markup, html};
+use tonic::Status;
+use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
+use yoto_proto::text::visible;
+use yoto_proto::v1::model_service_server::ModelService;
+use yoto_proto::v1::subject_service_server::SubjectService;
+use yoto_proto::v1::{
+    Capture, GetSubjectRequest, ListCapturesRequest, ListModelsRequest, Model, capture,
+};
+
+/// `/people/{id}`
+pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+    let resource = format!("subjects/{id}");
+    let request = GetSubjectRequest {
+        name: resource.clone(),
+    };
+    let subject = asker.subjects().get_subject(asker.request(request));
+    let subject = subject.await?.into_inner();
+    let request = ListCapturesRequest {
+        parent: resource.clone(),
+        page_size: LONGEST_PAGE_ENTRIES as i32,
+        ..ListCapturesRequest::default()
+    };
+    let captures = asker.subjects().list_captures(asker.request(request));
+    let captures = captures.await?.into_inner().captures;
+    let models = models_with(&asker, &resource).await?;
+    let now = asker.now();
+    let mut shown = Vec::new();
+    for capture in captures.iter().rev() {
+        shown.push(section(&asker, now, &subject.display_name, capture).await?);
+    }
+    let title = told(&subject.display_name);
+    let body = html! {
+        h1 { (name(&subject.display_name)) " " (subject_state(subject.state())) }
+        dl .facts {
+            div { dt { "Added" } dd { (ago(now, subject.create_time.as_ref())) } }
+            div { dt { "Captures" } dd { (captures.len()) } }
+            div { dt { "Models" } dd {
+                @if models.is_empty() { "none" }
+                @for (at, (model, trained)) in models.iter().enumerate() {
+                    @if at > 0 { ", " }
+                    a href=(page_of(&model.name)) { (name(&model.display_name)) }
+                    @if !trained { " " (badge("calm", "not trained")) }
+                }
+            } }
+            div { dt { "Id" } dd { code { (id) } } }
+        }
+        @if !subject.consent_note.is_empty() {
+            h2 { "Consent" }
+            p .note { (visible(&subject.consent_note)) }
+        }
+        h2 { "Captures" }
+        @if shown.is_empty() { p .empty { "None." } }
+        @for section in shown { (section) }
+    };
+    Ok(document::live(&title, "/people", "", body))
+}
+
+/// The models with the person, and whether their newest checkpoints know them.
+async fn models_with(asker: &Asker, subject: &str) -> Result<Vec<(Model, bool)>, Status> {
+    let mut found = Vec::new();
+    let mut page_token = String::new();
+    loop {
+        let request = ListModelsRequest {
+            page_size: LONGEST_PAGE_ENTRIES as i32,
+            page_token,
+        };
+        let list = asker.models().list_models(asker.request(request));
+        let list = list.await?.into_inner();
+        for model in list.models {
+            let slot = model.slots.iter().find(|it| it.subject == subject);
+            if let Some(trained) = slot.map(|it| it.trained) {
+                found.push((model, trained));
+            }
+        }
+        page_token = list.next_page_token;
+        if page_token.is_empty() {
+            return Ok(found);
+        }
+    }
+}
+
+/// A capture.
+async fn section(
+    asker: &Asker,
+    now: f64,
+    person: &str,
+    capture: &Capture,
+) -> Result<Markup, Status> {
+    let report = match capture.state() {
+        capture::State::Ready => findings::read(asker, capture).await?,
+        _ => None,
+    };
+    Ok(html! {
+        section .panel {
+            div .row {
+                (portrait(person, Some(capture)))
+                div {
+                    h3 {
+                        "Capture " (short(&capture.name)) " " (capture_state(capture.state()))
+                        @if let Some(report) = &report { " check: " (report.grade()) }
+                    }
+                    p .detail {
+                        @if capture.frames > 0 {
+                            (count(capture.frames.into(), "frame")) " of " (capture.width) " × " (capture.height) ", "
+                        }
+                        @if capture.shard_bytes > 0 { (bytes(capture.shard_bytes)) ", " }
+                        (ago(now, capture.create_time.as_ref()))
+                    }
+                    @if !capture.ingest_job.is_empty() {
+                        p { a href=(page_of(&capture.ingest_job)) { "Ingest job" } }
+                    }
+                }
+            }
+            (findings::violations(&capture.violations))
+            @if let Some(report) = &report { (report.table()) }
+            @else if capture.state() == capture::State::Ready {
+                p .detail { "The service has no report of its check: an earlier version has read it." }
+            }
+        }
+    })
+}
