@@ -1,5 +1,6 @@
 //! The layer that authorizes each call of a listener.
 
+use super::credentials::Head;
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
 use super::rules::{self, EVENTS, Rule};
@@ -17,7 +18,6 @@ use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::http::{Request, Response};
 use tower::{Layer, Service};
-use yoto_proto::key::{HEADER, SCHEME, is_key};
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ErrorReason, Scope};
 
@@ -80,7 +80,7 @@ impl AccessLayer {
         }
         let keys = self.context.keys.current(&self.context.store).await?;
         let key = match &request.key {
-            Some(key) if keys.any() => key,
+            Some(key) if keys.any() => key.of_caller(request)?,
             _ => {
                 self.admission.without_key(&keys)?;
                 let on_loopback = self.admission == Admission::Machine;
@@ -142,33 +142,6 @@ fn name(scope: Scope) -> String {
     name.to_ascii_lowercase()
 }
 
-/// What of a call says who makes it.
-struct Head {
-    uri: tonic::codegen::http::Uri,
-    headers: tonic::codegen::http::HeaderMap,
-    key: Option<String>,
-}
-
-impl Head {
-    /// Takes the key out of the request: nothing behind this layer needs it, or can log it.
-    fn of(request: &mut Request<Body>) -> Self {
-        let sent = request.headers_mut().remove(HEADER);
-        // A scheme has no case. Other credentials than a key are none.
-        let key = sent.as_ref().and_then(|it| it.to_str().ok()).map(|text| {
-            let (scheme, key) = text.split_at_checked(SCHEME.len()).unwrap_or((text, ""));
-            match scheme.eq_ignore_ascii_case(SCHEME) && is_key(key) {
-                true => key.to_owned(),
-                false => String::new(),
-            }
-        });
-        Self {
-            uri: request.uri().clone(),
-            headers: request.headers().clone(),
-            key,
-        }
-    }
-}
-
 impl<S> Service<Request<Body>> for Authorized<S>
 where
     S: Service<Request<Body>, Response = Response<Body>> + Clone + Send + 'static,
@@ -190,7 +163,8 @@ where
         let mut inner = std::mem::replace(&mut self.inner, next);
         Box::pin(async move {
             let grpc = is_grpc(request.headers());
-            let head = Head::of(&mut request);
+            let page = rules::is_of_dashboard(request.uri().path());
+            let head = Head::of(&mut request, page);
             let rule = match rules::of(request.uri().path()) {
                 None => return Ok(http::unknown(grpc)),
                 Some(Rule::Open) => return inner.call(request).await,
@@ -198,6 +172,7 @@ where
             };
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,
+                Err(error) if page => return Ok(http::sign_in(error)),
                 Err(error) => return Ok(http::refusal(error, grpc)),
             };
             let path = request.uri().path();

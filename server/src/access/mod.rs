@@ -9,6 +9,7 @@
 //! rule is answered like one that does not exist, so nothing is allowed by being forgotten.
 
 mod browser;
+mod credentials;
 mod guard;
 pub mod keys;
 mod layer;

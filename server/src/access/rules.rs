@@ -85,6 +85,11 @@ fn of_dashboard(path: &str) -> Option<Rule> {
     found.and_then(|(_, call)| RULES.get(*call).copied())
 }
 
+/// Whether the path is that of a page for people, into which a browser signs in.
+pub fn is_of_dashboard(path: &str) -> bool {
+    DASHBOARD.iter().any(|(page, _)| matches(page, path))
+}
+
 /// Whether the segments of `path` are those of `pattern`.
 fn matches(pattern: &str, path: &str) -> bool {
     let (mut wanted, mut found) = (pattern.split('/'), path.split('/'));

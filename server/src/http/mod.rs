@@ -47,9 +47,22 @@ pub fn unknown(grpc: bool) -> Response<Body> {
 /// The answer to a caller who may not call.
 pub fn refusal(error: RequestError, grpc: bool) -> Response<Body> {
     let status = Status::from(error);
-    if grpc {
-        return status.into_http();
+    match grpc {
+        true => status.into_http(),
+        false => refused(&status, "Bearer"),
     }
+}
+
+/// The answer to somebody who may not see a page for people: a browser asks for a key as a password.
+pub fn sign_in(error: RequestError) -> Response<Body> {
+    refused(
+        &Status::from(error),
+        "Basic realm=\"yoto: any name, and a key as the password\", charset=\"UTF-8\"",
+    )
+}
+
+/// A refusal in one line. Who has no key is told the `scheme` to send it by.
+fn refused(status: &Status, scheme: &'static str) -> Response<Body> {
     let code = match status.code() {
         Code::Unauthenticated => StatusCode::UNAUTHORIZED,
         Code::PermissionDenied => StatusCode::FORBIDDEN,
@@ -57,7 +70,7 @@ pub fn refusal(error: RequestError, grpc: bool) -> Response<Body> {
     };
     let mut refused = text(code, status.message());
     if code == StatusCode::UNAUTHORIZED {
-        let scheme = HeaderValue::from_static("Bearer");
+        let scheme = HeaderValue::from_static(scheme);
         refused.headers_mut().insert(WWW_AUTHENTICATE, scheme);
     }
     refused

@@ -1,6 +1,8 @@
 //! Browsers, and pages over plain HTTP: a page of another site calls nothing, and figures ask for a key.
 
 use crate::support::{Service, eventually};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use std::net::SocketAddr;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
@@ -104,5 +106,41 @@ async fn figures_ask_for_an_operators_key_of_the_service() {
         let answers = || async { (get(address, open, &[&own]).await.0 == 200).then_some(()) };
         eventually(open, answers).await;
     }
-    assert_eq!(get(address, "/", &[&own]).await.0, 404);
+    assert_eq!(get(address, "/nothing", &[&own]).await.0, 404);
+}
+
+#[tokio::test]
+async fn a_browser_signs_in_to_the_dashboard_with_a_key_as_the_password() {
+    let service = Service::start().await;
+    let address = listen(&service).await;
+    let reader = service.key("default", &[Scope::Read]).await;
+    let own = format!("Host: {address}");
+    let (status, text) = get(address, "/people", &[&own]).await;
+    assert_eq!(status, 401);
+    assert!(
+        text.to_lowercase().contains("www-authenticate: basic"),
+        "{text}"
+    );
+    assert_eq!(get(address, "/assets/nothing", &[&own]).await.0, 404);
+    let sent = |key: &str| {
+        let user = STANDARD.encode(format!("ada:{key}"));
+        format!("Authorization: Basic {user}")
+    };
+    let signed = sent(&reader.text);
+    let (status, text) = get(address, "/people", &[&own, &signed]).await;
+    assert_eq!(status, 200, "{text}");
+    let bearer = format!("Authorization: Bearer {}", reader.text);
+    assert_eq!(get(address, "/people", &[&own, &bearer]).await.0, 200);
+    let wrong = sent(&reader.text.replace('_', "-"));
+    assert_eq!(get(address, "/people", &[&own, &wrong]).await.0, 401);
+    // A browser sends it for pages of other sites too, and only pages know passwords.
+    let foreign = [&*own, &*signed, "Origin: https://evil.example"];
+    assert_eq!(get(address, "/people", &foreign).await.0, 403);
+    assert_eq!(get(address, "/metrics", &[&own, &signed]).await.0, 401);
+    service.revoke(&reader.name).await;
+    let out = || async {
+        let answer = get(address, "/people", &[&own, &signed]).await;
+        (answer.0 == 401).then_some(())
+    };
+    eventually("the end of the key", out).await;
 }

@@ -1,0 +1,83 @@
+//! The key that a call has in its header.
+
+use super::browser;
+use crate::error::RequestError;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use tonic::body::Body;
+use tonic::codegen::http::{HeaderMap, Request, Uri};
+use yoto_proto::key::{HEADER, SCHEME, is_key};
+
+/// What a browser has before user name and password (RFC 7617).
+const BASIC: &str = "Basic ";
+
+/// What of a call says who makes it.
+pub struct Head {
+    pub uri: Uri,
+    pub headers: HeaderMap,
+    pub key: Option<Sent>,
+}
+
+/// What a caller has sent as its key; empty if it is none.
+pub enum Sent {
+    /// By a program, which chose to send it.
+    Chosen(String),
+    /// By a browser, as the password of a user of any name. It sends it with every request to this service, also for pages of
+    /// other sites.
+    Kept(String),
+}
+
+impl Sent {
+    /// The key, if the caller meant to send it.
+    ///
+    /// # Errors
+    /// When a page of another site has the browser send it.
+    pub fn of_caller(&self, head: &Head) -> Result<&str, RequestError> {
+        match self {
+            Self::Chosen(key) => Ok(key),
+            Self::Kept(key) => {
+                browser::check(&head.uri, &head.headers, false)?;
+                Ok(key)
+            }
+        }
+    }
+}
+
+impl Head {
+    /// Takes the key out of the request: nothing behind the layer needs it, or can log it. For a `page`, it can be a
+    /// password.
+    pub fn of(request: &mut Request<Body>, page: bool) -> Self {
+        let sent = request.headers_mut().remove(HEADER);
+        let key = sent
+            .as_ref()
+            .and_then(|it| it.to_str().ok())
+            .map(|text| sent_as(text, page));
+        Self {
+            uri: request.uri().clone(),
+            headers: request.headers().clone(),
+            key,
+        }
+    }
+}
+
+/// A scheme has no case. Other credentials than a key are none.
+fn sent_as(text: &str, page: bool) -> Sent {
+    let behind = |scheme: &str| {
+        let (found, rest) = text.split_at_checked(scheme.len())?;
+        found.eq_ignore_ascii_case(scheme).then_some(rest)
+    };
+    let own = |key: &str| match is_key(key) {
+        true => key.to_owned(),
+        false => String::new(),
+    };
+    match behind(BASIC).filter(|_| page) {
+        Some(encoded) => Sent::Kept(password(encoded).as_deref().map(own).unwrap_or_default()),
+        None => Sent::Chosen(behind(SCHEME).map(own).unwrap_or_default()),
+    }
+}
+
+fn password(encoded: &str) -> Option<String> {
+    let text = String::from_utf8(STANDARD.decode(encoded.trim()).ok()?).ok()?;
+    text.split_once(':')
+        .map(|(_, password)| password.trim().to_owned())
+}
