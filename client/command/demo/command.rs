@@ -68,7 +68,7 @@ impl Demo {
             say!("  {:<44} {what}", file.display());
         }
         if self.open {
-            show::in_browser(&crate::demo::index(&options));
+            show::in_browser(crate::demo::index(&options));
         }
         Ok(())
     }
