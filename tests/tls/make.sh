@@ -21,3 +21,7 @@ sign first -days 36500
 sign second -days 36500
 sign client -days 36500
 sign expired -days -1
+# What `openssl req -x509` makes by itself: an authority in place of a server.
+openssl req -x509 "${ec[@]}" -days 36500 -subj "/CN=localhost" -addext "subjectAltName=DNS:localhost" \
+    -keyout "$scratch/key" -out "$scratch/certificate"
+cat "$scratch/certificate" "$scratch/key" >self_signed.pem

@@ -143,7 +143,9 @@ impl fmt::Display for Refusal {
                 write!(f, "\n  {}", shown(&line))?;
             }
         }
-        if reason.is_none() && self.status.message().contains("http2 error") {
+        // A connection that ends in its first words; a service with TLS ends one that does not encrypt.
+        let broken = ["http2 error", "operation was canceled"];
+        if reason.is_none() && broken.iter().any(|it| self.status.message().contains(it)) {
             write!(
                 f,
                 "\n  does the service speak HTTP/2 there, and not https://?"

@@ -114,6 +114,11 @@ fn told(host: &str, error: &rustls::Error) -> String {
             Bad::NotValidForName | Bad::NotValidForNameContext { .. } => {
                 "it is of another name".to_owned()
             }
+            // What `openssl req -x509` makes, unless it is told otherwise. The error has no type of rustls.
+            Bad::Other(other) if format!("{other:?}").contains("CaUsedAsEndEntity") => {
+                "it is that of an authority, not of a server: make one with basicConstraints=CA:FALSE"
+                    .to_owned()
+            }
             other => other.to_string(),
         },
         rustls::Error::InvalidMessage(_) => {

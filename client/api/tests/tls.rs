@@ -111,11 +111,24 @@ async fn only_a_service_with_a_good_certificate_is_called() {
     service.replace(copy("expired")).await;
     let expired = service.refusal(Some("authority")).await;
     assert!(expired.contains("has expired"), "{expired}");
+    service.replace(copy("self_signed")).await;
+    let authority = service.refusal(Some("self_signed")).await;
+    assert!(authority.contains("CA:FALSE"), "{authority}");
     service.replace(copy("second")).await;
     service
         .call(Some("authority"), None)
         .await
         .expect("answers");
+}
+
+#[tokio::test]
+async fn a_call_that_is_not_encrypted_is_told_of_https() {
+    let service = Service::start(None).await;
+    let addresses = Addresses::parse(&format!("http://localhost:{}", service.port));
+    let channel = addresses.expect("good").connect().await.expect("connects");
+    let refused = YotoClient::new(channel).status().await;
+    let told = refused.expect_err("speaks TLS").to_string();
+    assert!(told.contains("https://"), "{told}");
 }
 
 #[tokio::test]
