@@ -338,16 +338,13 @@ fn seconds(field: &'static str, value: f64) -> Result<Duration, WorkerError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use object_store::memory::InMemory;
     use tonic::transport::Endpoint;
 
     fn worker(config: WorkerConfig) -> Result<Worker, WorkerError> {
         let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
-        Worker::new(
-            channel,
-            &Url::parse("memory:///").expect("a URL"),
-            yoto_device::pick(),
-            config,
-        )
+        let objects = Objects::over(Arc::new(InMemory::new()));
+        Worker::with_objects(channel, objects, yoto_device::pick(), config)
     }
 
     #[tokio::test]

@@ -2,6 +2,7 @@
 
 use super::*;
 use object_store::memory::InMemory;
+use object_store::throttle::{ThrottleConfig, ThrottledStore};
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
@@ -11,15 +12,18 @@ use tokio::task::JoinHandle;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response};
-use yoto_proto::v1::{IngestSpec, Job, JobSpec, job_spec};
+use yoto_proto::v1::{IngestSpec, Job, JobSpec, ObjectRef, job_spec};
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::worker_service_server::{WorkerService, WorkerServiceServer};
 use yoto_proto::worker::v1::{
     CommitOutputRequest, CommitOutputResponse, EndJobRequest, EndJobResponse, HeartbeatRequest,
-    HeartbeatResponse, InputFile, Inputs, LeaseJobResponse, PublishCheckpointRequest,
+    HeartbeatResponse, InputFile, InputPiece, Inputs, LeaseJobResponse, PublishCheckpointRequest,
     PublishCheckpointResponse, RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse,
     WaitForJobResponse,
 };
+
+/// Time in which an object would be read: no job ends by itself meanwhile.
+const UNREAD: Duration = Duration::from_secs(3600);
 
 /// A coordinator that leases one job, and refuses all reports on it as UNAVAILABLE for the time of the lease.
 struct Locked {
@@ -145,7 +149,11 @@ async fn worked(
     let serving = tokio::spawn(serving);
     let endpoint = tonic::transport::Endpoint::from_shared(format!("http://{address}"));
     let channel = endpoint.expect("an address").connect_lazy();
-    let objects = Objects::over(Arc::new(InMemory::new()));
+    let slow = ThrottleConfig {
+        wait_get_per_call: UNREAD,
+        ..ThrottleConfig::default()
+    };
+    let objects = Objects::over(Arc::new(ThrottledStore::new(InMemory::new(), slow)));
     let worker = Worker::with_objects(channel, objects, yoto_device::pick(), config);
     let working = tokio::spawn(worker.expect("a worker").run(std::future::pending()));
     let told = timeout(Duration::from_secs(60), outcomes.recv()).await;
@@ -170,8 +178,23 @@ async fn a_job_that_stopped_without_an_answer_is_returned() {
     let spec = IngestSpec {
         capture: "captures/c".into(),
     };
+    let piece = InputPiece {
+        bytes: 1,
+        ..InputPiece::default()
+    };
+    let part = ObjectRef {
+        key: "part".into(),
+        bytes: 1,
+        ..ObjectRef::default()
+    };
     let inputs = Inputs {
-        files: vec![InputFile::default()],
+        files: vec![InputFile {
+            path: "poses.json".into(),
+            bytes: 1,
+            pieces: vec![piece],
+            ..InputFile::default()
+        }],
+        parts: vec![part],
         ..Inputs::default()
     };
     let kind = Some(job_spec::Kind::Ingest(spec));
