@@ -21,6 +21,7 @@ pub mod media_plan;
 pub mod names;
 pub mod orders;
 pub mod pose_track;
+pub mod progress;
 pub mod protocols;
 pub mod reasons;
 pub mod render_needs;

@@ -8,6 +8,7 @@ use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rate::Rate;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
+pub use yoto_proto::progress::{describe, duration};
 use yoto_proto::v1::{Job, Progress, job};
 
 /// Interval between plain lines; shorter activities have only their last line.
@@ -193,38 +194,6 @@ fn queued(job: &Job) -> String {
     }
 }
 
-/// One line: phase, step, speed, loss, held-out quality, time left; unknown parts
-/// are left out.
-pub fn describe(progress: &Progress) -> String {
-    let mut parts = vec![if progress.phase.is_empty() {
-        "working".to_owned()
-    } else {
-        others(&progress.phase)
-    }];
-    match (progress.step, progress.total_steps) {
-        (0, 0) => {}
-        (step, 0) => parts.push(format!("step {step}")),
-        (step, total) => parts.push(format!("step {step}/{total}")),
-    }
-    if progress.steps_per_second > 0.0 {
-        parts.push(format!("{:.1} steps/s", progress.steps_per_second));
-    }
-    if let Some(loss) = progress.loss {
-        parts.push(format!("loss {loss:.5}"));
-    }
-    if let Some(psnr) = progress.psnr {
-        parts.push(format!("held-out {psnr:.2} dB"));
-    }
-    parts.extend(progress.active_parts.iter().map(|it| others(it)));
-    if progress.skipped_steps > 0 {
-        parts.push(format!("{} steps skipped", progress.skipped_steps));
-    }
-    if let Some(left) = progress.seconds_left.filter(|it| *it > 0.0) {
-        parts.push(format!("{} left", duration(left)));
-    }
-    parts.join(" · ")
-}
-
 /// One line: what is done, bytes per second, seconds left; the last two once they are known.
 fn with_rate(mut text: String, rate: Option<f64>, left: Option<f64>) -> String {
     if let Some(rate) = rate {
@@ -244,42 +213,9 @@ pub fn count(number: usize, what: &str) -> String {
     }
 }
 
-/// `0:07`, `12:34`, `1:02:03`.
-pub fn duration(seconds: f64) -> String {
-    let seconds = seconds.max(0.0).round() as u64;
-    let (hours, minutes, seconds) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
-    if hours > 0 {
-        format!("{hours}:{minutes:02}:{seconds:02}")
-    } else {
-        format!("{minutes}:{seconds:02}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_line_carries_what_is_known_and_nothing_else() {
-        let mut progress = Progress {
-            phase: "training".into(),
-            step: 120,
-            ..Progress::default()
-        };
-        assert_eq!(describe(&progress), "training · step 120");
-        progress.active_parts = vec!["a\u{1b}c\nb".into()];
-        assert_eq!(describe(&progress), "training · step 120 · a\\u{1b}c b");
-        progress.active_parts.clear();
-        progress.total_steps = 400;
-        progress.steps_per_second = 9.31;
-        progress.loss = Some(0.0123);
-        progress.psnr = Some(24.118);
-        progress.seconds_left = Some(83.2);
-        assert_eq!(
-            describe(&progress),
-            "training · step 120/400 · 9.3 steps/s · loss 0.01230 · held-out 24.12 dB · 1:23 left"
-        );
-    }
 
     #[test]
     fn an_upload_tells_bytes_rate_and_time_left() {
@@ -289,13 +225,5 @@ mod tests {
             with_rate(what(), Some(500_000.0), Some(6.0)),
             "uploading 1.00 MB of 4.00 MB · 500.00 kB/s · 0:06 left"
         );
-    }
-
-    #[test]
-    fn durations_read_like_a_clock() {
-        assert_eq!(duration(6.6), "0:07");
-        assert_eq!(duration(754.0), "12:34");
-        assert_eq!(duration(3723.0), "1:02:03");
-        assert_eq!(duration(-1.0), "0:00");
     }
 }

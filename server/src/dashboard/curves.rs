@@ -1,8 +1,9 @@
 //! Loss and quality of trainings over their steps.
 
 use super::chart::{Chart, Series};
-use super::words::{duration, whole};
+use super::words::whole;
 use maud::{Markup, html};
+use yoto_proto::progress::duration;
 use yoto_proto::v1::MetricPoint;
 
 /// Rows of the table of figures.

@@ -7,10 +7,11 @@ use super::names::Names;
 use super::outcome;
 use super::people::more;
 use super::query::Fields;
-use super::words::{ago, duration, job_state, kind, page_of, seconds};
+use super::words::{ago, job_state, kind, page_of, seconds};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
 use tonic::Status;
+use yoto_proto::progress::duration;
 use yoto_proto::v1::job_service_server::JobService;
 use yoto_proto::v1::{Job, ListJobsRequest, job};
 

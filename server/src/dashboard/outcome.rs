@@ -2,8 +2,9 @@
 
 use super::curves::figure;
 use super::findings::violations;
-use super::words::{bytes, count, duration, short, told, whole};
+use super::words::{bytes, count, short, told, whole};
 use maud::{Markup, html};
+use yoto_proto::progress::duration;
 use yoto_proto::v1::{EvaluateResult, Job, JobError, JobResult, TrainResult, job, job_result};
 
 /// Why a job failed.
@@ -23,7 +24,7 @@ pub fn line(job: &Job) -> String {
             format!(
                 "{} % · {}",
                 super::progress::percent(it),
-                super::progress::describe(it)
+                yoto_proto::progress::describe(it)
             )
         }),
         job::State::Queued => match &job.waiting {

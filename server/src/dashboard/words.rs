@@ -43,16 +43,6 @@ pub fn span(seconds: f64) -> String {
     }
 }
 
-/// A duration, `m:ss` or `h:mm:ss`.
-pub fn duration(seconds: f64) -> String {
-    let all = seconds.max(0.0) as u64;
-    let (hours, minutes, seconds) = (all / 3600, all / 60 % 60, all % 60);
-    match hours {
-        0 => format!("{minutes}:{seconds:02}"),
-        hours => format!("{hours}:{minutes:02}:{seconds:02}"),
-    }
-}
-
 /// A number of bytes.
 pub fn bytes(number: u64) -> String {
     let units = ["KiB", "MiB", "GiB", "TiB"];
@@ -178,10 +168,6 @@ mod tests {
     fn figures_are_short() {
         let spans = [-1.0, 59.9, 61.0, 3599.0, 90_000.0].map(span);
         assert_eq!(spans, ["0 s", "59 s", "1 min", "59 min", "1 d"]);
-        assert_eq!(
-            [59.9, 300.0, 3661.0].map(duration),
-            ["0:59", "5:00", "1:01:01"]
-        );
         let sizes = [0, 1023, 1024, 3 << 30, u64::MAX].map(bytes);
         let expected = [
             "0 bytes",
