@@ -6,6 +6,7 @@
 
 mod access;
 mod db;
+mod error;
 mod job_types;
 #[cfg(test)]
 mod race_tests;
@@ -16,14 +17,15 @@ mod transaction;
 mod types;
 
 pub use db::{Listener, PostgresUrl, UrlError};
+pub use error::StoreError;
 pub use job_types::{
     Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob,
     OpenJobs, QueueFigures, Reaped, TakenRange,
 };
 pub use types::{
     Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewKey, NewModel, NewPart, NewPiece,
-    NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References, RequestKey, StoreError,
-    StoredPart, SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
+    NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References, RequestKey, StoredPart,
+    SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;

@@ -3,10 +3,8 @@
 use super::JobKind;
 use prost::Message;
 use std::collections::{HashMap, HashSet};
-use thiserror::Error;
 use yoto_objects::Part;
-use yoto_proto::names::Collection;
-use yoto_proto::v1::{self, ErrorReason, ObjectRef, Scope, WorkerDevice};
+use yoto_proto::v1::{self, ObjectRef, Scope, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -20,115 +18,6 @@ pub struct SubjectChange {
 /// A new id: unique, and in the alphabet that resource names allow.
 pub fn new_id() -> String {
     uuid::Uuid::new_v4().to_string()
-}
-
-/// An error of the store.
-#[derive(Debug, Error)]
-pub enum StoreError {
-    /// The database is locked or can't be reached, or its disk is full. The same call may succeed later.
-    #[error("{action}: {cause}")]
-    Unavailable {
-        /// The failed action.
-        action: &'static str,
-        /// The driver's error.
-        cause: Box<dyn std::error::Error + Send + Sync>,
-        /// Whether the database has rolled the transaction back for reasons of its own, so that the store runs it again.
-        rolled_back: bool,
-    },
-    /// The database can't be used: the reason, and what to do.
-    #[error("the database {0}")]
-    Unusable(String),
-    /// A row violates a constraint, because another call changed the database first.
-    #[error("{action}: {cause}")]
-    Conflict {
-        /// The failed action.
-        action: &'static str,
-        /// The driver's error.
-        cause: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// The database is damaged, or a statement is invalid.
-    #[error("{action}: {cause}")]
-    Database {
-        /// The failed action.
-        action: &'static str,
-        /// The driver's error.
-        cause: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// The database holds a value that this program can't read.
-    #[error("{what} is unreadable in the database: {detail}")]
-    Corrupt {
-        /// The column.
-        what: &'static str,
-        /// The fault.
-        detail: String,
-    },
-    /// No such resource.
-    #[error("{name} does not exist")]
-    NotFound {
-        /// Its full name.
-        name: String,
-    },
-    /// A number that the database can't hold.
-    #[error("{field}: {value} is too large")]
-    TooLarge {
-        /// The field of the request.
-        field: &'static str,
-        /// Its value.
-        value: u64,
-    },
-    /// The request id was used before with another body.
-    #[error("request id '{request_id}' was used before with another body")]
-    RequestIdReused {
-        /// The id.
-        request_id: String,
-    },
-    /// The fencing token is not the job's newest, or the job is no longer running.
-    #[error(
-        "token {token} has no lease on {job}: the job was leased again or is no longer running"
-    )]
-    StaleLease {
-        /// The job's name.
-        job: String,
-        /// The token that was refused.
-        token: u64,
-    },
-    /// Not possible in the catalogue's current state.
-    #[error("{message}")]
-    Rule {
-        /// Machine-readable.
-        reason: ErrorReason,
-        /// Human-readable.
-        message: String,
-    },
-}
-
-impl StoreError {
-    /// A newer call writes to the upload with this id.
-    pub fn taken_over(id: &str) -> Self {
-        Self::Rule {
-            reason: ErrorReason::UploadTakenOver,
-            message: format!("another call goes on with {}", Collection::Uploads.name(id)),
-        }
-    }
-
-    /// The files of the capture with this id can't be read any more.
-    pub fn upload_gone(id: &str) -> Self {
-        Self::Rule {
-            reason: ErrorReason::UploadGone,
-            message: format!(
-                "files of {} are no longer there: upload the capture again",
-                Collection::Captures.name(id)
-            ),
-        }
-    }
-
-    /// Whether the database failed, as opposed to a refusal because of its content.
-    pub fn is_failure(&self) -> bool {
-        matches!(
-            self,
-            Self::Unavailable { .. } | Self::Conflict { .. } | Self::Database { .. }
-        )
-    }
 }
 
 /// Identifies a repeated call: the caller's id, and the request.

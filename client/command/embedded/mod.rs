@@ -8,12 +8,16 @@
 //! (a running job saves and returns to the queue), then the coordinator, which the worker needs
 //! until it has returned its job.
 
+mod error;
+mod parts;
+
+pub use error::EmbeddedError;
+use parts::{Outcome, ended_early, joined};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
-use thiserror::Error;
 use tokio::net::TcpListener;
-use tokio::task::{JoinError, JoinHandle};
+use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use url::Url;
 use yoto_avatar::loss::lpips::LpipsWeights;
@@ -23,7 +27,7 @@ use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
     Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl,
-    ServerConfig, ServerError, StorageLimits, TlsError, TlsFiles, in_memory,
+    ServerConfig, ServerError, StorageLimits, TlsFiles, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -66,44 +70,6 @@ pub struct EmbeddedOptions {
     pub drain: Duration,
 }
 
-/// The reason why the embedded service can't start or continue.
-#[derive(Debug, Error)]
-pub enum EmbeddedError {
-    /// The coordinator can't start or failed.
-    #[error("the coordinator")]
-    Server(#[from] ServerError),
-    /// The certificate can't be used.
-    #[error("the certificate")]
-    Tls(#[from] TlsError),
-    /// The worker can't start or was refused.
-    #[error("the worker")]
-    Worker(#[from] WorkerError),
-    /// The address can't be opened for listening.
-    #[error("listening at {address}")]
-    Listen {
-        /// The requested address.
-        address: SocketAddr,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// A part ended unexpectedly.
-    #[error("the {0} ended unexpectedly")]
-    Ended(&'static str),
-    /// A part panicked.
-    #[error("the {part} panicked")]
-    Broken {
-        /// Name of the part.
-        part: &'static str,
-        /// Message of the panic.
-        source: JoinError,
-    },
-    /// A part did not end in time and was stopped by force.
-    #[error("the {0} did not end in time and was stopped by force")]
-    TimedOut(&'static str),
-}
-
-type Outcome<E> = Result<(), E>;
-
 /// A running service.
 #[derive(Debug)]
 pub struct Embedded {
@@ -130,7 +96,7 @@ impl Embedded {
     /// # Errors
     /// When the folder is in use or unusable, or the address can't be listened at.
     pub async fn start(options: EmbeddedOptions) -> Result<Self, EmbeddedError> {
-        // Before the address is taken: a wrong file is no fault of the address.
+        // Before the address is taken, so that a wrong file is not reported as a fault of the address.
         let certificates = options.tls.map(Certificates::load).transpose()?;
         let listener = match options.listen {
             Some(address) => Some(
@@ -337,55 +303,6 @@ async fn pick_device() -> Result<PickedDevice, EmbeddedError> {
         part: "search for a device",
         source,
     })
-}
-
-/// The reason for an unexpected end of a part; never returns while the part runs, or without a part.
-async fn ended_early<E>(
-    part: &mut Option<JoinHandle<Outcome<E>>>,
-    name: &'static str,
-) -> EmbeddedError
-where
-    EmbeddedError: From<E>,
-{
-    let Some(handle) = part else {
-        return std::future::pending().await;
-    };
-    let ended = handle.await;
-    // A finished task must not be awaited again by `shutdown`.
-    *part = None;
-    outcome(ended, name)
-        .err()
-        .unwrap_or(EmbeddedError::Ended(name))
-}
-
-/// Outcome of a part, which must end within `limit`.
-async fn joined<E>(
-    part: Option<JoinHandle<Outcome<E>>>,
-    name: &'static str,
-    limit: Duration,
-) -> Result<(), EmbeddedError>
-where
-    EmbeddedError: From<E>,
-{
-    let Some(mut handle) = part else {
-        return Ok(());
-    };
-    match tokio::time::timeout(limit, &mut handle).await {
-        Ok(ended) => outcome(ended, name),
-        Err(_) => {
-            handle.abort();
-            Err(EmbeddedError::TimedOut(name))
-        }
-    }
-}
-
-fn outcome<E>(ended: Result<Outcome<E>, JoinError>, part: &'static str) -> Result<(), EmbeddedError>
-where
-    EmbeddedError: From<E>,
-{
-    ended
-        .map_err(|source| EmbeddedError::Broken { part, source })?
-        .map_err(EmbeddedError::from)
 }
 
 #[cfg(test)]
