@@ -4,11 +4,28 @@ use crate::support::{Service, assert_refused, chunk, eventually, file, job_name}
 use futures::stream::{self, StreamExt};
 use tonic::Code;
 use url::Url;
-use yoto_proto::orders::LEVEL;
-use yoto_proto::v1::{GetUploadRequest, JobKind, WorkerDevice, capture, job, subject};
-use yoto_proto::worker::v1::RegisterWorkerRequest;
+use yoto_proto::v1::{GetUploadRequest, Subject, WriteUploadRequest, capture, job, subject};
 use yoto_server::{Coordinator, ServerConfig, ServerError};
 use yoto_test_s3::{BUCKET, Server};
+
+/// An upload of Ada's to `service`, of which the first half of the film has come.
+async fn half_of_an_upload(service: &Service) -> (Subject, String) {
+    let subject = service.subject("Ada").await;
+    let files = [file("poses.json", b"{}"), file("video.mp4", b"0123456789")];
+    let name = service.open_upload(&subject.name, &files).await;
+    let name = name.expect("is opened").name;
+    let half = vec![chunk(&name, "video.mp4", 0, b"01234")];
+    service.write(half).await.expect("is committed");
+    (subject, name)
+}
+
+/// The rest of that upload.
+fn other_half(name: &str) -> Vec<WriteUploadRequest> {
+    vec![
+        chunk(name, "video.mp4", 5, b"56789"),
+        chunk(name, "poses.json", 0, b"{}"),
+    ]
+}
 
 #[tokio::test]
 async fn an_upload_goes_on_at_another_coordinator() {
@@ -64,21 +81,12 @@ async fn half_of_an_upload_comes_by_each_coordinator_and_one_is_killed() {
     let Some(second) = first.beside().await else {
         return;
     };
-    let subject = first.subject("Ada").await;
-    let files = [file("poses.json", b"{}"), file("video.mp4", b"0123456789")];
-    let name = first.open_upload(&subject.name, &files).await;
-    let name = name.expect("is opened").name;
-    let half = vec![chunk(&name, "video.mp4", 0, b"01234")];
-    first.write(half).await.expect("is committed");
+    let (subject, name) = half_of_an_upload(&first).await;
     let again = vec![chunk(&name, "video.mp4", 0, b"01234")];
     let answer = second.write(again).await;
     assert_refused(answer, Code::FailedPrecondition, "UPLOAD_OFFSET");
     let folder = first.kill();
-    let rest = vec![
-        chunk(&name, "video.mp4", 5, b"56789"),
-        chunk(&name, "poses.json", 0, b"{}"),
-    ];
-    second.write(rest).await.expect("goes on");
+    second.write(other_half(&name)).await.expect("goes on");
     second.finish(&name).await.expect("is complete");
     let lease = second.ingest_lease().await;
     assert_eq!(second.ingested(&lease, "video.mp4"), b"0123456789");
@@ -97,16 +105,7 @@ async fn a_coordinator_that_starts_takes_back_the_jobs_of_its_own_process_only()
     let ada = first.ready_subject("Ada").await;
     let model = first.model_of(&ada).await;
     first.train(&model).await;
-    let request = RegisterWorkerRequest {
-        display_name: "embedded".into(),
-        device: Some(WorkerDevice::default()),
-        kinds: vec![JobKind::Train.into()],
-        embedded: true,
-        order_level: LEVEL,
-        ..RegisterWorkerRequest::default()
-    };
-    let embedded = second.workers().register_worker(request).await;
-    let embedded = embedded.expect("registers").into_inner().worker;
+    let embedded = second.embedded_worker().await;
     let lease = second.lease(&embedded).await.expect("the training waits");
     let third = first.beside().await.expect("shares");
     let state = async |service: &Service| {
@@ -142,17 +141,8 @@ async fn two_coordinators_share_a_bucket() {
     let Some(second) = first.beside_with(settings).await else {
         return;
     };
-    let subject = first.subject("Ada").await;
-    let files = [file("poses.json", b"{}"), file("video.mp4", b"0123456789")];
-    let name = first.open_upload(&subject.name, &files).await;
-    let name = name.expect("is opened").name;
-    let half = vec![chunk(&name, "video.mp4", 0, b"01234")];
-    first.write(half).await.expect("is committed");
-    let rest = vec![
-        chunk(&name, "video.mp4", 5, b"56789"),
-        chunk(&name, "poses.json", 0, b"{}"),
-    ];
-    second.write(rest).await.expect("goes on");
+    let (_, name) = half_of_an_upload(&first).await;
+    second.write(other_half(&name)).await.expect("goes on");
     first.finish(&name).await.expect("is complete");
     let other = Url::parse(&format!("s3://{BUCKET}/other")).expect("a URL");
     let dir = tempfile::tempdir().expect("a folder");

@@ -5,7 +5,6 @@ use crate::support::{
 };
 use tonic::Code;
 use yoto_proto::keys;
-use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::{
     CreateJobRequest, GetStatusRequest, Job, JobKind, JobPriority, JobSpec, JobView,
@@ -300,16 +299,7 @@ async fn a_coordinator_that_starts_takes_back_the_jobs_of_its_own_worker_at_once
     let ada = service.ready_subject("Ada").await;
     let own = service.train(&service.model_of(&ada).await).await;
     let elsewhere = service.train(&service.model_of(&ada).await).await;
-    let request = RegisterWorkerRequest {
-        display_name: "embedded".into(),
-        device: Some(WorkerDevice::default()),
-        kinds: vec![JobKind::Train.into()],
-        embedded: true,
-        order_level: LEVEL,
-        ..RegisterWorkerRequest::default()
-    };
-    let embedded = service.workers().register_worker(request).await;
-    let embedded = embedded.expect("registers").into_inner().worker;
+    let embedded = service.embedded_worker().await;
     let remote = service.worker(&["train"]).await;
     service.lease(&embedded).await.expect("waits");
     service.lease(&remote).await.expect("waits");

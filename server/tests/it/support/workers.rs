@@ -65,6 +65,20 @@ impl Service {
             .lease
     }
 
+    /// Registers a worker of the coordinator's own process, which runs trainings.
+    pub async fn embedded_worker(&self) -> String {
+        let request = RegisterWorkerRequest {
+            display_name: "embedded".into(),
+            device: Some(WorkerDevice::default()),
+            kinds: vec![JobKind::Train.into()],
+            embedded: true,
+            order_level: LEVEL,
+            ..RegisterWorkerRequest::default()
+        };
+        let registered = self.workers().register_worker(request).await;
+        registered.expect("registers").into_inner().worker
+    }
+
     /// Asks for a lease until there is one.
     pub async fn lease_eventually(&self, worker: &str) -> Lease {
         eventually("a lease", || self.lease(worker)).await
