@@ -139,7 +139,7 @@ pub(super) fn fault<'a>(error: &'a (dyn std::error::Error + 'static)) -> Option<
         if let Some(found) = error.downcast_ref() {
             return Some(found);
         }
-        // What an I/O error was made of is none of its sources.
+        // `source` skips the error inside of an I/O error.
         let inner = error
             .downcast_ref::<io::Error>()
             .and_then(io::Error::get_ref);

@@ -70,8 +70,8 @@ impl Server {
         addresses.with_certificates(self.ca.as_deref(), self.client_cert.as_deref())
     }
 
-    /// The caller's key: that of the file, or of the variable [`KEY`]. The key is no option, since the arguments of a process
-    /// can be seen by others.
+    /// The caller's key: that of the file, or of the variable [`KEY`]. No option takes a key, because others can see the
+    /// arguments of a process.
     pub fn key(&self) -> Result<Option<Key>, ClientError> {
         let (place, text) = match &self.key_file {
             Some(path) => {

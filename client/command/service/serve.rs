@@ -216,8 +216,8 @@ impl Serve {
     }
 }
 
-/// The address of the dashboard for a browser of this machine, where the service listens at `address`: an address that stands for
-/// all of the machine is none that a browser can open.
+/// The address of the dashboard for a browser of this machine, where the service listens at `address`. A browser can't open the
+/// unspecified address (0.0.0.0), so it gets the loopback address in its place.
 fn dashboard(scheme: &str, address: SocketAddr) -> String {
     let port = address.port();
     match address.ip() {

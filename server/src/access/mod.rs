@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! call ─► AccessLayer ─► rules: what does its path need? ─► browser or keys: who calls? ─► Caller, Tenant ─► services
-//!                                                                         └─ guard: ends its streams once the key is none
+//!                                                                         └─ guard: ends its streams once the key has ended
 //! ```
 //!
 //! Each call of the contract names its scope beside it, in `proto/yoto/v1`; [`rules`] has what the pages need. A path without a
