@@ -4,22 +4,29 @@ use crate::support::{Database, Service, claim, file, id, job_name};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
+use tokio::runtime::Handle;
+use tokio::task::block_in_place;
 use yoto_proto::keys;
 use yoto_proto::manifest::{Manifest, ManifestObject, VERSION, files};
 use yoto_proto::names;
-use yoto_proto::v1::Checkpoint;
+use yoto_proto::v1::{Checkpoint, DeleteJobRequest};
 use yoto_proto::worker::v1::{Lease, PublishCheckpointRequest};
 use yoto_server::Environment;
 use yoto_server::fsck::{Fault, FsckError, Place, Report, fsck};
 
-/// What the check of a running service finds.
-async fn check(service: &Service) -> Report {
-    let place = Place {
+/// Where a running service has its state.
+fn place(service: &Service) -> Place {
+    Place {
         data_dir: service.dir.path().to_owned(),
         database: service.database.url(),
         objects: Some(service.coordinator.objects_url().clone()),
         environment: Environment::of_process(),
-    };
+    }
+}
+
+/// What the check of a running service finds.
+async fn check(service: &Service) -> Report {
+    let place = place(service);
     fsck(&place, |_| {}).await.expect("can be read")
 }
 
@@ -222,4 +229,29 @@ async fn only_a_service_of_this_version_is_checked_with_its_own_objects() {
     let theirs = place(service.dir.path(), &service.database, Some(elsewhere));
     let theirs = fsck(&theirs, |_| {}).await.expect_err("of nobody");
     assert!(theirs.to_string().contains("yoto-store"), "{theirs}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_the_service_deletes_meanwhile_is_not_missing() {
+    let service = Service::start().await;
+    let whole = Whole::of(&service).await;
+    fs::remove_file(service.path(&whole.picture)).expect("removes");
+    let report = check(&service).await;
+    assert_eq!(told(&report.missing).len(), 1, "{report:?}");
+    // The row goes after the check has read it.
+    let mut request = Some(DeleteJobRequest {
+        name: whole.render.clone(),
+        ..DeleteJobRequest::default()
+    });
+    let delete = |_| {
+        let Some(request) = request.take() else {
+            return;
+        };
+        let mut jobs = service.jobs();
+        let deleted = jobs.delete_job(request);
+        let deleted = block_in_place(|| Handle::current().block_on(deleted));
+        deleted.expect("has ended");
+    };
+    let report = fsck(&place(&service), delete).await.expect("can be read");
+    assert!(report.missing.is_empty(), "{report:?}");
 }
