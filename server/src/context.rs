@@ -59,6 +59,9 @@ pub struct Context {
     /// Held during a collection: a second one of the same process would find and remove the same again. Collections of
     /// several coordinators may meet ([`crate::objects::collect`]).
     pub collecting: tokio::sync::Mutex<()>,
+    /// Held during a check of all leases: a second one of the same process would return while the first still takes
+    /// jobs back.
+    pub reaping: tokio::sync::Mutex<()>,
 }
 
 impl Context {

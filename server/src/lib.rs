@@ -125,6 +125,7 @@ impl Coordinator {
             lock,
             upload_locks: UploadLocks::default(),
             collecting: tokio::sync::Mutex::new(()),
+            reaping: tokio::sync::Mutex::new(()),
         });
         reaper::take_back_embedded(&context).await?;
         let mut tasks = vec![
@@ -180,7 +181,8 @@ impl Coordinator {
         serve::serve(Arc::clone(&self.context), admission, incoming, shutdown)
     }
 
-    /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`].
+    /// Checks all leases now, as the coordinator does by itself at every [`ServerConfig::reap_interval`]. The jobs whose
+    /// leases had expired are taken back when it returns.
     ///
     /// # Errors
     /// When the database fails.

@@ -51,6 +51,11 @@ pub trait Faults: Debug + Send + Sync {
 
     /// What happens to a call that arrives.
     fn delivery(&self, call: &str) -> Delivery;
+
+    /// Whether a hint of another coordinator arrives.
+    fn hears(&self) -> bool {
+        true
+    }
 }
 
 /// The call that a task serves.

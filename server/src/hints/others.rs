@@ -75,6 +75,10 @@ async fn pass_on(context: &Context) -> Result<(), StoreError> {
             tracing::debug!("some hints of other coordinators may be lost");
             continue;
         };
+        let faults = context.config.faults.as_ref();
+        if faults.is_some_and(|faults| !faults.hears()) {
+            continue;
+        }
         for hint in heard(&context.instance, &text) {
             match hint {
                 Heard::Changed(job) => context.changes.announce(&job),

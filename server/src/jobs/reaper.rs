@@ -27,6 +27,7 @@ pub async fn run(context: Arc<Context>) {
 /// # Errors
 /// When the store fails.
 pub async fn tick(context: &Context) -> Result<(), StoreError> {
+    let _one_at_a_time = context.reaping.lock().await;
     let (cap, lease_seconds) = (
         context.config.max_lost_workers,
         context.config.lease_seconds,

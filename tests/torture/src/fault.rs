@@ -28,6 +28,8 @@ pub enum Fault {
     CallLate,
     /// A call that is carried out, and answered with UNAVAILABLE.
     AnswerLost,
+    /// A hint of another coordinator that is lost.
+    HintLost,
     /// The coordinator's clock is set an hour ahead.
     ClockForward,
     /// The coordinator's clock is set back by an hour.
@@ -86,7 +88,7 @@ impl Makeup {
 
 impl Fault {
     /// All kinds, as the table lists them.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 29] = [
         Self::WorkerKilled,
         Self::CoordinatorKilled,
         Self::EndBeforeCommit,
@@ -98,6 +100,7 @@ impl Fault {
         Self::CallRepeated,
         Self::CallLate,
         Self::AnswerLost,
+        Self::HintLost,
         Self::ClockForward,
         Self::ClockBack,
         Self::Poison,
@@ -127,7 +130,7 @@ impl Fault {
         let mut kinds = Self::ALL.to_vec();
         kinds.retain(|kind| match kind {
             Self::DatabaseStopped | Self::DatabaseCrashed => postgres,
-            Self::DatabaseCut => postgres && coordinators > 1,
+            Self::DatabaseCut | Self::HintLost => postgres && coordinators > 1,
             Self::CoordinatorCut => coordinators > 1,
             Self::StoreUnavailable => s3,
             // The limit of files is one of the process that writes them, and PostgreSQL has its own.
@@ -162,6 +165,7 @@ impl Fault {
             Self::CallRepeated => "call-repeated",
             Self::CallLate => "call-late",
             Self::AnswerLost => "answer-lost",
+            Self::HintLost => "hint-lost",
             Self::ClockForward => "clock-forward",
             Self::ClockBack => "clock-back",
             Self::Poison => "poison",

@@ -5,7 +5,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Faults that last from the first call to the last: the coordinator makes them by itself.
-const CONSTANT: [Fault; 3] = [Fault::CallRepeated, Fault::CallLate, Fault::AnswerLost];
+const CONSTANT: [Fault; 4] = [
+    Fault::CallRepeated,
+    Fault::CallLate,
+    Fault::AnswerLost,
+    Fault::HintLost,
+];
 
 /// The sequence of faults: each kind once, in a seeded random order, then any kind.
 #[derive(Debug)]

@@ -85,7 +85,7 @@ impl Breaker {
             Fault::DatabaseCut => self.cut_from_database().await,
             Fault::CoordinatorCut => self.cut_from_coordinator().await,
             Fault::StoreUnavailable => self.refuse_objects().await,
-            Fault::CallRepeated | Fault::CallLate | Fault::AnswerLost => Ok(()),
+            Fault::CallRepeated | Fault::CallLate | Fault::AnswerLost | Fault::HintLost => Ok(()),
         }
     }
 

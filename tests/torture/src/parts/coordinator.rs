@@ -1,5 +1,5 @@
-//! A coordinator whose calls arrive several times or stay unanswered, whose clock jumps, whose disk fills, and
-//! which ends at chosen moments.
+//! A coordinator whose calls arrive several times or stay unanswered, which misses hints of others, whose clock jumps,
+//! whose disk fills, and which ends at chosen moments.
 
 use super::controls::Controls;
 use super::{CoordinatorArgs, asked_to_stop, disk};
@@ -31,6 +31,8 @@ const LATE_BY: RangeInclusive<u64> = 50..=4000;
 const NEVER_LATE: [&str; 2] = ["LeaseJob", "RegisterWorker"];
 /// Share of the calls whose answer is lost.
 const LOST: f64 = 0.05;
+/// Share of the messages with hints of other coordinators that are lost.
+const UNHEARD: f64 = 0.3;
 
 /// Serves until SIGTERM.
 pub async fn run(settings: CoordinatorArgs) -> Result<()> {
@@ -148,5 +150,15 @@ impl Faults for Disturbed {
             late,
             answered,
         }
+    }
+
+    fn hears(&self) -> bool {
+        let mut chance = self.chance.lock().unwrap_or_else(PoisonError::into_inner);
+        let heard = !chance.random_bool(UNHEARD);
+        drop(chance);
+        if !heard {
+            self.note(Fault::HintLost);
+        }
+        heard
     }
 }
