@@ -22,8 +22,9 @@ use yoto_proto::v1::{
     Upload, upload,
 };
 
-/// Number of times that the service may lose bytes of one upload: after more, its disk counts as broken.
-const LOSSES: u32 = 3;
+/// Number of times that the service may have other bytes of one upload than this program knows of: after more, its disk
+/// counts as broken, or another program as the writer.
+const SURPRISES: u32 = 3;
 
 impl YotoClient {
     fn upload_service(&self) -> UploadServiceClient<Connection> {
@@ -54,7 +55,7 @@ impl YotoClient {
         let mut upload = self.open_upload(subject, headers.clone()).await?;
         let mut meter = Meter { on_bytes, told: 0 };
         let mut retries = Retries::new();
-        let mut losses = 0;
+        let mut surprises = 0;
         loop {
             let service = self.upload_service();
             let status = match send(service, &upload, &files, &headers, &mut meter).await? {
@@ -64,8 +65,8 @@ impl YotoClient {
                 },
                 Err(status) => status,
             };
-            if losses < LOSSES && is_incomplete(&status) {
-                losses += 1;
+            if surprises < SURPRISES && is_surprise(&status) {
+                surprises += 1;
             } else {
                 retries.wait(status).await.map_err(refused())?;
             }
@@ -134,9 +135,17 @@ impl YotoClient {
     }
 }
 
-/// Whether the service's disk has lost bytes of the upload, which must be sent again.
-fn is_incomplete(status: &Status) -> bool {
-    reasons::of(status) == Some(ErrorReason::UploadIncomplete)
+/// Whether the service has other bytes of the upload than were asked for: its disk has lost some, which must be sent again,
+/// or an earlier call of this program, whose connection counts as lost, has arrived after all.
+fn is_surprise(status: &Status) -> bool {
+    matches!(
+        reasons::of(status),
+        Some(
+            ErrorReason::UploadIncomplete
+                | ErrorReason::UploadOffset
+                | ErrorReason::UploadTakenOver
+        )
+    )
 }
 
 /// Reports the progress of an upload; bytes that are sent again count once.

@@ -167,6 +167,10 @@ impl Breaker {
         let away = self.while_away();
         let store = self.fleet.outside().store.as_ref();
         let store = store.context("no store of objects in S3")?;
+        // One that starts meanwhile does not serve at all.
+        for calls in &self.each {
+            healthy(calls, true).await?;
+        }
         let (before, began) = (store.failed(), Instant::now());
         store.fail(S3Fault::Unavailable);
         let mut noticed = Ok(());
