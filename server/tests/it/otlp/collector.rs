@@ -35,7 +35,7 @@ pub struct Got {
     /// The refusal of traces, if they are refused.
     pub refusal: Option<Code>,
     /// Traces that were refused.
-    pub refused: usize,
+    pub refused: Vec<ExportTraceServiceRequest>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -81,15 +81,31 @@ impl Collector {
 
     /// The spans of the newest trace of `job`, if it has arrived.
     pub fn found(&self, job: &str) -> Option<Vec<Span>> {
-        let spans: Vec<Span> = self.with(|got| {
-            let resources = got.traces.iter().flat_map(|it| &it.resource_spans);
-            let scopes = resources.flat_map(|it| &it.scope_spans);
-            scopes.flat_map(|it| it.spans.clone()).collect()
-        });
-        let of_job = |it: &&Span| attribute(&it.attributes, "yoto.job") == job;
-        let id = spans.iter().rfind(of_job)?.trace_id.clone();
+        let spans: Vec<Span> = self.with(|got| got.traces.iter().flat_map(spans).collect());
+        let id = spans.iter().rfind(|it| is_of(it, job))?.trace_id.clone();
         Some(spans.into_iter().filter(|it| it.trace_id == id).collect())
     }
+
+    /// Waits until a trace of `job` was refused at least `times` times.
+    pub async fn refused(&self, job: &str, times: usize) {
+        let refused = || async {
+            let names_it = |it: &&ExportTraceServiceRequest| spans(it).any(|it| is_of(&it, job));
+            let calls = self.with(|got| got.refused.iter().filter(names_it).count());
+            (calls >= times).then_some(())
+        };
+        eventually("a refusal", refused).await;
+    }
+}
+
+/// Whether the span is the root of `job`.
+fn is_of(span: &Span, job: &str) -> bool {
+    attribute(&span.attributes, "yoto.job") == job
+}
+
+/// All spans of a call.
+fn spans(call: &ExportTraceServiceRequest) -> impl Iterator<Item = Span> {
+    let scopes = call.resource_spans.iter().flat_map(|it| &it.scope_spans);
+    scopes.flat_map(|it| it.spans.clone())
 }
 
 /// All figures of a call.
@@ -134,7 +150,7 @@ impl TraceService for Collector {
     ) -> Result<Response<ExportTraceServiceResponse>, Status> {
         self.with(|got| match got.refusal {
             Some(code) => {
-                got.refused += 1;
+                got.refused.push(request.into_inner());
                 Err(Status::new(code, "as the test says"))
             }
             None => {

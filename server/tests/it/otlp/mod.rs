@@ -2,7 +2,7 @@
 
 mod collector;
 
-use crate::support::{Service, eventually, job_error, job_name};
+use crate::support::{Service, job_error, job_name};
 use collector::{Collector, attribute, metrics};
 use opentelemetry_proto::tonic::metrics::v1::metric::Data;
 use opentelemetry_proto::tonic::metrics::v1::number_data_point::Value;
@@ -276,8 +276,7 @@ async fn what_a_collector_missed_arrives_when_it_is_back() {
     // It is there, and can't take traces for now.
     collector.with(|got| got.refusal = Some(Code::Unavailable));
     let job = cancelled(&service).await;
-    let refused = || async { collector.with(|got| (got.refused > 1).then_some(())) };
-    eventually("two refusals", refused).await;
+    collector.refused(&job.name, 2).await;
     collector.with(|got| got.refusal = None);
     collector.trace(&job.name).await;
 }
@@ -288,8 +287,7 @@ async fn what_a_collector_refuses_for_good_is_not_sent_again() {
     collector.with(|got| got.refusal = Some(Code::Unimplemented));
     let service = start(address).await;
     let refused = cancelled(&service).await;
-    let once = || async { collector.with(|got| (got.refused > 0).then_some(())) };
-    eventually("a refusal", once).await;
+    collector.refused(&refused.name, 1).await;
     collector.with(|got| got.refusal = None);
     let job = cancelled(&service).await;
     collector.trace(&job.name).await;
