@@ -19,7 +19,7 @@ use opentelemetry_proto::tonic::trace::v1::{ResourceSpans, ScopeSpans};
 use std::fmt;
 use std::future::Future;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 use thiserror::Error;
 use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout};
 use tokio_util::sync::CancellationToken;
@@ -92,7 +92,7 @@ pub async fn run(context: Arc<Context>, config: OtlpConfig, wire: Wire, ended: A
     let mut push = Push {
         channel: wire.channel(),
         resource: resource(&context.instance),
-        started: nanos(SystemTime::now()),
+        started: nanos(context.started),
         metrics: Signal::new("figures"),
         traces: Signal::new("traces"),
         stop: context.stop.clone(),
@@ -160,7 +160,7 @@ impl Push {
         let text = figures::read(&self.context).await?;
         let period = Period {
             start: self.started,
-            now: nanos(SystemTime::now()).max(self.started),
+            now: nanos(self.context.config.clock.time()).max(self.started),
         };
         let families = families(&text)?;
         let metrics = families.iter().map(|it| metric(it, period)).collect();
