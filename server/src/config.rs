@@ -4,6 +4,7 @@ use crate::checkpoints::retention::Retention;
 use crate::clock::{Clock, SystemClock};
 use crate::error::ServerError;
 use crate::faults::Faults;
+use crate::otlp::OtlpConfig;
 use crate::store::PostgresUrl;
 use crate::traffic::TrafficLimits;
 use std::path::PathBuf;
@@ -48,6 +49,8 @@ pub struct ServerConfig {
     pub storage: StorageLimits,
     /// Limits of connections, calls and requests.
     pub traffic: TrafficLimits,
+    /// Where figures and traces are sent, if anywhere.
+    pub otlp: Option<OtlpConfig>,
     /// Injected faults, for tests of the service.
     pub faults: Option<Arc<dyn Faults>>,
 }
@@ -151,6 +154,7 @@ impl ServerConfig {
             },
             storage: StorageLimits::default(),
             traffic: TrafficLimits::default(),
+            otlp: None,
             faults: None,
         }
     }
@@ -174,6 +178,10 @@ impl ServerConfig {
             let message =
                 "reap_interval, watch_poll, hinted_poll and health_interval must be above 0";
             return Err(ServerError::Config(message.to_owned()));
+        }
+        if self.otlp.as_ref().is_some_and(|it| it.interval.is_zero()) {
+            let message = "otlp.interval must be above 0".to_owned();
+            return Err(ServerError::Config(message));
         }
         if self.storage.collect_interval.is_zero() || self.storage.keep_newest == 0 {
             let message = "storage.collect_interval and storage.keep_newest must be above 0";

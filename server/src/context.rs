@@ -10,9 +10,11 @@ use crate::job_feed::JobFeed;
 use crate::lock::DataDirLock;
 use crate::objects::place::Place;
 use crate::objects::room::{self, Room};
+use crate::otlp::EndedJobs;
 use crate::store::{JobKind, Store};
 use crate::tenant::Tenant;
 use crate::uploads::UploadLocks;
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
@@ -38,6 +40,8 @@ pub struct Context {
     pub changes: JobChanges,
     /// The changes of all jobs, for those who watch them.
     pub feed: JobFeed,
+    /// Jobs that have ended here, if their traces are sent.
+    pub ended: Option<Arc<EndedJobs>>,
     /// Hints for waiting workers, and those of other coordinators.
     pub hints: Hints,
     /// Which of several coordinators of one database it is: the same after each start.
@@ -69,6 +73,14 @@ impl Context {
     pub fn announce(&self, job: &str) {
         self.changes.announce(job);
         self.hints.tell(Hint::Changed(job.to_owned()));
+    }
+
+    /// [`Self::announce`] for a job that has ended, or may have: a lease of it has.
+    pub fn announce_end(&self, job: &str) {
+        self.announce(job);
+        if let Some(ended) = &self.ended {
+            ended.note(job);
+        }
     }
 
     /// A job of this kind waits for a worker: one that waits at this coordinator asks for it, and one at each other.

@@ -1,6 +1,7 @@
 //! Errors of the coordinator: while it opens or serves, and while it answers a request.
 
 use crate::field_faults::FieldFaults;
+use crate::otlp::OtlpError;
 use crate::store::StoreError;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -63,6 +64,9 @@ pub enum ServerError {
     /// There is no database to open.
     #[error("there is no service's database at {}: name its data folder with --data", .0.display())]
     NoDatabase(PathBuf),
+    /// Figures and traces can't be sent.
+    #[error(transparent)]
+    Otlp(#[from] OtlpError),
     /// A key can't be made or found.
     #[error("{0}")]
     Key(String),

@@ -31,6 +31,7 @@ mod lock;
 mod methods;
 mod metrics;
 mod objects;
+mod otlp;
 mod private;
 mod rules;
 mod serve;
@@ -47,6 +48,7 @@ pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use key_store::KeyStore;
 pub use listen::tcp;
+pub use otlp::{OtlpConfig, OtlpEndpoint, OtlpError, OtlpHeaders};
 pub use store::{PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
@@ -97,6 +99,10 @@ impl Coordinator {
     /// opened.
     pub async fn open(config: ServerConfig) -> Result<Self, ServerError> {
         config.check()?;
+        let otlp = config.otlp.clone();
+        let wire = otlp.as_ref().map(|it| otlp::Wire::new(&it.endpoint));
+        let wire = wire.transpose()?;
+        let ended = otlp.as_ref().map(|_| Arc::default());
         let data_dir = create_dir(&config.data_dir)?;
         let lock = DataDirLock::take(&data_dir)?;
         let objects_url = objects_url(&config, &data_dir)?;
@@ -115,6 +121,7 @@ impl Coordinator {
             place,
             changes: JobChanges::default(),
             feed: JobFeed::default(),
+            ended: ended.clone(),
             hints,
             instance,
             started,
@@ -136,6 +143,10 @@ impl Coordinator {
         if context.config.hints {
             tasks.push(tokio::spawn(hints::send(Arc::clone(&context))));
             tasks.push(tokio::spawn(hints::listen(Arc::clone(&context))));
+        }
+        if let (Some(otlp), Some(wire), Some(ended)) = (otlp, wire, ended) {
+            let context = Arc::clone(&context);
+            tasks.push(tokio::spawn(otlp::run(context, otlp, wire, ended)));
         }
         Ok(Self { context, tasks })
     }

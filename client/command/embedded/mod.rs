@@ -26,8 +26,8 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
-    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, PostgresUrl,
-    ServerConfig, ServerError, StorageLimits, TlsFiles, in_memory,
+    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, OtlpConfig,
+    PostgresUrl, ServerConfig, ServerError, StorageLimits, TlsFiles, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -66,6 +66,8 @@ pub struct EmbeddedOptions {
     pub storage: StorageLimits,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
     pub scratch: Option<PathBuf>,
+    /// Where figures and traces are sent, if anywhere.
+    pub otlp: Option<OtlpConfig>,
     /// Time from the start of a shutdown until calls are refused. Health says meanwhile that nobody should come.
     pub drain: Duration,
 }
@@ -114,6 +116,7 @@ impl Embedded {
             database: options.database,
             objects: options.objects,
             storage: options.storage,
+            otlp: options.otlp,
             ..ServerConfig::new(&options.data)
         };
         let coordinator = Coordinator::open(config).await?;
@@ -323,6 +326,7 @@ mod tests {
             storage: StorageLimits::default(),
             scratch: None,
             drain: Duration::ZERO,
+            otlp: None,
         }
     }
 

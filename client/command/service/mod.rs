@@ -18,4 +18,6 @@ pub(crate) mod serve;
 #[cfg(feature = "embedded")]
 mod state;
 pub(crate) mod status;
+#[cfg(feature = "embedded")]
+mod telemetry;
 pub(crate) mod worker;

@@ -2,6 +2,7 @@
 
 use super::exposure::Exposure;
 use super::state::{ObjectsArgs, StateArgs};
+use super::telemetry::TelemetryArgs;
 use crate::embedded::{Embedded, EmbeddedOptions};
 use crate::show;
 use anyhow::Context;
@@ -24,8 +25,9 @@ queue, and the process ends, even with connected clients.
 Beyond this machine the service needs TLS, and asks every caller for a key (`yoto key`); on loopback it asks
 from the first key on.
 
-On the same port, /healthz, /readyz and /metrics answer to balancers and Prometheus. Each option can also be
-an environment variable, YOTO_LISTEN for --listen, or a key of --config.
+On the same port, /healthz, /readyz and /metrics answer to balancers and Prometheus; --otlp sends the same figures
+to a collector of OpenTelemetry. Each option can also be an environment variable, YOTO_LISTEN for --listen
+(OTEL_EXPORTER_OTLP_ENDPOINT for --otlp), or a key of --config.
 
 http://ADDRESS/ is the dashboard: people, models with their curves, jobs, workers, and the service.
 
@@ -86,6 +88,8 @@ pub(crate) struct Serve {
     /// Print a file for --config with all settings, the values in force and where each comes from, and end.
     #[arg(long)]
     print_config: bool,
+    #[command(flatten)]
+    telemetry: TelemetryArgs,
     #[command(flatten)]
     storage: Storage,
     #[command(flatten)]
@@ -187,6 +191,7 @@ impl Serve {
             storage: self.storage.limits()?,
             scratch: self.scratch,
             drain,
+            otlp: self.telemetry.config()?,
         };
         let mut service = Embedded::start(options)
             .await

@@ -32,6 +32,7 @@ pub async fn with_service<T>(
         storage: yoto_server::StorageLimits::default(),
         scratch: None,
         drain: std::time::Duration::ZERO,
+        otlp: None,
     })
     .await
     .context("starting the embedded service")?;

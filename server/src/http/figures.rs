@@ -23,7 +23,7 @@ struct OfState {
     state: &'static str,
 }
 
-/// The text of all figures.
+/// The text of all figures; one that was read within the last second is given again.
 ///
 /// # Errors
 /// Never in practice: when a string can't be written to.
@@ -34,15 +34,24 @@ pub async fn exposed(context: &Context) -> Result<String, fmt::Error> {
     {
         return Ok(text.clone());
     }
-    let mut text = String::new();
-    METRICS.encode(&mut text)?;
-    encode_registry(&mut text, &read(context).await)?;
-    encode_eof(&mut text)?;
+    let text = read(context).await?;
     *last = Some((Instant::now(), text.clone()));
     Ok(text)
 }
 
-async fn read(context: &Context) -> Registry {
+/// The text of all figures as they are now.
+///
+/// # Errors
+/// As [`exposed`].
+pub async fn read(context: &Context) -> Result<String, fmt::Error> {
+    let mut text = String::new();
+    METRICS.encode(&mut text)?;
+    encode_registry(&mut text, &read_now(context).await)?;
+    encode_eof(&mut text)?;
+    Ok(text)
+}
+
+async fn read_now(context: &Context) -> Registry {
     let mut registry = Registry::with_prefix("yoto");
     let ready = Gauge::<i64>::default();
     ready.set(i64::from(context.health.borrow().faults().is_empty()));

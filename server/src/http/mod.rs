@@ -4,7 +4,7 @@
 //! HEAD alone. A page for people, or JSON for programs, is another file here, another line in [`pages`], and a rule in
 //! `crate::access`, without which it is not answered.
 
-mod figures;
+pub mod figures;
 mod metrics;
 mod probes;
 

@@ -67,7 +67,7 @@ pub async fn lease(
     .await?;
     for (job, reason) in &outcome.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
-        context.announce(job);
+        context.announce_end(job);
     }
     let Some(leased) = outcome.leased else {
         return Ok(None);
@@ -139,6 +139,6 @@ async fn end_unreadable(
     };
     context.store.end_job(tenant, lease, ending).await?;
     let job = Collection::Jobs.name(&lease.job_id);
-    context.announce(&job);
+    context.announce_end(&job);
     Ok(())
 }

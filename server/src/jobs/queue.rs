@@ -97,7 +97,7 @@ pub async fn cancel(
 ) -> Result<Job, RequestError> {
     let request_id = id_of(&request);
     let job = context.store.cancel_job(tenant, id, request).await?;
-    context.announce(&job.name);
+    context.announce_end(&job.name);
     tracing::info!(
         job = job.name,
         state = job.state().as_str_name(),

@@ -49,7 +49,7 @@ pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
 
 fn told(context: &Context, reaped: Vec<Reaped>) {
     for it in reaped {
-        context.announce(&it.job);
+        context.announce_end(&it.job);
         METRICS.lease_lost(&it.job);
         let (job, worker, losses) = (it.job, it.worker, it.losses);
         tracing::warn!(

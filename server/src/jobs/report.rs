@@ -176,10 +176,9 @@ pub async fn end(
         }
     }
     context.store.end_job(tenant, lease, ending.clone()).await?;
-    METRICS
-        .trainings
-        .ended(&Collection::Jobs.name(&lease.job_id));
-    announce(context, lease);
+    let job = Collection::Jobs.name(&lease.job_id);
+    METRICS.trainings.ended(&job);
+    context.announce_end(&job);
     let outcome = ending.outcome().as_str_name();
     tracing::info!(
         job = lease.job_id,

@@ -41,6 +41,7 @@ pub struct Metrics {
     last_collection: Gauge,
     calls: Family<OfMethod, Counter>,
     refused: Counter,
+    traces_dropped: Counter,
 }
 
 /// A label for the kind of a job.
@@ -99,6 +100,9 @@ impl Metrics {
         let refused = Counter::default();
         let help = "Calls and connections beyond a limit";
         registry.register("refused", help, refused.clone());
+        let traces_dropped = Counter::default();
+        let help = "Ended jobs whose traces no collector has taken";
+        registry.register("traces_dropped", help, traces_dropped.clone());
         let trainings = Trainings::registered(&mut registry);
         Self {
             registry,
@@ -114,6 +118,7 @@ impl Metrics {
             last_collection,
             calls,
             refused,
+            traces_dropped,
         }
     }
 
@@ -182,5 +187,10 @@ impl Metrics {
     /// A call or a connection was refused.
     pub fn refused(&self) {
         self.refused.inc();
+    }
+
+    /// The traces of this number of ended jobs are given up.
+    pub fn traces_dropped(&self, number: usize) {
+        self.traces_dropped.inc_by(number as u64);
     }
 }

@@ -265,6 +265,17 @@ pub struct Reaped {
     pub state: job::State,
 }
 
+/// A job that has ended, of whatever tenant.
+#[derive(Debug, Clone)]
+pub struct EndedJob {
+    /// The job with its attempts, without its order.
+    pub job: Job,
+    /// The id of its tenant.
+    pub tenant: String,
+    /// The request id of the call that queued it, if the caller gave one and it is still kept.
+    pub request_id: Option<String>,
+}
+
 /// The open jobs of a kind, of all tenants.
 #[derive(Debug, Clone, Copy)]
 pub struct OpenJobs {

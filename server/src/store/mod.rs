@@ -19,8 +19,8 @@ mod types;
 pub use db::{Listener, PostgresUrl, UrlError};
 pub use error::StoreError;
 pub use job_types::{
-    Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome, LeasedJob, NewJob,
-    OpenJobs, QueueFigures, Reaped, TakenRange,
+    EndedJob, Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome,
+    LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, TakenRange,
 };
 pub use types::{
     Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewKey, NewModel, NewPart, NewPiece,

@@ -21,6 +21,7 @@ mod ingests;
 mod leases;
 mod metrics;
 mod operators;
+mod otlp;
 mod pages;
 mod postgres;
 mod queue;

@@ -87,7 +87,11 @@ fn each_setting_has_a_variable_of_its_name() {
         let variable = argument
             .and_then(|it| it.get_env())
             .map(|it| it.to_string_lossy());
-        let expected = format!("YOTO_{}", name.replace('-', "_").to_uppercase());
+        let expected = match name.as_str() {
+            // As other programs have it.
+            "otlp" => "OTEL_EXPORTER_OTLP_ENDPOINT".to_owned(),
+            name => format!("YOTO_{}", name.replace('-', "_").to_uppercase()),
+        };
         assert_eq!(variable.as_deref(), Some(expected.as_str()), "--{name}");
     }
 }

@@ -1,10 +1,10 @@
 //! Jobs for their owners, and answers to repeated requests.
 
-use crate::store::scripts::{jobs, metrics, outputs, pauses, requests, versions, workers};
+use crate::store::scripts::{ended, jobs, metrics, outputs, pauses, requests, versions, workers};
 use crate::store::transaction::transaction;
 use crate::store::{
-    Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey, Store,
-    StoreError,
+    EndedJob, Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey,
+    Store, StoreError,
 };
 use crate::tenant::Tenant;
 use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
@@ -98,6 +98,11 @@ impl Store {
             open: jobs::figures(&mut tx).await?,
             workers: workers::count(&mut tx).await?,
         })
+    }
+
+    /// Those of the jobs `ids` that have ended, of all tenants.
+    pub async fn ended_jobs(&self, ids: &[&str]) -> Result<Vec<EndedJob>, StoreError> {
+        ended::list(&mut self.db.read().await?, ids).await
     }
 
     /// Ends a QUEUED job and marks a RUNNING one for cancellation; an ended job is not changed. A repeated call

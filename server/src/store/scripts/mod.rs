@@ -9,6 +9,7 @@ pub mod capture_objects;
 pub mod captures;
 pub mod checkpoints;
 pub mod deletion;
+pub mod ended;
 pub mod garbage;
 #[cfg(test)]
 mod guard_tests;

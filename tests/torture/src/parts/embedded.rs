@@ -20,6 +20,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         worker: true,
         scratch: None,
         drain: std::time::Duration::ZERO,
+        otlp: None,
         ingest: IngestSettings::default(),
         lpips: None,
         storage: StorageLimits {
