@@ -215,3 +215,35 @@ fn host(uri: &Uri) -> Result<&str, Fault> {
     let host = uri.host().ok_or(Fault::Url)?;
     Ok(host.trim_start_matches('[').trim_end_matches(']'))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::{Ipv4Addr, TcpListener};
+
+    async fn fault(direct: &Direct, url: &str) -> Fault {
+        match direct.get(url, 0, 9).await {
+            Ok(_) => panic!("nobody is there"),
+            Err(fault) => fault,
+        }
+    }
+
+    #[tokio::test]
+    async fn a_fault_does_not_tell_the_url() {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+        let address = listener.local_addr().expect("an address");
+        drop(listener);
+        let secret = "k?X-Amz-Signature=0f";
+        let gone = fault(&Direct::clear(), &format!("http://{address}/{secret}")).await;
+        assert!(matches!(gone, Fault::Connect(_)), "{gone}");
+        let clear = fault(&Direct::default(), &format!("http://{address}/{secret}")).await;
+        assert!(matches!(clear, Fault::Clear), "{clear}");
+        let other = fault(&Direct::clear(), &format!("ftp://{address}/{secret}")).await;
+        assert!(matches!(other, Fault::Url), "{other}");
+        let bad = fault(&Direct::clear(), "no url X-Amz-Signature=0f").await;
+        for fault in [gone, clear, other, bad] {
+            let told = format!("{fault} {fault:?}");
+            assert!(!told.contains("0f"), "{told}");
+        }
+    }
+}

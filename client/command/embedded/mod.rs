@@ -64,6 +64,8 @@ pub struct EmbeddedOptions {
     pub lpips: Option<LpipsWeights>,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
+    /// How long clients can read an object of a remote store by a signed URL, if they get URLs at all.
+    pub signed_urls: Option<Duration>,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
     pub scratch: Option<PathBuf>,
     /// Time from the start of a shutdown until calls are refused. Health says meanwhile that nobody should come.
@@ -114,6 +116,7 @@ impl Embedded {
             database: options.database,
             objects: options.objects,
             storage: options.storage,
+            signed_urls: options.signed_urls,
             ..ServerConfig::new(&options.data)
         };
         let coordinator = Coordinator::open(config).await?;
@@ -321,6 +324,7 @@ mod tests {
             ingest: IngestSettings::default(),
             lpips: None,
             storage: StorageLimits::default(),
+            signed_urls: None,
             scratch: None,
             drain: Duration::ZERO,
         }

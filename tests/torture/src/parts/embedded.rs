@@ -22,6 +22,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         drain: std::time::Duration::ZERO,
         ingest: IngestSettings::default(),
         lpips: None,
+        signed_urls: None,
         storage: StorageLimits {
             min_free_bytes: 0,
             ..StorageLimits::default()
