@@ -74,14 +74,14 @@ impl YotoClient {
         };
         let file = |error| ClientError::file("writing", path)(error);
         if object.bytes >= WORTH_A_URL {
-            self.from_store(&mut transfer).await.map_err(file)?;
+            self.read_store(&mut transfer).await.map_err(file)?;
         }
         if object.bytes > 0 && !transfer.lacks_bytes() && !transfer.is_right() {
             // The service looks at the object and knows what is wrong.
             self.direct.give_up(&Fault::Altered.to_string());
             transfer.restart().await.map_err(file)?;
         }
-        self.from_service(&mut transfer, path).await?;
+        self.read_service(&mut transfer, path).await?;
         if transfer.is_right() {
             return Ok(());
         }
@@ -92,7 +92,7 @@ impl YotoClient {
     }
 
     /// Takes what the store sends by itself. Only an error of `transfer` is one.
-    async fn from_store<W: AsyncWrite + AsyncSeek + Unpin>(
+    async fn read_store<W: AsyncWrite + AsyncSeek + Unpin>(
         &self,
         transfer: &mut Transfer<'_, W>,
     ) -> io::Result<()> {
@@ -153,7 +153,7 @@ impl YotoClient {
     }
 
     /// Takes the rest from the service.
-    async fn from_service<W: AsyncWrite + AsyncSeek + Unpin>(
+    async fn read_service<W: AsyncWrite + AsyncSeek + Unpin>(
         &self,
         transfer: &mut Transfer<'_, W>,
         path: &Path,
