@@ -25,6 +25,7 @@ pub mod progress;
 pub mod protocols;
 pub mod reasons;
 pub mod render_needs;
+mod signed;
 pub mod smpl;
 pub mod text;
 pub mod tiers;

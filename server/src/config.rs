@@ -39,6 +39,9 @@ pub struct ServerConfig {
     pub hints: bool,
     /// The interval of [`Self::watch_poll`] while they do.
     pub hinted_poll: Duration,
+    /// How long clients can read an object from the store by a signed URL; none: they get no URLs, and the bytes come through
+    /// the coordinator.
+    pub signed_urls: Option<Duration>,
     /// Interval of the health checks, each of which writes to the database.
     pub health_interval: Duration,
     /// Longest time for open connections to end after the start of a shutdown.
@@ -142,6 +145,7 @@ impl ServerConfig {
             watch_poll: Duration::from_millis(250),
             hints: true,
             hinted_poll: Duration::from_secs(2),
+            signed_urls: None,
             health_interval: Duration::from_secs(5),
             shutdown_grace: Duration::from_secs(5),
             upload: UploadLimits {

@@ -31,7 +31,7 @@ const HTTP_PORT: u16 = 80;
 const HTTPS_PORT: u16 = 443;
 
 /// A connection, with or without encryption.
-type Wire = Either<TcpStream, Box<TlsStream<TcpStream>>>;
+pub(super) type Wire = Either<TcpStream, Box<TlsStream<TcpStream>>>;
 
 /// Where the coordinators of a service listen.
 #[derive(Debug, Clone)]
@@ -111,6 +111,11 @@ impl Addresses {
             address || host.eq_ignore_ascii_case("localhost")
         };
         self.tls.is_none() && !self.hosts.iter().all(|(host, _)| own(host))
+    }
+
+    /// Whether what is sent is encrypted.
+    pub fn are_encrypted(&self) -> bool {
+        self.tls.is_some()
     }
 
     /// A channel that connects at its first call.

@@ -5,6 +5,7 @@
 //! lost connection, and errors that name the file, frame and field at fault.
 
 mod addresses;
+mod direct;
 mod error;
 mod jobs;
 mod keys;
@@ -17,6 +18,7 @@ mod status;
 mod storage;
 mod subjects;
 mod tls;
+mod transfer;
 mod upload;
 mod watch;
 mod watch_all;
@@ -28,6 +30,8 @@ pub use upload::{FileSource, UploadFile};
 pub use watch::{JobChange, JobWatch};
 pub use watch_all::{JobsChange, JobsFilter, JobsWatch};
 
+use direct::Direct;
+use std::sync::Arc;
 use tonic::transport::Channel;
 use yoto_proto::key::{Connection, Key, connection};
 use yoto_proto::v1::JobPriority;
@@ -39,6 +43,7 @@ pub const DEFAULT_SERVER: &str = "http://127.0.0.1:50051";
 #[derive(Debug, Clone)]
 pub struct YotoClient {
     channel: Connection,
+    direct: Arc<Direct>,
     queue: QueueOptions,
 }
 
@@ -58,8 +63,19 @@ impl YotoClient {
     /// # Errors
     /// When `server` is not an address or nothing answers there.
     pub async fn connect(server: &str) -> Result<Self, ClientError> {
-        let channel = Addresses::parse(server)?.connect().await?;
-        Ok(Self::new(channel))
+        Self::connect_to(&Addresses::parse(server)?, None).await
+    }
+
+    /// Connects to the service at these addresses, which are called with `key`.
+    ///
+    /// # Errors
+    /// When nothing answers there.
+    pub async fn connect_to(addresses: &Addresses, key: Option<Key>) -> Result<Self, ClientError> {
+        let client = Self::with_key(addresses.connect().await?, key);
+        Ok(match addresses.are_encrypted() {
+            true => client,
+            false => client.with_clear_downloads(),
+        })
     }
 
     /// A client over an existing channel, such as the in-memory channel of an embedded
@@ -72,7 +88,18 @@ impl YotoClient {
     pub fn with_key(channel: Channel, key: Option<Key>) -> Self {
         Self {
             channel: connection(channel, key),
+            direct: Arc::default(),
             queue: QueueOptions::default(),
+        }
+    }
+
+    /// A client that may read files from an object store without TLS, where the service names one. Others leave such a
+    /// store to the service.
+    #[must_use]
+    pub fn with_clear_downloads(self) -> Self {
+        Self {
+            direct: Arc::new(Direct::clear()),
+            ..self
         }
     }
 

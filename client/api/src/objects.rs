@@ -1,22 +1,18 @@
 //! Files that jobs have written, each checked against its SHA-256. An interrupted transfer continues
 //! where it ended.
 
-use super::retry::{Retries, read};
+use super::retry::read;
 use super::upload::measure;
 use super::{ClientError, YotoClient};
-use sha2::{Digest, Sha256};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
-use tokio::io::{AsyncWrite, AsyncWriteExt};
-use tonic::Status;
-use yoto_proto::hex;
+use tokio::io::AsyncWriteExt;
 use yoto_proto::key::Connection;
 use yoto_proto::v1::object_service_client::ObjectServiceClient;
-use yoto_proto::v1::{
-    DownloadObjectRequest, ExportResult, ExportedFile, ListObjectsRequest, NamedObject,
-};
+use yoto_proto::v1::{ExportResult, ExportedFile, ListObjectsRequest, NamedObject};
 
 impl YotoClient {
-    fn object_service(&self) -> ObjectServiceClient<Connection> {
+    pub(super) fn object_service(&self) -> ObjectServiceClient<Connection> {
         ObjectServiceClient::new(self.channel.clone())
     }
 
@@ -52,10 +48,10 @@ impl YotoClient {
     /// # Errors
     /// As [`Self::fetch_object`].
     pub async fn object(&self, object: &NamedObject) -> Result<Vec<u8>, ClientError> {
-        let mut bytes = Vec::new();
+        let mut bytes = Cursor::new(Vec::new());
         self.receive(object, Path::new(&object.file), &mut bytes, &mut |_| ())
             .await?;
-        Ok(bytes)
+        Ok(bytes.into_inner())
     }
 
     /// The contents of all files of the export `job`, in the order of its `result`.
@@ -148,60 +144,6 @@ impl YotoClient {
             paths.push(self.fetch_object(object, dir, on_bytes).await?);
         }
         Ok(paths)
-    }
-
-    /// Writes the content of `object` to `to`, which errors call `path`.
-    async fn receive(
-        &self,
-        object: &NamedObject,
-        path: &Path,
-        to: &mut (impl AsyncWrite + Unpin),
-        on_bytes: &mut (dyn FnMut(u64) + Send),
-    ) -> Result<(), ClientError> {
-        let doing = format!("fetching {}", object.name);
-        let (mut hash, mut offset) = (Sha256::new(), 0);
-        let mut retries = Retries::new();
-        while offset < object.bytes {
-            let before = offset;
-            let outcome = async {
-                let request = DownloadObjectRequest {
-                    name: object.name.clone(),
-                    offset,
-                    length: 0,
-                };
-                let answer = self.object_service().download_object(request).await?;
-                let mut stream = answer.into_inner();
-                while let Some(part) = stream.message().await? {
-                    hash.update(&part.chunk);
-                    offset += part.chunk.len() as u64;
-                    on_bytes(part.chunk.len() as u64);
-                    if let Err(error) = to.write_all(&part.chunk).await {
-                        return Ok(Err(error));
-                    }
-                }
-                Ok::<_, Status>(Ok(()))
-            }
-            .await;
-            match outcome {
-                Ok(Ok(())) if offset == before => break,
-                Ok(Ok(())) => {}
-                Ok(Err(error)) => return Err(ClientError::file("writing", path)(error)),
-                Err(status) => {
-                    if offset > before {
-                        retries.reset();
-                    }
-                    let waited = retries.wait(status).await;
-                    waited.map_err(ClientError::refused(doing.clone()))?;
-                }
-            }
-        }
-        let found = hex(&hash.finalize());
-        if found == object.sha256 {
-            return Ok(());
-        }
-        Err(ClientError::Contract(format!(
-            "{doing}: {offset} bytes arrived with a wrong SHA-256"
-        )))
     }
 }
 

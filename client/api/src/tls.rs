@@ -49,6 +49,22 @@ impl Tls {
     /// # Errors
     /// When a file can't be read or has no such content.
     pub(super) fn new(ca: Option<&Path>, own: Option<&Path>) -> Result<Self, ClientError> {
+        Self::speaking(b"h2", ca, own)
+    }
+
+    /// Trusts the authorities of the system, and speaks HTTP/1.1.
+    ///
+    /// # Errors
+    /// When TLS can't be set up.
+    pub(super) fn http1() -> Result<Self, ClientError> {
+        Self::speaking(b"http/1.1", None, None)
+    }
+
+    fn speaking(
+        protocol: &[u8],
+        ca: Option<&Path>,
+        own: Option<&Path>,
+    ) -> Result<Self, ClientError> {
         let mut roots = RootCertStore::empty();
         match ca {
             Some(path) => {
@@ -75,7 +91,7 @@ impl Tls {
                 config.map_err(|error| refused(path, error))?
             }
         };
-        config.alpn_protocols = vec![b"h2".to_vec()];
+        config.alpn_protocols = vec![protocol.to_vec()];
         Ok(Self(TlsConnector::from(Arc::new(config))))
     }
 

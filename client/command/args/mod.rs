@@ -60,8 +60,7 @@ impl Server {
                 self.server
             );
         }
-        let channel = addresses.connect().await?;
-        Ok(YotoClient::with_key(channel, key))
+        YotoClient::connect_to(&addresses, key).await
     }
 
     /// Where the service is.

@@ -64,6 +64,8 @@ pub struct EmbeddedOptions {
     pub lpips: Option<LpipsWeights>,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
+    /// How long clients can read an object of a remote store by a signed URL, if they get URLs at all.
+    pub signed_urls: Option<Duration>,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
     pub scratch: Option<PathBuf>,
     /// Where figures and traces are sent, if anywhere.
@@ -117,6 +119,7 @@ impl Embedded {
             objects: options.objects,
             storage: options.storage,
             otlp: options.otlp,
+            signed_urls: options.signed_urls,
             ..ServerConfig::new(&options.data)
         };
         let coordinator = Coordinator::open(config).await?;
@@ -324,6 +327,7 @@ mod tests {
             ingest: IngestSettings::default(),
             lpips: None,
             storage: StorageLimits::default(),
+            signed_urls: None,
             scratch: None,
             drain: Duration::ZERO,
             otlp: None,

@@ -16,6 +16,8 @@ pub(crate) mod logs;
 #[cfg(feature = "embedded")]
 pub(crate) mod serve;
 #[cfg(feature = "embedded")]
+mod signed_urls;
+#[cfg(feature = "embedded")]
 mod state;
 pub(crate) mod status;
 #[cfg(feature = "embedded")]

@@ -1,6 +1,7 @@
 //! `yoto serve`: coordinator and worker in one process.
 
 use super::exposure::Exposure;
+use super::signed_urls::SignedUrls;
 use super::state::{ObjectsArgs, StateArgs};
 use super::telemetry::TelemetryArgs;
 use crate::embedded::{Embedded, EmbeddedOptions};
@@ -51,6 +52,16 @@ pub(crate) struct Serve {
     state: StateArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
+    /// Whether clients read files from the --objects store itself, by URLs that the service signs and that end after 15
+    /// minutes. With `auto` they do where the store signs URLs (S3) and they can reach it; otherwise the bytes come
+    /// through the service, as they always do with `never`.
+    #[arg(
+        long,
+        env = "YOTO_SIGNED_URLS",
+        value_name = "WHEN",
+        default_value = "never"
+    )]
+    signed_urls: SignedUrls,
     /// Address to listen at: host and port.
     #[arg(
         long,
@@ -189,6 +200,7 @@ impl Serve {
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
+            signed_urls: self.signed_urls.life(),
             scratch: self.scratch,
             drain,
             otlp: self.telemetry.config()?,

@@ -15,6 +15,7 @@ mod parts;
 mod probe;
 mod read;
 mod s3;
+mod sign;
 mod write;
 
 pub use check::Rights;
@@ -26,6 +27,7 @@ pub use parts::{Extent, Part, Piece};
 
 use object_store::path::Path as Key;
 use object_store::{ObjectStore, ObjectStoreExt};
+use sign::Signing;
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
@@ -45,6 +47,8 @@ pub struct Objects {
     store: Arc<dyn ObjectStore>,
     /// The URL of a store that is no folder of this machine.
     remote: Option<Arc<Url>>,
+    /// Of a store that signs URLs.
+    signing: Option<Signing>,
     attempts: u32,
 }
 
@@ -54,6 +58,7 @@ impl Objects {
         Self {
             store,
             remote: None,
+            signing: None,
             attempts: 1,
         }
     }

@@ -1,10 +1,12 @@
 //! Stores by their URLs.
 
+use super::sign::Signing;
 use super::{Environment, Objects, ObjectsError, s3};
 use object_store::ObjectStore;
 use object_store::local::LocalFileSystem;
 use object_store::path::Path as Key;
 use object_store::prefix::PrefixStore;
+use object_store::signer::Signer;
 use std::path::PathBuf;
 use std::sync::Arc;
 use url::Url;
@@ -35,15 +37,7 @@ impl Objects {
             return Err(ObjectsError::url(url, reason));
         }
         s3::set_provider_of_tls();
-        let (store, prefix) = remote(url, environment)?;
-        let store: Arc<dyn ObjectStore> = match prefix.as_ref() {
-            "" => store,
-            _ => Arc::new(PrefixStore::new(store, prefix)),
-        };
-        Ok(Self {
-            remote: Some(Arc::new(url.clone())),
-            ..Self::over(store)
-        })
+        remote(url, environment)
     }
 
     /// Whether the store is no folder of this machine.
@@ -52,21 +46,26 @@ impl Objects {
     }
 }
 
-/// The bucket of `url`, and the prefix in it.
-fn remote(
-    url: &Url,
-    environment: &Environment,
-) -> Result<(Arc<dyn ObjectStore>, Key), ObjectsError> {
-    let prefix = || Key::from_url_path(url.path());
+/// The objects in the bucket of `url`.
+fn remote(url: &Url, environment: &Environment) -> Result<Objects, ObjectsError> {
     match url.scheme() {
-        "s3" => {
-            let prefix = prefix().map_err(|error| ObjectsError::url(url, error))?;
-            Ok((Arc::new(s3::bucket(url, environment)?), prefix))
-        }
+        "s3" => below(url, s3::bucket(url, environment)?),
         #[cfg(feature = "gcs")]
-        "gs" => with_environment(url, environment),
+        "gs" => {
+            use object_store::gcp::GoogleCloudStorageBuilder as Builder;
+            let builder = Builder::new().with_url(url.as_str());
+            let builder = configured(builder, environment, Builder::with_config);
+            let bucket = builder.build();
+            below(url, bucket.map_err(|error| ObjectsError::url(url, error))?)
+        }
         #[cfg(feature = "azure")]
-        "az" => with_environment(url, environment),
+        "az" => {
+            use object_store::azure::MicrosoftAzureBuilder as Builder;
+            let builder = Builder::new().with_url(url.as_str());
+            let builder = configured(builder, environment, Builder::with_config);
+            let bucket = builder.build();
+            below(url, bucket.map_err(|error| ObjectsError::url(url, error))?)
+        }
         _ => {
             let reason = "a store is file:///FOLDER or s3://BUCKET/PREFIX";
             Err(ObjectsError::url(url, reason))
@@ -74,18 +73,35 @@ fn remote(
     }
 }
 
-/// A store of another cloud, with the variables that its own tools read.
+/// The builder of another cloud's store, with the variables that its own tools read.
 #[cfg(any(feature = "gcs", feature = "azure"))]
-fn with_environment(
-    url: &Url,
+fn configured<B, K: std::str::FromStr>(
+    builder: B,
     environment: &Environment,
-) -> Result<(Arc<dyn ObjectStore>, Key), ObjectsError> {
-    let options = environment
-        .iter()
-        .map(|(key, value)| (key.to_ascii_lowercase(), value));
-    let opened = object_store::parse_url_opts(url, options);
-    let (store, prefix) = opened.map_err(|error| ObjectsError::url(url, error))?;
-    Ok((Arc::from(store), prefix))
+    with: impl Fn(B, K, String) -> B,
+) -> B {
+    environment.iter().fold(builder, |builder, (key, value)| {
+        match key.to_ascii_lowercase().parse() {
+            Ok(key) => with(builder, key, value.to_owned()),
+            Err(_) => builder,
+        }
+    })
+}
+
+/// The objects of a bucket, below the prefix in `url`.
+fn below(url: &Url, bucket: impl ObjectStore + Signer + Clone) -> Result<Objects, ObjectsError> {
+    let prefix = Key::from_url_path(url.path());
+    let prefix = prefix.map_err(|error| ObjectsError::url(url, error))?;
+    let signing = Signing::new(Arc::new(bucket.clone()), prefix.clone());
+    let store: Arc<dyn ObjectStore> = match prefix.as_ref() {
+        "" => Arc::new(bucket),
+        _ => Arc::new(PrefixStore::new(bucket, prefix)),
+    };
+    Ok(Objects {
+        remote: Some(Arc::new(url.clone())),
+        signing: Some(signing),
+        ..Objects::over(store)
+    })
 }
 
 /// The folder that a `file` URL names.

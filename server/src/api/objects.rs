@@ -7,13 +7,15 @@ use crate::tenant::Tenant;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
+use std::time::{Duration, UNIX_EPOCH};
 use tonic::{Request, Response, Status};
 use yoto_proto::manifest::{Manifest, files};
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::object_service_server::ObjectService;
 use yoto_proto::v1::{
     DownloadObjectRequest, DownloadObjectResponse, ErrorReason, Job, JobKind, ListObjectsRequest,
-    ListObjectsResponse, NamedObject, ObjectRef, job, job_result,
+    ListObjectsResponse, NamedObject, ObjectRef, SignDownloadRequest, SignDownloadResponse,
+    Unsigned, job, job_result,
 };
 
 /// File of a measured trade-off.
@@ -67,13 +69,7 @@ impl ObjectService for ObjectApi {
             offset,
             length,
         } = request.get_ref();
-        let (parent, file) = names::parse_object(name)
-            .map_err(|error| RequestError::invalid("name", error.to_string()))?;
-        let objects = self.objects(&tenant, "name", parent).await?;
-        let object = objects.into_iter().find(|(known, _)| known == file);
-        let (_, object) = object.ok_or_else(|| RequestError::NotFound {
-            name: name.chars().take(200).collect(),
-        })?;
+        let object = self.named(&tenant, name).await?;
         if *offset > object.bytes {
             let message = format!("{offset} is beyond the file's {} bytes", object.bytes);
             return Err(RequestError::invalid("offset", message).into());
@@ -98,9 +94,49 @@ impl ObjectService for ObjectApi {
                 .boxed(),
         ))
     }
+
+    async fn sign_download(
+        &self,
+        request: Request<SignDownloadRequest>,
+    ) -> Result<Response<SignDownloadResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let object = self.named(&tenant, &request.get_ref().name).await?;
+        let without = |reason: Unsigned| {
+            Ok(Response::new(SignDownloadResponse {
+                unsigned: reason.into(),
+                ..SignDownloadResponse::default()
+            }))
+        };
+        let Some(life) = self.context.config.signed_urls else {
+            return without(Unsigned::TurnedOff);
+        };
+        let since = Duration::try_from_secs_f64(self.context.config.clock.now());
+        let end = UNIX_EPOCH + since.unwrap_or_default() + life;
+        let signed = self.context.objects.url_to_read(&object.key, life).await;
+        let Some(url) = signed.map_err(RequestError::from)? else {
+            return without(Unsigned::NotSupported);
+        };
+        Ok(Response::new(SignDownloadResponse {
+            url: url.into(),
+            expire_time: Some(end.into()),
+            ..SignDownloadResponse::default()
+        }))
+    }
 }
 
 impl ObjectApi {
+    /// The file with this name (`{parent}/objects/{file}`).
+    async fn named(&self, tenant: &Tenant, name: &str) -> Result<ObjectRef, RequestError> {
+        let (parent, file) = names::parse_object(name)
+            .map_err(|error| RequestError::invalid("name", error.to_string()))?;
+        let objects = self.objects(tenant, "name", parent).await?;
+        let object = objects.into_iter().find(|(known, _)| known == file);
+        let (_, object) = object.ok_or_else(|| RequestError::NotFound {
+            name: name.chars().take(200).collect(),
+        })?;
+        Ok(object)
+    }
+
     /// The files of `parent`; `field` is the path of its name in the request.
     async fn objects(
         &self,

@@ -31,6 +31,7 @@ mod retries;
 mod s3;
 mod scenes;
 mod service;
+mod signed;
 mod status;
 mod support;
 mod tenants;

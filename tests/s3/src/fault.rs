@@ -25,6 +25,8 @@ pub enum Fault {
     CutAnswers,
     /// The connection ends within a request's body. Every second request with one.
     CutRequests,
+    /// A request by a signed URL ends its connection: who has no other way does not reach the store.
+    NoSigned,
     /// Each request waits.
     Slow(Duration),
     /// This status with this body, as from another server or another kind of refusal.
@@ -37,6 +39,7 @@ pub(crate) struct Faults {
     fault: Mutex<Option<Fault>>,
     failed: AtomicU64,
     requests: AtomicU64,
+    signed: AtomicU64,
 }
 
 impl Faults {
@@ -47,6 +50,11 @@ impl Faults {
     /// Requests that failed by a fault.
     pub(crate) fn failed(&self) -> u64 {
         self.failed.load(Ordering::SeqCst)
+    }
+
+    /// Requests that came by signed URLs.
+    pub(crate) fn signed(&self) -> u64 {
+        self.signed.load(Ordering::SeqCst)
     }
 
     fn current(&self) -> Option<Fault> {
@@ -66,6 +74,11 @@ impl Faults {
             .requests
             .fetch_add(1, Ordering::SeqCst)
             .is_multiple_of(2);
+        let query = request.uri().query().unwrap_or_default();
+        let is_signed = query.contains("X-Amz-Signature=");
+        if is_signed {
+            self.signed.fetch_add(1, Ordering::SeqCst);
+        }
         let fail = || self.failed.fetch_add(1, Ordering::SeqCst);
         match self.current() {
             Some(Fault::Unavailable) => {
@@ -75,6 +88,10 @@ impl Faults {
             Some(Fault::Answer(status, body)) => {
                 fail();
                 Ok(refusal(status, body))
+            }
+            Some(Fault::NoSigned) if is_signed => {
+                fail();
+                Err(io::ErrorKind::ConnectionReset.into())
             }
             Some(Fault::CutRequests) if even && !request.body().is_end_stream() => {
                 fail();

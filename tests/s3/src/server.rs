@@ -140,6 +140,11 @@ impl Server {
         self.shared.faults.failed()
     }
 
+    /// Requests that came by signed URLs.
+    pub fn signed(&self) -> u64 {
+        self.shared.faults.signed()
+    }
+
     /// Denies operations by their names in S3, e.g. `DeleteObjects`, and allows all others.
     pub fn deny(&self, operations: &[&'static str]) {
         *self

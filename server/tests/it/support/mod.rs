@@ -31,6 +31,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio::task::JoinHandle;
 use tonic::transport::Channel;
+use yoto_objects::Environment;
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::object_service_client::ObjectServiceClient;
@@ -49,6 +50,8 @@ pub struct Service {
     pub connector: InMemoryConnector,
     pub coordinator: Coordinator,
     pub database: Database,
+    /// Of its object store.
+    pub environment: Environment,
     serving: JoinHandle<Result<(), ServerError>>,
 }
 
@@ -99,6 +102,7 @@ impl Service {
     }
 
     async fn open(dir: TempDir, database: Database, config: ServerConfig) -> Self {
+        let environment = config.environment.clone();
         let coordinator = Coordinator::open(config).await.expect("opens");
         let (connector, incoming) = in_memory();
         let serving = tokio::spawn(coordinator.serve(incoming, std::future::pending()));
@@ -108,6 +112,7 @@ impl Service {
             connector,
             coordinator,
             database,
+            environment,
             serving,
         }
     }

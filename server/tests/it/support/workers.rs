@@ -86,7 +86,8 @@ impl Service {
 
     /// Writes an object as a worker would.
     pub async fn put(&self, key: &str, bytes: &[u8]) -> ObjectRef {
-        let objects = Objects::open(self.coordinator.objects_url()).expect("opens");
+        let objects = Objects::open_with(self.coordinator.objects_url(), &self.environment);
+        let objects = objects.expect("opens");
         let written = objects.put(key, bytes.to_vec().into()).await;
         written.expect("writes")
     }

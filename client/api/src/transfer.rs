@@ -1,0 +1,196 @@
+//! The way of a file's bytes to a client: from the object store if it signs a URL and can be reached, otherwise through the
+//! service. Each way goes on where the other one ended.
+
+use super::direct::Fault;
+use super::retry::Retries;
+use super::{ClientError, YotoClient};
+use sha2::{Digest, Sha256};
+use std::io::{self, SeekFrom};
+use std::path::Path;
+use tokio::io::{AsyncSeek, AsyncSeekExt, AsyncWrite, AsyncWriteExt};
+use tonic::{Code, Status};
+use yoto_proto::hex;
+use yoto_proto::v1::{DownloadObjectRequest, NamedObject, SignDownloadRequest};
+
+/// Smallest file that is worth a URL: a smaller one arrives with the answer that a URL would cost.
+const WORTH_A_URL: u64 = 64 << 10;
+
+/// A file on its way to `to`.
+struct Transfer<'a, W> {
+    object: &'a NamedObject,
+    to: &'a mut W,
+    /// Receives the size of each part.
+    on_bytes: &'a mut (dyn FnMut(u64) + Send),
+    hash: Sha256,
+    offset: u64,
+    /// Bytes that `on_bytes` has counted: after a new beginning, more than have arrived.
+    counted: u64,
+}
+
+impl<W: AsyncWrite + AsyncSeek + Unpin> Transfer<'_, W> {
+    async fn take(&mut self, chunk: &[u8]) -> io::Result<()> {
+        self.hash.update(chunk);
+        self.offset += chunk.len() as u64;
+        if self.offset > self.counted {
+            (self.on_bytes)(self.offset - self.counted);
+            self.counted = self.offset;
+        }
+        self.to.write_all(chunk).await
+    }
+
+    /// Begins anew.
+    async fn restart(&mut self) -> io::Result<()> {
+        self.hash = Sha256::new();
+        self.offset = 0;
+        self.to.flush().await?;
+        self.to.seek(SeekFrom::Start(0)).await.map(|_| ())
+    }
+
+    fn lacks_bytes(&self) -> bool {
+        self.offset < self.object.bytes
+    }
+
+    fn is_right(&self) -> bool {
+        hex(&self.hash.clone().finalize()) == self.object.sha256
+    }
+}
+
+impl YotoClient {
+    /// Writes the content of `object` to the beginning of `to`, which errors call `path`.
+    pub(super) async fn receive<W: AsyncWrite + AsyncSeek + Unpin>(
+        &self,
+        object: &NamedObject,
+        path: &Path,
+        to: &mut W,
+        on_bytes: &mut (dyn FnMut(u64) + Send),
+    ) -> Result<(), ClientError> {
+        let mut transfer = Transfer {
+            object,
+            to,
+            on_bytes,
+            hash: Sha256::new(),
+            offset: 0,
+            counted: 0,
+        };
+        let file = |error| ClientError::file("writing", path)(error);
+        if object.bytes >= WORTH_A_URL {
+            self.read_store(&mut transfer).await.map_err(file)?;
+        }
+        if object.bytes > 0 && !transfer.lacks_bytes() && !transfer.is_right() {
+            // The service looks at the object and knows what is wrong.
+            self.direct.give_up(&Fault::Altered.to_string());
+            transfer.restart().await.map_err(file)?;
+        }
+        self.read_service(&mut transfer, path).await?;
+        if transfer.is_right() {
+            return Ok(());
+        }
+        Err(ClientError::Contract(format!(
+            "fetching {}: {} bytes arrived with a wrong SHA-256",
+            object.name, transfer.offset
+        )))
+    }
+
+    /// Takes what the store sends by itself. Only an error of `transfer` is one.
+    async fn read_store<W: AsyncWrite + AsyncSeek + Unpin>(
+        &self,
+        transfer: &mut Transfer<'_, W>,
+    ) -> io::Result<()> {
+        while transfer.lacks_bytes() && self.direct.is_on() {
+            let request = SignDownloadRequest {
+                name: transfer.object.name.clone(),
+            };
+            let url = match self.object_service().sign_download(request).await {
+                Ok(answer) => answer.into_inner().url,
+                Err(status) => {
+                    if status.code() == Code::Unimplemented {
+                        self.direct.give_up("the service is of an earlier version");
+                    }
+                    return Ok(());
+                }
+            };
+            if url.is_empty() {
+                self.direct.give_up("the service signs no URLs");
+                return Ok(());
+            }
+            let before = transfer.offset;
+            match self.read(&url, transfer).await? {
+                // The last URL may have ended.
+                Err(fault) if transfer.offset > before => {
+                    tracing::debug!(%fault, "the object store is read again");
+                }
+                Err(fault) => self.direct.give_up(&fault.to_string()),
+                Ok(()) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the rest at `url`; the outer error is that of `transfer`.
+    async fn read<W: AsyncWrite + AsyncSeek + Unpin>(
+        &self,
+        url: &str,
+        transfer: &mut Transfer<'_, W>,
+    ) -> io::Result<Result<(), Fault>> {
+        let bytes = transfer.object.bytes;
+        let mut answer = match self.direct.get(url, transfer.offset, bytes).await {
+            Ok(answer) => answer,
+            Err(fault) => return Ok(Err(fault)),
+        };
+        loop {
+            match answer.chunk().await {
+                Ok(Some(chunk)) if chunk.len() as u64 > bytes - transfer.offset => {
+                    return Ok(Err(Fault::Size));
+                }
+                Ok(Some(chunk)) => transfer.take(&chunk).await?,
+                Ok(None) if transfer.lacks_bytes() => return Ok(Err(Fault::Size)),
+                Ok(None) => break,
+                Err(fault) => return Ok(Err(fault)),
+            }
+        }
+        self.direct.keep(answer);
+        Ok(Ok(()))
+    }
+
+    /// Takes the rest from the service.
+    async fn read_service<W: AsyncWrite + AsyncSeek + Unpin>(
+        &self,
+        transfer: &mut Transfer<'_, W>,
+        path: &Path,
+    ) -> Result<(), ClientError> {
+        let mut retries = Retries::new();
+        while transfer.lacks_bytes() {
+            let before = transfer.offset;
+            let outcome = async {
+                let request = DownloadObjectRequest {
+                    name: transfer.object.name.clone(),
+                    offset: transfer.offset,
+                    length: 0,
+                };
+                let answer = self.object_service().download_object(request).await?;
+                let mut stream = answer.into_inner();
+                while let Some(part) = stream.message().await? {
+                    if let Err(error) = transfer.take(&part.chunk).await {
+                        return Ok(Err(error));
+                    }
+                }
+                Ok::<_, Status>(Ok(()))
+            }
+            .await;
+            match outcome {
+                Ok(Ok(())) if transfer.offset == before => break,
+                Ok(Ok(())) => {}
+                Ok(Err(error)) => return Err(ClientError::file("writing", path)(error)),
+                Err(status) => {
+                    if transfer.offset > before {
+                        retries.reset();
+                    }
+                    let doing = format!("fetching {}", transfer.object.name);
+                    let waited = retries.wait(status).await;
+                    waited.map_err(ClientError::refused(doing))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,26 @@
+//! `yoto serve --signed-urls`.
+
+use clap::ValueEnum;
+use std::time::Duration;
+
+/// How long a URL can be used: for the largest checkpoint over a slow line. A transfer that takes longer asks for another one.
+const LIFE: Duration = Duration::from_secs(15 * 60);
+
+/// Whether clients read files from the object store itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SignedUrls {
+    /// All files come through the service.
+    Never,
+    /// Where the store signs URLs, files come from it.
+    Auto,
+}
+
+impl SignedUrls {
+    /// How long a URL can be used, if there are any.
+    pub(crate) fn life(self) -> Option<Duration> {
+        match self {
+            Self::Never => None,
+            Self::Auto => Some(LIFE),
+        }
+    }
+}
