@@ -3,7 +3,8 @@
 use anyhow::Context;
 use clap::Args;
 use std::env::{VarError, var};
-use yoto_server::{OtlpConfig, OtlpEndpoint};
+use std::str::FromStr;
+use yoto_server::{OtlpConfig, OtlpEndpoint, OtlpError};
 
 /// The variable of headers. They are secret, so there is no option, which other users of the machine could see.
 const HEADERS: &str = "OTEL_EXPORTER_OTLP_HEADERS";
@@ -15,7 +16,7 @@ pub(crate) struct TelemetryArgs {
     /// seconds: http://HOST:4317 or https://HOST. Headers are in OTEL_EXPORTER_OTLP_HEADERS, NAME=VALUE with commas between
     /// them.
     #[arg(long, env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
-    otlp: Option<OtlpEndpoint>,
+    otlp: Option<Collector>,
 }
 
 impl TelemetryArgs {
@@ -24,7 +25,7 @@ impl TelemetryArgs {
     /// # Errors
     /// When the headers can't be used. Their values are not told.
     pub(crate) fn config(self) -> anyhow::Result<Option<OtlpConfig>> {
-        let Some(endpoint) = self.otlp else {
+        let Some(Collector(Some(endpoint))) = self.otlp else {
             return Ok(None);
         };
         let text = match var(HEADERS) {
@@ -37,5 +38,36 @@ impl TelemetryArgs {
             headers,
             ..OtlpConfig::new(endpoint)
         }))
+    }
+}
+
+/// A collector; none if the text is empty, as OpenTelemetry has it for its variables.
+#[derive(Debug, Clone)]
+struct Collector(Option<OtlpEndpoint>);
+
+impl FromStr for Collector {
+    type Err = OtlpError;
+
+    fn from_str(text: &str) -> Result<Self, OtlpError> {
+        match text {
+            "" => Ok(Self(None)),
+            text => text.parse().map(|endpoint| Self(Some(endpoint))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_variable_is_like_none() {
+        let Collector(endpoint) = "".parse().expect("is none");
+        assert_eq!(endpoint, None);
+        let Collector(endpoint) = "http://collector:4317".parse().expect("is one");
+        assert!(endpoint.is_some());
+        "collector:4317"
+            .parse::<Collector>()
+            .expect_err("has no scheme");
     }
 }

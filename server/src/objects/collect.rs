@@ -9,12 +9,16 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::metrics::METRICS;
 use crate::store::{Horizons, KnownGarbage, PartId, Reference};
-use futures::TryStreamExt;
+use futures::future::BoxFuture;
+use futures::{FutureExt, StreamExt, TryStreamExt, stream};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 use yoto_objects::Listed;
 use yoto_proto::keys::{self, FolderOwner};
+
+/// Folders that are searched or removed at once: a remote store answers each of its requests after some 50 ms.
+const AT_ONCE: usize = 8;
 
 /// How to collect.
 #[derive(Debug, Clone, Copy, Default)]
@@ -84,11 +88,15 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
     let references = context.store.references(&keys, kept(context)).await?;
     let grace = context.config.storage.grace.as_secs_f64();
     if !options.dry_run {
-        for (folder, _) in (folders.iter().zip(&references)).filter(|it| *it.1 == Reference::Row) {
-            if let Some(FolderOwner::Upload { capture }) = FolderOwner::parse(&folder.key) {
-                remove_orphans(context, capture).await?;
+        let mut searches = Vec::new();
+        for (folder, reference) in folders.iter().zip(&references) {
+            if let (Reference::Row, Some(FolderOwner::Upload { capture })) =
+                (reference, FolderOwner::parse(&folder.key))
+            {
+                searches.push(remove_orphans(context, capture).boxed());
             }
         }
+        some_at_once(searches).await?;
     }
     let mut found = judge(folders, &references, &known);
     for it in &mut found {
@@ -107,29 +115,44 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
     if !new.is_empty() || !gone.is_empty() {
         context.store.note_garbage(&new, &gone).await?;
     }
-    for it in found.iter_mut().filter(|it| it.due) {
-        if context.stop.is_cancelled() {
-            it.due = false;
-            continue;
-        }
-        if !is_released(context, &it.folder.key).await? {
-            it.due = false;
-            continue;
-        }
-        match context.place.delete_folder(&it.folder.key).await {
-            Ok(()) => {
-                let Folder { key, bytes, .. } = &it.folder;
-                tracing::info!(key, bytes, deleted = it.deleted, "garbage removed");
-            }
-            Err(error) => {
-                tracing::error!(error = error.with_causes(), "could not remove garbage");
-                it.due = false;
-            }
-        }
+    let due: Vec<usize> = (0..found.len()).filter(|at| found[*at].due).collect();
+    // Several coordinators find the same: each begins somewhere else.
+    let first = uuid::Uuid::new_v4().as_u128() % due.len().max(1) as u128;
+    let (later, sooner) = due.split_at(first as usize);
+    let mut removals = Vec::with_capacity(due.len());
+    for at in sooner.iter().chain(later) {
+        removals.push(remove(context, *at, &found[*at]).boxed());
+    }
+    for (at, is_gone) in some_at_once(removals).await? {
+        found[at].due = is_gone;
     }
     let removed = found.iter().filter(|it| it.due).map(|it| it.folder.bytes);
     METRICS.collected(removed.sum());
     Ok(found)
+}
+
+/// The results of `work`, in any order; after the first error, what waits is not begun.
+async fn some_at_once<T: Send>(
+    work: Vec<BoxFuture<'_, Result<T, RequestError>>>,
+) -> Result<Vec<T>, RequestError> {
+    let running = stream::iter(work).buffer_unordered(AT_ONCE);
+    running.try_collect().await
+}
+
+/// Removes the folder of garbage number `at`, unless the coordinator stops. Returns the number, and whether it is gone.
+async fn remove(context: &Context, at: usize, it: &Garbage) -> Result<(usize, bool), RequestError> {
+    let Folder { key, bytes, .. } = &it.folder;
+    if context.stop.is_cancelled() || !is_released(context, key).await? {
+        return Ok((at, false));
+    }
+    let removed = context.place.delete_folder(key).await;
+    match &removed {
+        Ok(()) => tracing::info!(key, bytes, deleted = it.deleted, "garbage removed"),
+        Err(error) => {
+            tracing::error!(error = error.with_causes(), "could not remove garbage");
+        }
+    }
+    Ok((at, removed.is_ok()))
 }
 
 /// Removes the parts of an upload in use that no row names or will name: those of writers that lost the upload, or were
