@@ -200,7 +200,7 @@ mod tests {
             assert_eq!(scope == Scope::Work, of_worker, "{path}");
             let looks = path.contains("/Get") || path.contains("/List") || path.contains("/Watch");
             assert!(
-                scope != Scope::Read || looks || path.contains("/Download"),
+                scope != Scope::Read || looks || path.contains("Download"),
                 "{path}"
             );
         }
