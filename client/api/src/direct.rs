@@ -41,9 +41,9 @@ pub(super) enum Fault {
     Silent,
     #[error("it answers with status {}", .0.as_u16())]
     Status(StatusCode),
-    #[error("it has a file of another size")]
+    #[error("the size of its file differs")]
     Size,
-    #[error("it has other bytes than were written")]
+    #[error("its file was altered")]
     Altered,
     #[error("the connection broke: {0}")]
     Broken(#[from] hyper::Error),

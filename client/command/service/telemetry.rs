@@ -41,7 +41,7 @@ impl TelemetryArgs {
     }
 }
 
-/// A collector; none if the text is empty, as OpenTelemetry has it for its variables.
+/// A collector. An empty text means no collector, as OpenTelemetry specifies for its variables.
 #[derive(Debug, Clone)]
 struct Collector(Option<OtlpEndpoint>);
 
@@ -61,10 +61,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_empty_variable_is_like_none() {
-        let Collector(endpoint) = "".parse().expect("is none");
+    fn an_empty_variable_counts_as_unset() {
+        let Collector(endpoint) = "".parse().expect("parses");
         assert_eq!(endpoint, None);
-        let Collector(endpoint) = "http://collector:4317".parse().expect("is one");
+        let Collector(endpoint) = "http://collector:4317".parse().expect("parses");
         assert!(endpoint.is_some());
         "collector:4317"
             .parse::<Collector>()

@@ -18,7 +18,7 @@ use yoto_objects::Listed;
 use yoto_proto::keys::{self, FolderOwner};
 
 /// Folders that are searched or removed at once: a remote store answers each of its requests after some 50 ms.
-const AT_ONCE: usize = 8;
+const CONCURRENCY: usize = 8;
 
 /// How to collect.
 #[derive(Debug, Clone, Copy, Default)]
@@ -96,7 +96,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
                 searches.push(remove_orphans(context, capture).boxed());
             }
         }
-        some_at_once(searches).await?;
+        concurrently(searches).await?;
     }
     let mut found = judge(folders, &references, &known);
     for it in &mut found {
@@ -123,7 +123,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
     for at in sooner.iter().chain(later) {
         removals.push(remove(context, *at, &found[*at]).boxed());
     }
-    for (at, is_gone) in some_at_once(removals).await? {
+    for (at, is_gone) in concurrently(removals).await? {
         found[at].due = is_gone;
     }
     let removed = found.iter().filter(|it| it.due).map(|it| it.folder.bytes);
@@ -132,10 +132,10 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
 }
 
 /// The results of `work`, in any order; after the first error, what waits is not begun.
-async fn some_at_once<T: Send>(
+async fn concurrently<T: Send>(
     work: Vec<BoxFuture<'_, Result<T, RequestError>>>,
 ) -> Result<Vec<T>, RequestError> {
-    let running = stream::iter(work).buffer_unordered(AT_ONCE);
+    let running = stream::iter(work).buffer_unordered(CONCURRENCY);
     running.try_collect().await
 }
 

@@ -32,12 +32,12 @@ impl OtlpConfig {
 /// The reason why a setting of OTLP can't be used. It never has the value of a header.
 #[derive(Debug, Error)]
 pub enum OtlpError {
-    /// The address is none.
+    /// The address is invalid.
     #[error(
         "{0}; an endpoint of OTLP over gRPC is http://HOST:PORT or https://HOST:PORT, and its port is mostly 4317"
     )]
     Endpoint(String),
-    /// A header is none.
+    /// A header is invalid.
     #[error(
         "header {number}: {fault}; headers are NAME=VALUE with commas between them, and values are percent-encoded"
     )]
@@ -131,7 +131,7 @@ impl FromStr for OtlpHeaders {
             let (name, value) = entry.split_once('=').ok_or(fault("it has no ="))?;
             let name = name.trim().to_ascii_lowercase();
             let name = AsciiMetadataKey::from_bytes(name.as_bytes());
-            let name = name.map_err(|_| fault("its name is none of a header with text"))?;
+            let name = name.map_err(|_| fault("its name is not valid for a header"))?;
             let value = percent_encoding::percent_decode_str(value.trim()).collect::<Vec<u8>>();
             let value = AsciiMetadataValue::try_from(value.as_slice());
             let mut value = value.map_err(|_| fault("its value has a control character"))?;

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// A line that is none of OpenMetrics, as this program writes it.
+/// A line that is not valid OpenMetrics, as this program writes it.
 #[derive(Debug, Error)]
 #[error("line {number} of the figures can't be read: {line}")]
 pub struct Unreadable {
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_none_is_named() {
+    fn an_invalid_line_is_named() {
         for bad in [
             "alone 1",
             "# HELP a b\na",

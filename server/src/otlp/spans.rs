@@ -1,7 +1,7 @@
 //! The trace of an ended job: its time in the queue and its attempts.
 //!
-//! Ids follow from the job's name alone. The trace has the first 16 bytes of its SHA-256, so that whoever knows a job finds
-//! its trace, and a second send replaces the first.
+//! Ids follow from the job's name alone. The trace's id is the first 16 bytes of its SHA-256. So a trace can be found
+//! by its job's name, and a second send replaces the first.
 
 use super::attributes::{number, text};
 use crate::store::{EndedJob, JobKind};

@@ -38,7 +38,7 @@ impl Wire {
     /// To the collector at `endpoint`. With `https://`, it is trusted if the system trusts its authority.
     ///
     /// # Errors
-    /// When the address is none, or TLS can't be used.
+    /// When the address is invalid, or TLS can't be used.
     pub fn new(endpoint: &OtlpEndpoint) -> Result<Self, OtlpError> {
         let url = endpoint.url();
         let uri: Uri = match url.as_str().parse() {

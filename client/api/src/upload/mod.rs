@@ -22,9 +22,9 @@ use yoto_proto::v1::{
     Upload, upload,
 };
 
-/// Number of times that the service may have other bytes of one upload than this program knows of: after more, its disk
-/// counts as broken, or another program as the writer.
-const SURPRISES: u32 = 3;
+/// Number of times that the committed bytes of one upload may differ from what this program expects. After more, the
+/// service's disk counts as broken, or another program as the writer.
+const MISMATCHES: u32 = 3;
 
 impl YotoClient {
     fn upload_service(&self) -> UploadServiceClient<Connection> {
@@ -55,7 +55,7 @@ impl YotoClient {
         let mut upload = self.open_upload(subject, headers.clone()).await?;
         let mut meter = Meter { on_bytes, told: 0 };
         let mut retries = Retries::new();
-        let mut surprises = 0;
+        let mut mismatches = 0;
         loop {
             let service = self.upload_service();
             let status = match send(service, &upload, &files, &headers, &mut meter).await? {
@@ -65,8 +65,8 @@ impl YotoClient {
                 },
                 Err(status) => status,
             };
-            if surprises < SURPRISES && is_surprise(&status) {
-                surprises += 1;
+            if mismatches < MISMATCHES && is_mismatch(&status) {
+                mismatches += 1;
             } else {
                 retries.wait(status).await.map_err(refused())?;
             }
@@ -135,9 +135,9 @@ impl YotoClient {
     }
 }
 
-/// Whether the service has other bytes of the upload than were asked for: its disk has lost some, which must be sent again,
-/// or an earlier call of this program, whose connection counts as lost, has arrived after all.
-fn is_surprise(status: &Status) -> bool {
+/// Whether the committed bytes of the upload differ from what this program expects: the service's disk has lost some, which
+/// must be sent again, or an earlier call of this program has arrived late.
+fn is_mismatch(status: &Status) -> bool {
     matches!(
         reasons::of(status),
         Some(
