@@ -7,7 +7,7 @@ use super::rules::{self, EVENTS, Rule};
 use super::{Admission, Caller, browser};
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::http::{self, is_grpc};
+use crate::http::{self, is_grpc, transcoding};
 use crate::methods::is_unary;
 use crate::store::KeyRow;
 use crate::tenant::Tenant;
@@ -46,6 +46,51 @@ impl<S> Layer<S> for AccessLayer {
 pub struct Authorized<S> {
     inner: S,
     access: AccessLayer,
+}
+
+/// The form of a request, and so of a refusal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    /// A call of gRPC.
+    Grpc,
+    /// A call over HTTP.
+    Json,
+    /// A page for people.
+    Page,
+    /// Anything else: a page for programs.
+    Plain,
+}
+
+impl Form {
+    fn of(request: &Request<Body>) -> Self {
+        let path = request.uri().path();
+        if is_grpc(request.headers()) {
+            Self::Grpc
+        } else if transcoding::is_request(path) {
+            Self::Json
+        } else if rules::is_of_dashboard(path) {
+            Self::Page
+        } else {
+            Self::Plain
+        }
+    }
+
+    /// The answer to a path of nothing.
+    fn unknown(self) -> Response<Body> {
+        match self {
+            Self::Json => transcoding::unknown().map(Body::new),
+            _ => http::unknown(self == Self::Grpc),
+        }
+    }
+
+    /// The answer to a caller who may not call.
+    fn refusal(self, error: RequestError) -> Response<Body> {
+        match self {
+            Self::Json => transcoding::refusal(error).map(Body::new),
+            Self::Page => http::sign_in(error),
+            _ => http::refusal(error, self == Self::Grpc),
+        }
+    }
 }
 
 /// A caller, and the SHA-256 of its key.
@@ -162,21 +207,23 @@ where
         let next = self.inner.clone();
         let mut inner = std::mem::replace(&mut self.inner, next);
         Box::pin(async move {
-            let grpc = is_grpc(request.headers());
-            let page = rules::is_of_dashboard(request.uri().path());
-            let head = Head::of(&mut request, page);
-            let rule = match rules::of(request.uri().path()) {
-                None => return Ok(http::unknown(grpc)),
+            let form = Form::of(&request);
+            let head = Head::of(&mut request, form == Form::Page);
+            let path = request.uri().path();
+            let rule = match rules::of_request(request.method(), path) {
+                None => return Ok(form.unknown()),
                 Some(Rule::Open) => return inner.call(request).await,
                 Some(rule) => rule,
             };
+            let streams = match form {
+                Form::Grpc => !is_unary(path),
+                Form::Json => transcoding::streams(request.method(), path),
+                Form::Page | Form::Plain => path == EVENTS,
+            };
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,
-                Err(error) if page => return Ok(http::sign_in(error)),
-                Err(error) => return Ok(http::refusal(error, grpc)),
+                Err(error) => return Ok(form.refusal(error)),
             };
-            let path = request.uri().path();
-            let streams = path == EVENTS || (grpc && !is_unary(path));
             request.extensions_mut().insert(caller.tenant.clone());
             request.extensions_mut().insert(caller);
             let answer = inner.call(request);

@@ -1,5 +1,7 @@
 //! What each path needs, by the options of the contract's calls and the rules of the pages.
 
+use crate::http::transcoding::{self, Needed};
+use axum::http;
 use prost::Message;
 use std::collections::HashMap;
 use std::sync::LazyLock;
@@ -71,8 +73,19 @@ const ASSETS: &str = "/assets/*";
 
 static RULES: LazyLock<HashMap<String, Rule>> = LazyLock::new(all);
 
+/// The rule of a request; `None` if nothing is there.
+pub fn of_request(verb: &http::Method, path: &str) -> Option<Rule> {
+    if !transcoding::is_request(path) {
+        return of(path);
+    }
+    match transcoding::needed(verb, path)? {
+        Needed::Call(call) => of(call),
+        Needed::Contract => Some(Rule::Key),
+    }
+}
+
 /// The rule of the path; `None` if nothing is there.
-pub fn of(path: &str) -> Option<Rule> {
+fn of(path: &str) -> Option<Rule> {
     let own = RULES.get(path).copied();
     own.or_else(|| of_dashboard(path))
 }
@@ -220,6 +233,40 @@ mod tests {
         assert_eq!(scope("/jobs/1/cancel"), Some(Scope::Write));
         assert_eq!(scope("/workers/cordon"), Some(Scope::Operate));
         assert_eq!(of("/assets/page.js"), Some(Rule::Open));
+    }
+
+    #[test]
+    fn a_call_over_http_has_the_rule_of_the_call() {
+        for (verb, path, call) in [
+            (
+                http::Method::GET,
+                "/v1/jobs/7",
+                "/yoto.v1.JobService/GetJob",
+            ),
+            (
+                http::Method::POST,
+                "/v1/jobs",
+                "/yoto.v1.JobService/CreateJob",
+            ),
+            (
+                http::Method::POST,
+                "/v1/service:drain",
+                "/yoto.v1.StatusService/Drain",
+            ),
+            (
+                http::Method::PUT,
+                "/v1/uploads/7/files/a",
+                "/yoto.v1.UploadService/WriteUpload",
+            ),
+        ] {
+            assert_eq!(of_request(&verb, path), of(call), "{path}");
+            assert!(of(call).is_some(), "{call}");
+        }
+        let description = of_request(&http::Method::GET, "/v1/openapi.json");
+        assert_eq!(description, Some(Rule::Key));
+        assert_eq!(of_request(&http::Method::PUT, "/v1/jobs"), None);
+        assert_eq!(of_request(&http::Method::GET, "/v1/nothing"), None);
+        assert_eq!(of_request(&http::Method::GET, "/readyz"), Some(Rule::Open));
     }
 
     #[test]

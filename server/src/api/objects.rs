@@ -126,7 +126,14 @@ impl ObjectService for ObjectApi {
 
 impl ObjectApi {
     /// The file with this name (`{parent}/objects/{file}`).
-    async fn named(&self, tenant: &Tenant, name: &str) -> Result<ObjectRef, RequestError> {
+    ///
+    /// # Errors
+    /// When the name is none, or the tenant has no such file.
+    pub(crate) async fn named(
+        &self,
+        tenant: &Tenant,
+        name: &str,
+    ) -> Result<ObjectRef, RequestError> {
         let (parent, file) = names::parse_object(name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
         let objects = self.objects(tenant, "name", parent).await?;

@@ -41,6 +41,8 @@ mod tradeoff;
 mod words;
 mod workers;
 
+pub use files::Kind;
+
 use crate::context::Context;
 use axum::Router;
 use axum::middleware::map_response;

@@ -1,12 +1,13 @@
 //! Pages over plain HTTP, on the port of gRPC: for balancers, container engines and Prometheus.
 //!
 //! They are merged into the same router, so connections and calls count towards the same limits. Each page answers GET and
-//! HEAD alone. A page for people, or JSON for programs, is another file here, another line in [`pages`], and a rule in
-//! `crate::access`, without which it is not answered.
+//! HEAD alone. A page for programs is another file here, another line in [`pages`], and a rule in `crate::access`, without
+//! which it is not answered. The calls of the contract over HTTP are in [`transcoding`].
 
 pub mod figures;
 mod metrics;
 mod probes;
+pub mod transcoding;
 
 use crate::context::Context;
 use crate::error::RequestError;
@@ -26,7 +27,7 @@ pub fn is_grpc(headers: &HeaderMap) -> bool {
     kind.is_some_and(|it| it.as_bytes().starts_with(b"application/grpc"))
 }
 
-/// The services of gRPC in `router`, and the pages beside them.
+/// The pages beside `router`.
 pub fn pages(router: Router, context: Arc<Context>) -> Router {
     let pages = Router::new()
         .route("/healthz", get(probes::lives))

@@ -3,7 +3,7 @@
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
-use crate::http::{self, is_grpc};
+use crate::http::{self, is_grpc, transcoding};
 use crate::methods::{self, is_unary};
 use crate::metrics::METRICS;
 use futures::future::BoxFuture;
@@ -103,8 +103,12 @@ where
         let call = Call::begin(client.clone(), place);
         let longest = limits.call;
         let grpc = is_grpc(request.headers());
+        let (verb, path) = (request.method(), request.uri().path());
         // A page is one answer too.
-        let unary = !grpc || is_unary(request.uri().path());
+        let unary = match grpc {
+            true => is_unary(path),
+            false => !transcoding::streams(verb, path),
+        };
         let held = Arc::<Held>::default();
         let (parts, body) = request.into_parts();
         let kind = methods::request(parts.uri.path());

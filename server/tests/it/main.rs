@@ -22,6 +22,7 @@ mod leases;
 mod metrics;
 mod operators;
 mod otlp;
+mod over_http;
 mod pages;
 mod postgres;
 mod queue;

@@ -2,7 +2,7 @@
 
 mod events;
 mod forms;
-mod stage;
+pub mod stage;
 
 use crate::support::{ask, ask_with, id, listen, listen_for};
 use stage::{HOSTILE, Stage};

@@ -17,14 +17,20 @@ pub async fn listen_for(
     service: &Service,
     tenant: Tenant,
 ) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
+    listen_as(service, Admission::Process(tenant)).await
+}
+
+/// The same for those whom `admission` admits.
+pub async fn listen_as(
+    service: &Service,
+    admission: Admission,
+) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
     let address = listener.local_addr().expect("has an address");
     let incoming = yoto_server::tcp(listener);
-    let serving = (service.coordinator).serve_to(
-        Admission::Process(tenant),
-        incoming,
-        std::future::pending(),
-    );
+    let serving = service
+        .coordinator
+        .serve_to(admission, incoming, std::future::pending());
     (address, tokio::spawn(serving))
 }
 

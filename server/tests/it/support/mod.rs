@@ -20,7 +20,7 @@ mod workers;
 pub use capture::{File, chunk, chunks, file, headers};
 pub use database::{Database, ON_POSTGRES};
 pub use expect::{assert_invalid, assert_refused, eventually};
-pub use http::{Open, ask, ask_with, listen, listen_for};
+pub use http::{Open, ask, ask_with, listen, listen_as, listen_for};
 pub use keys::{Made, SCOPES};
 pub use objects::ON_S3;
 pub use trained::Trained;

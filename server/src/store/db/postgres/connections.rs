@@ -1,6 +1,7 @@
 //! Connections to the database.
 
 use super::advice::refusal;
+use super::answer::ping;
 use super::failures::During;
 use crate::store::StoreError;
 use crate::store::db::PostgresUrl;
@@ -8,8 +9,9 @@ use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{ConnectOptions, PgPool};
 use std::time::Duration;
 
-/// Number of connections of one coordinator, one of which listens. PostgreSQL's default is room for 100 in all.
-const CONNECTIONS: u32 = 21;
+/// Number of connections of one coordinator, beside one that listens and one that holds its lock. PostgreSQL's default is room
+/// for 100 in all.
+const CONNECTIONS: u32 = 20;
 /// Longest wait for a free connection.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -39,14 +41,17 @@ pub fn options(url: &PostgresUrl) -> Result<PgConnectOptions, StoreError> {
 }
 
 /// Connections for all statements. Each is tested before it is used, so that a restart of the database breaks no call that
-/// comes after it.
+/// comes after it. One that does not answer for `patience` after its use is closed: the pool itself would wait for it.
 ///
 /// # Errors
 /// When the database can't be reached, or refuses the user.
-pub async fn pool(options: PgConnectOptions) -> Result<PgPool, StoreError> {
+pub async fn pool(options: PgConnectOptions, patience: Duration) -> Result<PgPool, StoreError> {
     let pool = PgPoolOptions::new()
         .max_connections(CONNECTIONS)
         .acquire_timeout(ACQUIRE_TIMEOUT)
+        .after_release(move |connection, _| {
+            Box::pin(async move { ping(patience, connection).await.map(|()| true) })
+        })
         .connect_with(options.clone())
         .await;
     let error = match pool {
@@ -59,4 +64,17 @@ pub async fn pool(options: PgConnectOptions) -> Result<PgPool, StoreError> {
         Err(error) => error,
     };
     Err(refusal(error, &options))
+}
+
+/// One connection like those of `pool`, for a listener. What it leaves behind when it is dropped does not concern the others.
+///
+/// # Errors
+/// When the database can't be reached.
+pub async fn single(pool: &PgPool) -> Result<PgPool, sqlx::Error> {
+    let options = pool.connect_options().as_ref().clone();
+    PgPoolOptions::new()
+        .max_connections(1)
+        .acquire_timeout(ACQUIRE_TIMEOUT)
+        .connect_with(options)
+        .await
 }

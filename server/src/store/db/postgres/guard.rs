@@ -3,6 +3,7 @@
 //! Each coordinator holds an advisory lock of the database on a connection of its own, shared with the others. One that brings
 //! the schema up to date holds it alone, and so did every coordinator of versions that knew no others.
 
+use super::answer::{self, within};
 use super::failures::During;
 use crate::store::StoreError;
 use sqlx::postgres::{PgConnectOptions, PgConnection};
@@ -17,7 +18,7 @@ pub const PROGRAM: i32 = 0x796f_746f;
 /// The second number of the coordinators' lock. Locks of transactions have others.
 const COORDINATOR: i32 = 0;
 /// How long a new coordinator waits for the lock: the database needs a moment to notice that a killed one is gone.
-const PATIENCE: Duration = Duration::from_secs(3);
+const TAKING: Duration = Duration::from_secs(3);
 /// Interval between two attempts.
 const RETRY: Duration = Duration::from_millis(100);
 
@@ -40,7 +41,7 @@ impl Guard {
         is_pending: impl AsyncFn() -> Result<bool, StoreError>,
         upgrade: impl AsyncFn() -> Result<(), StoreError>,
     ) -> Result<Self, StoreError> {
-        let mut until = Instant::now() + PATIENCE;
+        let mut until = Instant::now() + TAKING;
         let mut connection = connect(&options).await?;
         loop {
             // Without the lock: those that wait to have it alone would keep it from each other.
@@ -61,7 +62,7 @@ impl Guard {
             }
             // However long that takes.
             if ask(&mut connection, IS_CHANGING).await? {
-                until = Instant::now() + PATIENCE;
+                until = Instant::now() + TAKING;
             }
             if Instant::now() >= until {
                 return Err(StoreError::Unusable(
@@ -90,7 +91,7 @@ impl Guard {
     ) -> Result<(), StoreError> {
         let mut held = self.connection.lock().await;
         if let Some(connection) = &mut *held
-            && connection.ping().await.is_ok()
+            && answer::ping(answer::PATIENCE, connection).await.is_ok()
         {
             return Ok(());
         }
@@ -125,7 +126,7 @@ impl Guard {
     /// Frees the lock.
     pub async fn release(&self) {
         if let Some(connection) = self.connection.lock().await.take()
-            && let Err(error) = connection.close().await
+            && let Err(error) = within(answer::PATIENCE, connection.close()).await
         {
             tracing::warn!(%error, "the connection that holds the database's lock did not close");
         }
@@ -133,7 +134,9 @@ impl Guard {
 }
 
 async fn connect(options: &PgConnectOptions) -> Result<PgConnection, StoreError> {
-    options.connect().await.during("connecting to the database")
+    within(answer::PATIENCE, options.connect())
+        .await
+        .during("connecting to the database")
 }
 
 /// Takes the lock beside others, unless one has it alone.
@@ -161,9 +164,8 @@ async fn ask(connection: &mut PgConnection, statement: &'static str) -> Result<b
     let row = sqlx::query(statement)
         .bind(PROGRAM)
         .bind(COORDINATOR)
-        .fetch_one(connection)
-        .await
-        .during(action)?;
+        .fetch_one(connection);
+    let row = within(answer::PATIENCE, row).await.during(action)?;
     row.try_get("done").during(action)
 }
 
@@ -223,7 +225,7 @@ mod tests {
             let mut other = connect(&options(&database)).await?;
             assert!(!ask(&mut other, SHARE).await?, "it is alone");
             // Longer than the other one is patient.
-            sleep(PATIENCE + RETRY).await;
+            sleep(TAKING + RETRY).await;
             done.store(true, Ordering::Relaxed);
             Ok(())
         };

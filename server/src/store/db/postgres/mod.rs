@@ -5,6 +5,7 @@
 //! and the running jobs of all owners, which any other lease changes: most of them would be rolled back and run again.
 
 mod advice;
+mod answer;
 mod connections;
 mod failures;
 mod guard;
@@ -20,12 +21,14 @@ pub use url::{PostgresUrl, UrlError};
 use super::statement::query;
 use super::{Lock, Statement, schema};
 use crate::store::StoreError;
+use answer::{PATIENCE, within};
 use failures::During;
 use guard::Guard;
 use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgConnection, PgRow};
 use sqlx::{Executor, PgPool, Postgres as Db, Row, Transaction};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 /// An open database.
 #[derive(Debug)]
@@ -34,11 +37,19 @@ pub struct Postgres {
     guard: Guard,
     /// Seconds by which the database's clock was last ahead of the coordinator's, as the bits of an `f64`.
     ahead: AtomicU64,
+    /// Longest wait for an answer.
+    patience: Duration,
 }
 
-/// A connection, with or without a transaction.
+/// A connection of the pool, with or without a transaction. If an answer takes too long, it is given up.
 #[derive(Debug)]
-pub enum Connection {
+pub struct Connection {
+    held: Held,
+    patience: Duration,
+}
+
+#[derive(Debug)]
+enum Held {
     /// Each statement is for itself.
     Single(PoolConnection<Db>),
     /// A transaction, which is rolled back unless it is committed.
@@ -53,37 +64,43 @@ impl Postgres {
     /// Opens the database, and brings its schema up to date. Other coordinators of this version may use it at the same time.
     pub async fn open(url: &PostgresUrl) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
-        let pool = connections::pool(options.clone()).await?;
+        let pool = connections::pool(options.clone(), PATIENCE).await?;
         let pending = async || migrations::are_pending(&pool).await;
         let upgrade = async || migrations::run(&pool).await;
         let guard = Guard::take(options, pending, upgrade).await?;
-        Ok(Self {
+        Ok(Self::new(pool, guard, PATIENCE))
+    }
+
+    fn new(pool: PgPool, guard: Guard, patience: Duration) -> Self {
+        Self {
             pool,
             guard,
             ahead: AtomicU64::new(0.0_f64.to_bits()),
-        })
+            patience,
+        }
+    }
+
+    fn connection(&self, held: Held) -> Connection {
+        let patience = self.patience;
+        Connection { held, patience }
     }
 
     /// Opens the database for reads, unless its schema has to be brought up to date.
     pub async fn inspect(url: &PostgresUrl) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
-        let pool = connections::pool(options.clone()).await?;
+        let pool = connections::pool(options.clone(), PATIENCE).await?;
         let pending = async || match migrations::are_pending(&pool).await? {
             true => Err(schema::outdated()),
             false => Ok(false),
         };
         let guard = Guard::take(options, pending, async || Ok(())).await?;
-        Ok(Self {
-            pool,
-            guard,
-            ahead: AtomicU64::new(0.0_f64.to_bits()),
-        })
+        Ok(Self::new(pool, guard, PATIENCE))
     }
 
     pub async fn read(&self) -> Result<Connection, StoreError> {
         let connection = self.pool.acquire().await;
         let connection = connection.during("waiting for a database connection")?;
-        Ok(Connection::Single(connection))
+        Ok(self.connection(Held::Single(connection)))
     }
 
     pub async fn snapshot(&self) -> Result<Connection, StoreError> {
@@ -98,11 +115,11 @@ impl Postgres {
     }
 
     async fn begin(&self, statement: &'static str) -> Result<Connection, StoreError> {
-        let tx = self.pool.begin_with(statement).await;
-        Ok(Connection::Transaction {
+        let tx = within(self.patience, self.pool.begin_with(statement)).await;
+        Ok(self.connection(Held::Transaction {
             inner: tx.during("starting a transaction")?,
             failed: false,
-        })
+        }))
     }
 
     /// Sends a text to all coordinators.
@@ -112,7 +129,7 @@ impl Postgres {
 
     /// Receives the texts of all coordinators.
     pub async fn listen(&self) -> Result<Listener, StoreError> {
-        Listener::open(&self.pool).await
+        Listener::open(&self.pool, self.patience).await
     }
 
     /// Makes sure that no coordinator of another version has the database.
@@ -124,7 +141,8 @@ impl Postgres {
     pub async fn now(&self, connection: &mut Connection, own: f64) -> Result<f64, StoreError> {
         let action = "reading the database's clock";
         let statement = "SELECT extract(epoch FROM clock_timestamp())::float8 AS now";
-        let row = connection.get().fetch_one(statement).await.during(action)?;
+        let row = within(self.patience, connection.get().fetch_one(statement)).await;
+        let row = row.during(action)?;
         let now: f64 = row.try_get("now").during(action)?;
         self.ahead.store((now - own).to_bits(), Ordering::Relaxed);
         Ok(now)
@@ -143,15 +161,15 @@ impl Postgres {
 
 impl Connection {
     fn get(&mut self) -> &mut PgConnection {
-        match self {
-            Self::Single(it) => it,
-            Self::Transaction { inner, .. } => inner,
+        match &mut self.held {
+            Held::Single(it) => it,
+            Held::Transaction { inner, .. } => inner,
         }
     }
 
     /// The result of a statement. A failed one is noted.
     fn noted<T>(&mut self, result: Result<T, sqlx::Error>) -> Result<T, sqlx::Error> {
-        if let (Self::Transaction { failed, .. }, Err(_)) = (self, &result) {
+        if let (Held::Transaction { failed, .. }, Err(_)) = (&mut self.held, &result) {
             *failed = true;
         }
         result
@@ -173,18 +191,20 @@ impl Connection {
             Lock::Capture(id) => ("SELECT 1 FROM captures WHERE id = $1 FOR NO KEY UPDATE", id),
         };
         let statement = sqlx::query(statement).bind(id);
-        statement.execute(self.get()).await.during(action)?;
+        let locked = within(self.patience, statement.execute(self.get())).await;
+        locked.during(action)?;
         Ok(None)
     }
 
     async fn lock_own(&mut self, number: i32) -> Result<Option<f64>, sqlx::Error> {
+        let patience = self.patience;
         let row = sqlx::query(
             "SELECT pg_advisory_xact_lock($1, $2), extract(epoch FROM clock_timestamp())::float8 AS now",
         )
         .bind(guard::PROGRAM)
         .bind(number)
-        .fetch_one(self.get())
-        .await?;
+        .fetch_one(self.get());
+        let row = within(patience, row).await?;
         row.try_get("now").map(Some)
     }
 
@@ -193,7 +213,11 @@ impl Connection {
         statement: Statement,
         action: &'static str,
     ) -> Result<Option<PgRow>, StoreError> {
-        let row = query::<Db>(statement).fetch_optional(self.get()).await;
+        let row = within(
+            self.patience,
+            query::<Db>(statement).fetch_optional(self.get()),
+        )
+        .await;
         self.noted(row).during(action)
     }
 
@@ -202,7 +226,7 @@ impl Connection {
         statement: Statement,
         action: &'static str,
     ) -> Result<Vec<PgRow>, StoreError> {
-        let rows = query::<Db>(statement).fetch_all(self.get()).await;
+        let rows = within(self.patience, query::<Db>(statement).fetch_all(self.get())).await;
         self.noted(rows).during(action)
     }
 
@@ -211,19 +235,81 @@ impl Connection {
         statement: Statement,
         action: &'static str,
     ) -> Result<u64, StoreError> {
-        let done = query::<Db>(statement).execute(self.get()).await;
+        let done = within(self.patience, query::<Db>(statement).execute(self.get())).await;
         Ok(self.noted(done).during(action)?.rows_affected())
     }
 
     /// Commits a transaction. A connection without one has nothing to commit.
     pub async fn commit(self) -> Result<(), StoreError> {
-        match self {
-            Self::Single(_) => Ok(()),
-            Self::Transaction { failed: true, .. } => Err(StoreError::Database {
+        match self.held {
+            Held::Single(_) => Ok(()),
+            Held::Transaction { failed: true, .. } => Err(StoreError::Database {
                 action: "committing a transaction",
                 cause: "one of its statements has failed".into(),
             }),
-            Self::Transaction { inner, .. } => inner.commit().await.committing(),
+            Held::Transaction { inner, .. } => {
+                within(self.patience, inner.commit()).await.committing()
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::db::sql;
+    use tokio::time::{Instant, sleep};
+    use yoto_test_postgres::Database;
+
+    /// A database whose processes are stopped answers nothing and ends no connection, as one behind a firewall that drops
+    /// packets.
+    #[tokio::test]
+    async fn a_database_that_does_not_answer_fails_calls_and_keeps_no_connection() {
+        let Some(database) = Database::create_durable() else {
+            eprintln!("skipped: no PostgreSQL");
+            return;
+        };
+        let patience = Duration::from_secs(1);
+        let url = database.url().parse().expect("an address");
+        let options = connections::options(&url).expect("good");
+        let pool = connections::pool(options.clone(), patience)
+            .await
+            .expect("connects");
+        let never = async || panic!("it is up to date");
+        let guard = Guard::take(options, async || Ok(false), never).await;
+        let store = Postgres::new(pool, guard.expect("it is free"), patience);
+
+        let mut reading = store.read().await.expect("a connection");
+        let mut writing = store.write().await.expect("a connection");
+        database.stop(true);
+        let one = || sql("SELECT 1 AS one");
+        let (read, written) = tokio::join!(
+            reading.rows(one(), "reading"),
+            writing.execute(one(), "writing"),
+        );
+        let until = Instant::now() + 20 * patience;
+        drop((reading, writing));
+        while store.pool.size() > 0 && Instant::now() < until {
+            sleep(patience / 10).await;
+        }
+        let left = store.pool.size();
+        database.stop(false);
+        for error in [read.err(), written.err()] {
+            let error = error.expect("nobody answers");
+            let may_retry = matches!(
+                error,
+                StoreError::Unavailable {
+                    rolled_back: true,
+                    ..
+                }
+            );
+            assert!(may_retry, "{error}");
+        }
+        assert_eq!(left, 0, "connections that lead nowhere are kept");
+        let mut reading = store.read().await.expect("a connection");
+        reading
+            .row(one(), "reading")
+            .await
+            .expect("it answers again");
     }
 }
