@@ -221,6 +221,30 @@ async fn wrong_parts_are_refused() {
 }
 
 #[tokio::test]
+async fn an_upload_has_no_more_pieces_than_a_lease_can_list() {
+    let stage = Stage::start(PART, |_| {}).await;
+    let (name, _) = stage.open(&film()).await;
+    let parts = [(0, FIRST), (1, SECOND)];
+    let signed = stage.sign(&name, 0, &parts).await.expect("signs");
+    for (part, (_, bytes)) in signed.parts.iter().zip(parts) {
+        assert_eq!(stage.put(part, bytes).await, 200);
+    }
+    let writer = signed.writer;
+    let first = stage.commit(&name, writer, parts[0], 0).await;
+    first.expect("is the first piece");
+    let most = yoto_proto::limits::UPLOAD_PIECES;
+    let more = format!(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {most} - 1)
+         INSERT INTO upload_pieces (capture, path, start, bytes, writer, number, part_start)
+         SELECT '{}', 'video.mp4', 100 + i, 1, {writer}, 0, 100 + i FROM n",
+        id(&name)
+    );
+    stage.service.database.run(&more).await;
+    let one_more = stage.commit(&name, writer, parts[1], PART).await;
+    assert_invalid(one_more, "pieces");
+}
+
+#[tokio::test]
 async fn another_tenants_upload_is_not_found() {
     let mut stage = Stage::start(PART, |_| {}).await;
     let (name, _) = stage.open(&film()).await;
