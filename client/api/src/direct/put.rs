@@ -54,7 +54,8 @@ impl Direct {
         }
         let taken = Arc::new(AtomicU64::new(0));
         let counted = Arc::clone(&taken);
-        let frames = chunks.to_vec().into_iter().map(move |chunk| {
+        let owned = chunks.to_vec();
+        let frames = owned.into_iter().map(move |chunk| {
             counted.fetch_add(1, Ordering::Relaxed);
             Ok::<_, Infallible>(Frame::data(chunk))
         });
