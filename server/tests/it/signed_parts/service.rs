@@ -1,11 +1,12 @@
 //! What the service signs and commits.
 
 use super::{Stage, new, piece, put};
-use crate::support::{Service, assert_invalid, assert_refused, chunk, chunks, file, id};
-use std::time::Duration;
+use crate::support::{
+    Service, assert_invalid, assert_refused, chunk, chunks, eventually, file, id,
+};
 use tonic::Code;
 use yoto_proto::keys;
-use yoto_proto::v1::{SignPartsRequest, Unsigned};
+use yoto_proto::v1::{GetUploadRequest, SignPartsRequest, Unsigned};
 use yoto_server::{Admission, Tenant, in_memory};
 
 /// Bytes of a part; the smallest has 2.
@@ -132,23 +133,32 @@ async fn a_stream_that_writes_stops_for_a_writer_of_parts() {
     let stage = Stage::start(PART, |_| {}).await;
     let (name, _) = stage.open(&film()).await;
     let (chunks, queue) = tokio::sync::mpsc::channel(4);
-    let begun = chunk(&name, "video.mp4", 0, b"01234567");
-    chunks.send(begun).await.expect("is sent");
+    for begun in [
+        chunk(&name, "video.mp4", 0, FIRST.as_bytes()),
+        chunk(&name, "poses.json", 0, b"{"),
+    ] {
+        chunks.send(begun).await.expect("is sent");
+    }
     let mut uploads = stage.service.uploads();
     let stream = tokio_stream::wrappers::ReceiverStream::new(queue);
     let writing = tokio::spawn(async move { uploads.write_upload(stream).await });
-    // Until the stream is the writer, its chunk is not taken.
-    while chunks.capacity() < chunks.max_capacity() {
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
+    eventually("the first part", async || {
+        let request = GetUploadRequest {
+            name: name.clone(),
+            stop_writer: false,
+        };
+        let found = stage.service.uploads().get_upload(request).await;
+        let committed = found.expect("is there").into_inner().committed_bytes;
+        (committed == PART).then_some(())
+    })
+    .await;
     let signed = stage.sign(&name, 0, &[(0, SECOND)]).await.expect("signs");
     let stopped = writing.await.expect("no panic");
-    if let Err(status) = stopped {
-        assert_eq!(status.code(), Code::FailedPrecondition, "{status:?}");
-    }
+    assert_refused(stopped, Code::FailedPrecondition, "UPLOAD_TAKEN_OVER");
+    drop(chunks);
     assert_eq!(stage.put(&signed.parts[0], SECOND).await, 200);
-    let begins_elsewhere = stage.commit(&name, signed.writer, (0, SECOND), 9).await;
-    assert_refused(begins_elsewhere, Code::FailedPrecondition, "UPLOAD_OFFSET");
+    let committed = stage.commit(&name, signed.writer, (0, SECOND), PART).await;
+    committed.expect("follows what the stream has committed");
 }
 
 #[tokio::test]
@@ -207,8 +217,6 @@ async fn wrong_parts_are_refused() {
         commit(vec![piece("video.mp4", u64::MAX, 16)]).await,
         "pieces",
     );
-    let many = (0..1025).map(|at| piece("video.mp4", at, 1)).collect();
-    assert_invalid(commit(many).await, "pieces");
     for wrong in [
         piece("video.mp4", 1, 16),
         piece("poses.json", 0, 16),
@@ -218,6 +226,18 @@ async fn wrong_parts_are_refused() {
         assert_refused(refused, Code::FailedPrecondition, "UPLOAD_OFFSET");
     }
     assert_eq!(stage.committed(&name).await, 0);
+}
+
+#[tokio::test]
+async fn a_part_has_1024_pieces_at_most() {
+    let film = "f".repeat(1025);
+    let stage = Stage::start(2048, |_| {}).await;
+    let (name, _) = stage.open(&film).await;
+    let signed = stage.sign(&name, 0, &[(0, &film)]).await.expect("signs");
+    assert_eq!(stage.put(&signed.parts[0], &film).await, 200);
+    let pieces = (0..1025).map(|at| piece("video.mp4", at, 1)).collect();
+    let refused = stage.commit_pieces(&name, signed.writer, (0, &film), pieces);
+    assert_invalid(refused.await, "pieces");
 }
 
 #[tokio::test]
