@@ -27,8 +27,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     config.enable_type_names();
     // Chunks of an upload are not copied out of the messages that brought them.
     config.bytes([".yoto.v1.WriteUploadRequest.chunk"]);
-    // It has a secret URL.
-    config.skip_debug([".yoto.v1.SignDownloadResponse"]);
+    // They have a secret URL.
+    config.skip_debug([".yoto.v1.SignDownloadResponse", ".yoto.v1.SignedPart"]);
     tonic_prost_build::configure().compile_fds_with_config(set, config)?;
     Ok(())
 }

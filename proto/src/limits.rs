@@ -21,6 +21,8 @@ pub const PART_FILES: usize = 1024;
 pub const LEAST_PART: u64 = 8;
 /// Pieces of the files of an upload. One for each file, and one more where a part ends within a file, are far fewer.
 pub const UPLOAD_PIECES: u64 = 2 * CAPTURE_FILES as u64;
+/// Parts of an upload whose URLs one call asks for.
+pub const SIGNED_PARTS: usize = 16;
 /// Bytes of one chunk of a transfer: far below a message, and enough for full speed.
 pub const CHUNK_BYTES: usize = 256 << 10;
 /// Bytes of one uploaded file.

@@ -1,6 +1,6 @@
 //! Signed URLs stay out of logs.
 
-use crate::v1::SignDownloadResponse;
+use crate::v1::{SignDownloadResponse, SignedPart};
 use std::fmt;
 
 impl fmt::Debug for SignDownloadResponse {
@@ -14,17 +14,34 @@ impl fmt::Debug for SignDownloadResponse {
     }
 }
 
+impl fmt::Debug for SignedPart {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SignedPart").finish_non_exhaustive()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::v1::SignPartsResponse;
 
     #[test]
     fn a_url_is_not_shown() {
-        let answer = SignDownloadResponse {
-            url: "https://store/key?X-Amz-Signature=0f".into(),
+        let url = "https://store/key?X-Amz-Signature=0f";
+        let download = SignDownloadResponse {
+            url: url.into(),
             ..SignDownloadResponse::default()
         };
-        let shown = format!("{answer:?}");
-        assert!(!shown.contains("store") && !shown.contains("0f"), "{shown}");
+        let part = SignedPart {
+            url: url.into(),
+            ..SignedPart::default()
+        };
+        let parts = SignPartsResponse {
+            parts: vec![part],
+            ..SignPartsResponse::default()
+        };
+        for shown in [format!("{download:?}"), format!("{parts:?}")] {
+            assert!(!shown.contains("store") && !shown.contains("0f"), "{shown}");
+        }
     }
 }

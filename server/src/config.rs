@@ -39,8 +39,8 @@ pub struct ServerConfig {
     pub hints: bool,
     /// The interval of [`Self::watch_poll`] while they do.
     pub hinted_poll: Duration,
-    /// How long clients can read an object from the store by a signed URL; none: they get no URLs, and the bytes come through
-    /// the coordinator.
+    /// How long clients can read an object from the store by a signed URL, or write a part of an upload, for which less may
+    /// be enough; none: they get no URLs, and the bytes pass through the coordinator.
     pub signed_urls: Option<Duration>,
     /// Interval of the health checks, each of which writes to the database.
     pub health_interval: Duration,

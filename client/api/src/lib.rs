@@ -74,7 +74,7 @@ impl YotoClient {
         let client = Self::with_key(addresses.connect().await?, key);
         Ok(match addresses.are_encrypted() {
             true => client,
-            false => client.with_clear_downloads(),
+            false => client.with_clear_store(),
         })
     }
 
@@ -88,17 +88,17 @@ impl YotoClient {
     pub fn with_key(channel: Channel, key: Option<Key>) -> Self {
         Self {
             channel: connection(channel, key),
-            direct: Arc::default(),
+            direct: Arc::new(Direct::new(false)),
             queue: QueueOptions::default(),
         }
     }
 
-    /// A client that may read files from an object store without TLS, where the service names one. Others leave such a
-    /// store to the service.
+    /// A client that may read from and write to an object store without TLS, where the service names one. Others leave such
+    /// a store to the service.
     #[must_use]
-    pub fn with_clear_downloads(self) -> Self {
+    pub fn with_clear_store(self) -> Self {
         Self {
-            direct: Arc::new(Direct::clear()),
+            direct: Arc::new(Direct::new(true)),
             ..self
         }
     }

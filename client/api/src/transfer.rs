@@ -78,7 +78,7 @@ impl YotoClient {
         }
         if object.bytes > 0 && !transfer.lacks_bytes() && !transfer.is_right() {
             // The service looks at the object and knows what is wrong.
-            self.direct.give_up(&Fault::Altered.to_string());
+            self.direct.reads.give_up(&Fault::Altered.to_string());
             transfer.restart().await.map_err(file)?;
         }
         self.read_service(&mut transfer, path).await?;
@@ -96,7 +96,7 @@ impl YotoClient {
         &self,
         transfer: &mut Transfer<'_, W>,
     ) -> io::Result<()> {
-        while transfer.lacks_bytes() && self.direct.is_on() {
+        while transfer.lacks_bytes() && self.direct.reads.is_on() {
             let request = SignDownloadRequest {
                 name: transfer.object.name.clone(),
             };
@@ -104,13 +104,15 @@ impl YotoClient {
                 Ok(answer) => answer.into_inner().url,
                 Err(status) => {
                     if status.code() == Code::Unimplemented {
-                        self.direct.give_up("the service is of an earlier version");
+                        self.direct
+                            .reads
+                            .give_up("the service is of an earlier version");
                     }
                     return Ok(());
                 }
             };
             if url.is_empty() {
-                self.direct.give_up("the service signs no URLs");
+                self.direct.reads.give_up("the service signs no URLs");
                 return Ok(());
             }
             let before = transfer.offset;
@@ -119,7 +121,7 @@ impl YotoClient {
                 Err(fault) if transfer.offset > before => {
                     tracing::debug!(%fault, "the object store is read again");
                 }
-                Err(fault) => self.direct.give_up(&fault.to_string()),
+                Err(fault) => self.direct.reads.give_up(&fault.to_string()),
                 Ok(()) => {}
             }
         }
@@ -148,7 +150,7 @@ impl YotoClient {
                 Err(fault) => return Ok(Err(fault)),
             }
         }
-        self.direct.keep(answer);
+        answer.keep(&self.direct);
         Ok(Ok(()))
     }
 

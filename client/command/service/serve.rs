@@ -52,8 +52,8 @@ pub(crate) struct Serve {
     state: StateArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
-    /// Whether clients read files from the --objects store itself, by URLs that the service signs and that end after 15
-    /// minutes. With `auto` they do where the store signs URLs (S3) and they can reach it; otherwise the bytes come
+    /// Whether clients read files from the --objects store itself, and write parts of uploads to it, by URLs that the
+    /// service signs and that end after 15 and 2 minutes. With `auto` they do where the store signs URLs (S3) and they can reach it; otherwise the bytes come
     /// through the service, as they always do with `never`.
     #[arg(
         long,

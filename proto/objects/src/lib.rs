@@ -24,6 +24,7 @@ pub use error::ObjectsError;
 pub use listing::Listed;
 pub use open::{folder, shown};
 pub use parts::{Extent, Part, Piece};
+pub use sign::SignedPut;
 
 use object_store::path::Path as Key;
 use object_store::{ObjectStore, ObjectStoreExt};

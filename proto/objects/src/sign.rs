@@ -1,11 +1,17 @@
-//! URLs with which others read one object of a remote store, without its credentials.
+//! URLs with which others read or write one object of a remote store, without its credentials.
 
 use super::{Objects, ObjectsError, parse};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use object_store::path::Path as Key;
-use object_store::signer::{Method, Signer};
+use object_store::signer::{HeaderName, HeaderValue, Method, SignedUrlOptions, Signer};
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 use url::Url;
+
+/// Has the store compare the bytes that arrive, in base64. A store without checksums ignores it.
+const CHECKSUM: &str = "x-amz-checksum-sha256";
 
 /// What signs the URLs of a store.
 #[derive(Debug, Clone)]
@@ -18,6 +24,27 @@ pub(crate) struct Signing {
 impl Signing {
     pub(crate) fn new(signer: Arc<dyn Signer>, prefix: Key) -> Self {
         Self { signer, prefix }
+    }
+
+    /// The key in the bucket of the object at `key`.
+    fn path(&self, key: &str) -> Result<Key, ObjectsError> {
+        let path = parse(key)?;
+        Ok(self.prefix.parts().chain(path.parts()).collect())
+    }
+}
+
+/// A request that writes one object.
+#[derive(Clone)]
+pub struct SignedPut {
+    /// For PUT. A secret.
+    pub url: Url,
+    /// Headers that the request has to have.
+    pub headers: Vec<(String, String)>,
+}
+
+impl fmt::Debug for SignedPut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SignedPut").finish_non_exhaustive()
     }
 }
 
@@ -32,14 +59,53 @@ impl Objects {
         key: &str,
         life: Duration,
     ) -> Result<Option<Url>, ObjectsError> {
-        let Some(Signing { signer, prefix }) = &self.signing else {
+        let Some(signing) = &self.signing else {
             return Ok(None);
         };
-        let path = parse(key)?;
-        let path: Key = prefix.parts().chain(path.parts()).collect();
+        let path = signing.path(key)?;
         let signed = self.attempt("signing a URL of", key, || {
-            signer.signed_url(Method::GET, &path, life)
+            signing.signer.signed_url(Method::GET, &path, life)
         });
         signed.await.map(Some)
+    }
+
+    /// A request with which anyone can write the bytes with this SHA-256 as the object at `key` for `life`, also over an
+    /// earlier object; `None` where the store signs none. Only a store that knows checksums refuses other bytes.
+    ///
+    /// # Errors
+    /// When the key is malformed, or the store's credentials can't be had.
+    pub async fn signed_put(
+        &self,
+        key: &str,
+        sha256: &[u8; 32],
+        life: Duration,
+    ) -> Result<Option<SignedPut>, ObjectsError> {
+        let Some(signing) = &self.signing else {
+            return Ok(None);
+        };
+        let path = signing.path(key)?;
+        let checksum = BASE64.encode(sha256);
+        let mut options = SignedUrlOptions::new();
+        if let Ok(value) = HeaderValue::from_str(&checksum) {
+            options = options.with_signed_header(HeaderName::from_static(CHECKSUM), value);
+        }
+        let signed = self.attempt("signing a URL of", key, || async {
+            let signed = signing
+                .signer
+                .signed_url_opts(Method::PUT, &path, life, &options);
+            match signed.await {
+                Err(object_store::Error::NotSupported { .. }) => Ok(None),
+                signed => signed.map(Some),
+            }
+        });
+        Ok(signed.await?.map(|url| SignedPut {
+            url,
+            headers: vec![(CHECKSUM.to_owned(), checksum)],
+        }))
+    }
+
+    /// Whether the store signs URLs, as far as is known without a try.
+    pub fn signs(&self) -> bool {
+        self.signing.is_some()
     }
 }

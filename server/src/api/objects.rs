@@ -7,7 +7,6 @@ use crate::tenant::Tenant;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
-use std::time::{Duration, UNIX_EPOCH};
 use tonic::{Request, Response, Status};
 use yoto_proto::manifest::{Manifest, files};
 use yoto_proto::names::{self, Collection};
@@ -110,8 +109,7 @@ impl ObjectService for ObjectApi {
         let Some(life) = self.context.config.signed_urls else {
             return without(Unsigned::TurnedOff);
         };
-        let since = Duration::try_from_secs_f64(self.context.config.clock.now());
-        let end = UNIX_EPOCH + since.unwrap_or_default() + life;
+        let end = self.context.config.clock.time() + life;
         let signed = self.context.objects.url_to_read(&object.key, life).await;
         let Some(url) = signed.map_err(RequestError::from)? else {
             return without(Unsigned::NotSupported);

@@ -11,8 +11,9 @@ use tonic::{Request, Response, Status, Streaming};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::upload_service_server::UploadService;
 use yoto_proto::v1::{
-    Capture, CreateUploadRequest, FinishUploadRequest, GetUploadRequest, Upload,
-    WriteUploadRequest, WriteUploadResponse,
+    Capture, CommitPartRequest, CommitPartResponse, CreateUploadRequest, FinishUploadRequest,
+    GetUploadRequest, SignPartsRequest, SignPartsResponse, Upload, WriteUploadRequest,
+    WriteUploadResponse,
 };
 
 /// Captures on their way into the service.
@@ -57,6 +58,29 @@ impl UploadService for UploadApi {
             Status::internal("the write ended early")
         })??;
         Ok(Response::new(written))
+    }
+
+    async fn sign_parts(
+        &self,
+        request: Request<SignPartsRequest>,
+    ) -> Result<Response<SignPartsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let request = request.into_inner();
+        let id = fields::id(Collection::Uploads, "upload", &request.upload)?;
+        let (writer, parts) = (request.writer, &request.parts);
+        let signed = uploads::sign_parts(&self.context, &tenant, &id, writer, parts).await?;
+        Ok(Response::new(signed))
+    }
+
+    async fn commit_part(
+        &self,
+        request: Request<CommitPartRequest>,
+    ) -> Result<Response<CommitPartResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let request = request.into_inner();
+        let id = fields::id(Collection::Uploads, "upload", &request.upload)?;
+        uploads::commit_part(&self.context, &tenant, &id, request).await?;
+        Ok(Response::new(CommitPartResponse {}))
     }
 
     async fn get_upload(

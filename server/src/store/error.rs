@@ -93,6 +93,14 @@ impl StoreError {
         }
     }
 
+    /// The upload with this id has ended.
+    pub fn upload_finished(id: &str) -> Self {
+        Self::Rule {
+            reason: ErrorReason::UploadFinished,
+            message: format!("{} is finished", Collection::Uploads.name(id)),
+        }
+    }
+
     /// The files of the capture with this id can't be read any more.
     pub fn upload_gone(id: &str) -> Self {
         Self::Rule {

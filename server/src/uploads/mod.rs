@@ -1,4 +1,5 @@
-//! Uploads of captures: announced, written in parts that are committed one by one, and finished.
+//! Uploads of captures: announced, written in parts that are committed one by one, and finished. The bytes come as a stream,
+//! or the client puts parts into the object store by itself.
 //!
 //! A byte is acknowledged once its part is in the object store and the row of its file counts it. Whatever breaks (the
 //! connection, the client, this process), the upload continues from there. Content is not read here: a capture
@@ -9,6 +10,7 @@ mod announce;
 mod batch;
 mod finish;
 mod locks;
+mod parts;
 mod paths;
 mod verify;
 mod write;
@@ -18,11 +20,12 @@ pub use announce::{create, describe, validate};
 pub use finish::finish;
 use locks::UploadLock;
 pub use locks::UploadLocks;
+pub use parts::{commit_part, sign_parts};
 pub use write::receive;
 
 use crate::context::Context;
 use crate::error::RequestError;
-use crate::store::{RequestKey, Upload};
+use crate::store::{RequestKey, StoreError, Upload};
 use crate::tenant::Tenant;
 use std::collections::BTreeSet;
 use yoto_proto::v1::{Capture, ErrorReason};
@@ -95,11 +98,7 @@ async fn open(context: &Context, tenant: &Tenant, id: &str) -> Result<Upload, Re
     if upload.open {
         return Ok(upload);
     }
-    let message = format!("uploads/{id} is finished");
-    Err(RequestError::precondition(
-        ErrorReason::UploadFinished,
-        message,
-    ))
+    Err(StoreError::upload_finished(id).into())
 }
 
 /// The state of an upload; with `stop_writer`, after the current writer has stopped.

@@ -68,12 +68,14 @@ pub async fn verify(
         if faults.lost.contains(&file.path) || found == file.sha256 {
             continue;
         }
-        if bytes != file.bytes || is_altered(context, &file.path, parts).await? {
+        let altered = altered(context, &file.path, parts).await?;
+        if bytes != file.bytes {
             faults.lost.insert(file.path.clone());
-        } else {
+        } else if altered.is_empty() {
             let (path, announced) = (file.path.clone(), file.sha256.clone());
             faults.others.push((path, announced, found));
         }
+        faults.lost.extend(altered);
     }
     Ok(faults)
 }
@@ -124,12 +126,14 @@ fn hash(count: usize, mut extents: mpsc::Receiver<Extent<usize>>) -> Vec<Hashed>
     files
 }
 
-/// Whether the store has altered a part with bytes of the file `path`.
-async fn is_altered(
+/// The files of the parts with bytes of the file `path` that the store has altered. Those with the right bytes are among
+/// them: an ingest job compares whole parts.
+async fn altered(
     context: &Context,
     path: &str,
     parts: &[StoredPart],
-) -> Result<bool, RequestError> {
+) -> Result<BTreeSet<String>, RequestError> {
+    let mut files = BTreeSet::new();
     let of_file = |it: &&StoredPart| it.part.pieces.iter().any(|piece| piece.file == path);
     for StoredPart { part, .. } in parts.iter().filter(of_file) {
         let ignore = |_| Ok::<(), Infallible>(());
@@ -137,10 +141,10 @@ async fn is_altered(
             Ok(_) => {}
             Err(error) if error.is_torn() => {
                 tracing::error!(path, %error, "bytes of an upload are altered");
-                return Ok(true);
+                files.extend(part.pieces.iter().map(|it| it.file.clone()));
             }
             Err(error) => return Err(error.into()),
         }
     }
-    Ok(false)
+    Ok(files)
 }

@@ -33,6 +33,7 @@ mod s3;
 mod scenes;
 mod service;
 mod signed;
+mod signed_parts;
 mod status;
 mod support;
 mod tenants;

@@ -71,7 +71,7 @@ impl Stage {
 
     /// A client that takes files without TLS, as it takes the service.
     fn client(&self) -> YotoClient {
-        YotoClient::new(self.service.channel.clone()).with_clear_downloads()
+        YotoClient::new(self.service.channel.clone()).with_clear_store()
     }
 
     async fn sign(&self) -> SignDownloadResponse {

@@ -27,9 +27,10 @@ async fn acknowledged_bytes_that_are_lost_on_disk_are_found_before_the_ingest() 
         parts.remove(0).0
     };
     std::fs::write(part(), b"{}01234x6789").expect("is altered");
-    lost(2).await;
+    // The other file of the part has its bytes, but an ingest job compares the part.
+    lost(0).await;
     service
-        .write(chunks(&name, &files[1..]))
+        .write(chunks(&name, &files))
         .await
         .expect("it starts anew");
     std::fs::write(part(), b"{}01234x6789012").expect("is torn");

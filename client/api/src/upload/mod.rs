@@ -2,6 +2,8 @@
 //! of this program.
 
 mod fits;
+mod parts;
+mod plan;
 mod send;
 mod source;
 
@@ -12,6 +14,7 @@ use super::retry::{Retries, repeat};
 use super::{ClientError, YotoClient, request_id};
 use prost::Message;
 use send::send;
+use std::collections::HashMap;
 use tonic::Status;
 use yoto_proto::key::Connection;
 use yoto_proto::limits::ANSWER_BYTES;
@@ -58,13 +61,26 @@ impl YotoClient {
         let mut mismatches = 0;
         loop {
             let service = self.upload_service();
-            let status = match send(service, &upload, &files, &headers, &mut meter).await? {
+            let sent = match (self.write_store(&upload, &files, &headers, &mut meter)).await? {
+                Ok(0) => send(service, &upload, &files, &headers, &mut meter).await?,
+                Ok(_) => {
+                    retries.reset();
+                    upload = self.get_upload(&upload.name).await?;
+                    continue;
+                }
+                Err(status) => Err(status),
+            };
+            let status = match sent {
                 Ok(()) => match self.finish_upload(&upload.name).await {
                     Ok(capture) => return Ok(capture),
                     Err(status) => status,
                 },
                 Err(status) => status,
             };
+            if reasons::of(&status) == Some(ErrorReason::UploadIncomplete) {
+                // Bytes are lost or altered, and a stream's chunks have checksums.
+                self.direct.writes.give_up("the service misses bytes");
+            }
             if mismatches < MISMATCHES && is_mismatch(&status) {
                 mismatches += 1;
             } else {
@@ -146,6 +162,12 @@ fn is_mismatch(status: &Status) -> bool {
                 | ErrorReason::UploadTakenOver
         )
     )
+}
+
+/// Committed bytes of the files that have some.
+fn committed(upload: &Upload) -> HashMap<&str, u64> {
+    let files = upload.committed.iter();
+    files.map(|it| (it.path.as_str(), it.bytes)).collect()
 }
 
 /// Reports the progress of an upload; bytes that are sent again count once.

@@ -1,9 +1,8 @@
 //! One stream of an upload: what the service has not committed yet, in order.
 
-use super::{Meter, UploadFile};
+use super::{Meter, UploadFile, committed};
 use crate::ClientError;
 use bytes::Bytes;
-use std::collections::HashMap;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::Status;
@@ -51,11 +50,7 @@ async fn feed<F: FnMut(u64)>(
     headers: &[FileHeader],
     meter: &mut Meter<F>,
 ) -> Result<(), ClientError> {
-    let committed: HashMap<&str, u64> = upload
-        .committed
-        .iter()
-        .map(|file| (file.path.as_str(), file.bytes))
-        .collect();
+    let committed = committed(upload);
     let mut behind = upload.committed_bytes;
     // A service with small parts gets small chunks: a chunk is committed as a whole.
     let chunk_bytes = upload.part_bytes.clamp(1, CHUNK_BYTES as u64);

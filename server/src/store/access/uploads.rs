@@ -1,6 +1,6 @@
 //! Uploads, and ingest jobs of captures.
 
-use crate::store::scripts::{upload_parts, uploads};
+use crate::store::scripts::{signed_parts, upload_parts, uploads};
 use crate::store::transaction::transaction;
 use crate::store::{NewPart, NewUpload, PartId, RequestKey, Store, StoreError, StoredPart, Upload};
 use crate::tenant::Tenant;
@@ -52,6 +52,27 @@ impl Store {
         part: &NewPart,
     ) -> Result<(), StoreError> {
         transaction!(self, |tx| upload_parts::commit(tx, tenant, id, part))
+    }
+
+    /// Checks that the upload is open and that `writer` is its newest writer.
+    pub async fn require_writer(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        writer: u64,
+    ) -> Result<(), StoreError> {
+        uploads::require_writer(&mut self.db.read().await?, tenant, id, writer).await
+    }
+
+    /// Records a part of an open upload that its newest writer has put into the object store by itself, as
+    /// [`Self::commit_part`]. Returns whether it is new; one that is recorded already is not changed.
+    pub async fn commit_signed_part(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+        part: &NewPart,
+    ) -> Result<bool, StoreError> {
+        transaction!(self, |tx| signed_parts::commit(tx, tenant, id, part))
     }
 
     /// Forgets the bytes of files of an open upload, for its newest writer.

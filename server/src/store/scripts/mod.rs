@@ -34,6 +34,7 @@ pub mod reaping;
 pub mod requests;
 #[cfg(test)]
 mod shared_tests;
+pub mod signed_parts;
 pub mod steps;
 pub mod subjects;
 pub mod ticks;

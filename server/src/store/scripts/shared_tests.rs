@@ -77,6 +77,7 @@ impl Two {
 on_each_database!(
     a_step_of_the_clock_is_recorded_once,
     only_the_newest_writer_of_an_upload_commits,
+    a_part_is_committed_once_at_any_coordinator_by_its_tenant,
     a_small_part_is_replaced_by_a_larger_one,
     files_are_removed_or_read_again_but_not_both,
     a_worker_that_asked_one_coordinator_is_known_to_the_other,
@@ -134,6 +135,25 @@ fn part(writer: u64, number: u64, from: u64, to: u64) -> NewPart {
 /// The part of `writer` that was never recorded.
 fn late_id(writer: u64) -> PartId {
     PartId { writer, number: 1 }
+}
+
+async fn a_part_is_committed_once_at_any_coordinator_by_its_tenant(kind: Kind) {
+    let two = Two::new(kind).await;
+    let id = two.upload().await;
+    let writer = two.pair.first.take_over_upload(own(), &id).await;
+    let part = part(writer.expect("is there"), 0, 0, 4);
+    let other = Tenant::new("other").expect("an id");
+    for is_new in [true, false] {
+        let theirs = two.pair.first.commit_signed_part(&other, &id, &part).await;
+        assert!(
+            matches!(theirs, Err(StoreError::NotFound { .. })),
+            "{theirs:?}"
+        );
+        let committed = two.pair.second.commit_signed_part(own(), &id, &part);
+        assert_eq!(committed.await.expect("is the newest"), is_new);
+    }
+    let parts = two.pair.first.upload_parts(own(), &id).await;
+    assert_eq!(parts.expect("is there").len(), 1);
 }
 
 async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {

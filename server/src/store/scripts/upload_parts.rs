@@ -36,6 +36,18 @@ pub async fn newest(tx: &mut Tx, id: &str) -> Result<Option<UploadPart>, StoreEr
     row.as_ref().map(part).transpose()
 }
 
+/// The part of an upload with this id.
+pub async fn find(tx: &mut Tx, id: &str, of: PartId) -> Result<Option<UploadPart>, StoreError> {
+    let row = sql("SELECT writer, number, key, bytes, sha256 FROM upload_parts
+         WHERE capture = $1 AND writer = $2 AND number = $3")
+    .bind(id)
+    .bind(integer("writer", of.writer)?)
+    .bind(integer("number", of.number)?)
+    .row(tx, "looking for a part of an upload")
+    .await?;
+    row.as_ref().map(part).transpose()
+}
+
 /// Number of pieces of an upload.
 pub async fn pieces(tx: &mut Tx, id: &str) -> Result<u64, StoreError> {
     sql("SELECT count(*) AS pieces FROM upload_pieces WHERE capture = $1")

@@ -127,6 +127,32 @@ pub async fn take_over(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<u64, St
     row.ok_or_else(|| not_found(id))?.number("writer")
 }
 
+/// Checks that the tenant's upload is open and that `writer` is its newest writer.
+pub async fn require_writer(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+    writer: u64,
+) -> Result<(), StoreError> {
+    let row = sql(
+        "SELECT c.state, c.writer FROM captures c JOIN subjects s ON s.id = c.subject
+         WHERE c.id = $1 AND s.tenant = $2",
+    )
+    .bind(id)
+    .bind(tenant.id())
+    .row(tx, "looking for the writer of an upload")
+    .await?
+    .ok_or_else(|| not_found(id))?;
+    if row.text("state")? != "UPLOADING" {
+        return Err(StoreError::upload_finished(id));
+    }
+    let newest: u64 = row.number("writer")?;
+    match newest == writer {
+        true => Ok(()),
+        false => Err(StoreError::taken_over(id)),
+    }
+}
+
 /// Bytes of all open uploads, of all tenants, that are still to come.
 pub async fn coming(tx: &mut Tx) -> Result<u64, StoreError> {
     sql(
