@@ -22,6 +22,8 @@ pub enum Collection {
     Workers,
     /// Keys of callers.
     Keys,
+    /// What people have agreed to.
+    Consents,
 }
 
 impl Collection {
@@ -35,6 +37,7 @@ impl Collection {
             Self::Jobs => "jobs",
             Self::Workers => "workers",
             Self::Keys => "keys",
+            Self::Consents => "consents",
         }
     }
 

@@ -249,10 +249,11 @@ fn objects_url(config: &ServerConfig, data_dir: &Path) -> Result<Url, ServerErro
 /// Opens the database, and brings its schema up to date.
 async fn open_store(config: &ServerConfig, data_dir: &Path) -> Result<Store, StoreError> {
     let clock = config.clock.clone();
-    match &config.database {
-        Some(url) => Store::open_postgres(url, clock).await,
-        None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await,
-    }
+    let store = match &config.database {
+        Some(url) => Store::open_postgres(url, clock).await?,
+        None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await?,
+    };
+    Ok(store.requiring_consent(config.require_consent))
 }
 
 fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {

@@ -6,6 +6,7 @@ mod captures;
 mod catalogue;
 mod changes;
 mod clock;
+mod consent;
 mod coordinators;
 mod dashboard;
 mod deletions;

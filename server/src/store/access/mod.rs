@@ -1,6 +1,7 @@
 //! The methods of the [`Store`](super::Store), by what they are about.
 
 mod catalogue;
+mod consents;
 mod inspection;
 mod jobs;
 mod keys;

@@ -8,6 +8,8 @@ pub mod attempts;
 pub mod capture_objects;
 pub mod captures;
 pub mod checkpoints;
+pub mod consent_rule;
+pub mod consents;
 pub mod deletion;
 pub mod ended;
 pub mod garbage;
