@@ -24,6 +24,8 @@ pub enum Collection {
     Keys,
     /// What people have agreed to.
     Consents,
+    /// Removals of people.
+    Erasures,
 }
 
 impl Collection {
@@ -38,6 +40,7 @@ impl Collection {
             Self::Workers => "workers",
             Self::Keys => "keys",
             Self::Consents => "consents",
+            Self::Erasures => "erasures",
         }
     }
 

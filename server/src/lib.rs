@@ -14,6 +14,7 @@ pub mod clock;
 pub mod config;
 mod context;
 mod dashboard;
+mod erasure;
 mod error;
 pub mod faults;
 mod field_faults;
@@ -133,10 +134,12 @@ impl Coordinator {
             upload_locks: UploadLocks::default(),
             collecting: tokio::sync::Mutex::new(()),
             reaping: tokio::sync::Mutex::new(()),
+            erasing: tokio::sync::Mutex::new(()),
         });
         reaper::take_back_embedded(&context).await?;
         let mut tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
+            tokio::spawn(erasure::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
             tokio::spawn(health::run(Arc::clone(&context))),
         ];

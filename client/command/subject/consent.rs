@@ -130,7 +130,11 @@ impl Revoke {
             .await?;
         let what = match purposes.is_empty() {
             true => "everything".to_owned(),
-            false => purposes.iter().map(|it| word(*it)).collect::<Vec<_>>().join(", "),
+            false => purposes
+                .iter()
+                .map(|it| word(*it))
+                .collect::<Vec<_>>()
+                .join(", "),
         };
         output::put("jobs", serde_json::json!(jobs));
         say!(
@@ -193,7 +197,14 @@ mod tests {
         assert_eq!(said("2027-12-31"), Ok("2028-01-01T00:00:00Z".to_owned()));
         let noon = "2027-12-31T12:00:00Z";
         assert_eq!(said(noon), Ok(noon.to_owned()));
-        for bad in ["", "tomorrow", "2027", "31.12.2027", "2027-13-01", "2027-02-30"] {
+        for bad in [
+            "",
+            "tomorrow",
+            "2027",
+            "31.12.2027",
+            "2027-13-01",
+            "2027-02-30",
+        ] {
             assert!(until(bad).is_err(), "{bad}");
         }
     }

@@ -2,6 +2,7 @@
 //! turn its answer into messages; the rules are in `jobs`, `uploads`, `objects` and `store`.
 
 mod consents;
+mod erasures;
 mod fields;
 mod jobs;
 mod keys;

@@ -1,6 +1,6 @@
 //! `yoto.v1.SubjectService`.
 
-use super::{consents, fields, paging};
+use super::{consents, erasures, fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
@@ -14,8 +14,9 @@ use yoto_proto::names::Collection;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
     Capture, Consent, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-    GetCaptureRequest, GetSubjectRequest, GrantConsentRequest, IngestCaptureRequest,
-    ListCapturesRequest, ListCapturesResponse, ListConsentsRequest, ListConsentsResponse,
+    EraseSubjectRequest, Erasure, GetCaptureRequest, GetErasureRequest, GetSubjectRequest,
+    GrantConsentRequest, IngestCaptureRequest, ListCapturesRequest, ListCapturesResponse,
+    ListConsentsRequest, ListConsentsResponse, ListErasuresRequest, ListErasuresResponse,
     ListSubjectsRequest, ListSubjectsResponse, RevokeConsentRequest, RevokeConsentResponse,
     Subject, UpdateSubjectRequest,
 };
@@ -237,6 +238,33 @@ impl SubjectService for SubjectApi {
     ) -> Result<Response<ListConsentsResponse>, Status> {
         let tenant = Tenant::of(&request)?;
         let listed = consents::list(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(listed))
+    }
+
+    async fn erase_subject(
+        &self,
+        request: Request<EraseSubjectRequest>,
+    ) -> Result<Response<Erasure>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let begun = erasures::begin(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(begun))
+    }
+
+    async fn get_erasure(
+        &self,
+        request: Request<GetErasureRequest>,
+    ) -> Result<Response<Erasure>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let found = erasures::get(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(found))
+    }
+
+    async fn list_erasures(
+        &self,
+        request: Request<ListErasuresRequest>,
+    ) -> Result<Response<ListErasuresResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let listed = erasures::list(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(listed))
     }
 }

@@ -6,6 +6,7 @@
 
 mod access;
 mod db;
+mod erasure_types;
 mod error;
 mod job_types;
 #[cfg(test)]
@@ -17,6 +18,9 @@ mod transaction;
 mod types;
 
 pub use db::{Listener, PostgresUrl, UrlError};
+pub use erasure_types::{
+    Counted, Leaving, LeftModel, OpenErasure, SharedWeights, SignedReport, Trace, Work,
+};
 pub use error::StoreError;
 pub use job_types::{
     EndedJob, Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome,

@@ -2,6 +2,7 @@
 
 mod catalogue;
 mod consents;
+mod erasures;
 mod inspection;
 mod jobs;
 mod keys;

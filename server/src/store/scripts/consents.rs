@@ -1,6 +1,6 @@
 //! Records of what people have agreed to. [`super::consent_rule`] decides what follows from them.
 
-use super::{page, requests, subjects};
+use super::{erasures, page, requests, subjects};
 use crate::store::db::{Lock, Row, Tx, sql};
 use crate::store::{Entry, NewConsent, Page, RequestKey, StoreError, new_id};
 use crate::tenant::Tenant;
@@ -21,6 +21,7 @@ pub async fn grant(
     }
     tx.lock(Lock::Subject(subject_id)).await?;
     subjects::get(tx, tenant, subject_id).await?;
+    erasures::refuse_if_begun(tx, subject_id).await?;
     let id = insert(tx, subject_id, new).await?;
     for purpose in &new.purposes {
         insert_purpose(tx, &id, *purpose, None).await?;
@@ -123,6 +124,15 @@ async fn is_recorded(
     .one(tx, "looking for a consent")
     .await?
     .flag("found")
+}
+
+/// The ids of a person's consents.
+pub async fn ids(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
+    let rows = sql("SELECT id FROM consents WHERE subject = $1 ORDER BY ord")
+        .bind(subject_id)
+        .rows(tx, "listing consents")
+        .await?;
+    rows.iter().map(|row| row.text("id")).collect()
 }
 
 async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Consent, StoreError> {

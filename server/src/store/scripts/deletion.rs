@@ -212,7 +212,11 @@ async fn subject(
 }
 
 /// Deletes a capture with its ingest jobs, unless one is open. An open upload ends.
-async fn remove_capture(tx: &mut Tx, id: &str, capture: &Capture) -> Result<Deleted, StoreError> {
+pub(super) async fn remove_capture(
+    tx: &mut Tx,
+    id: &str,
+    capture: &Capture,
+) -> Result<Deleted, StoreError> {
     if capture.state() == capture::State::Ingesting {
         return Err(pins::in_use(
             &capture.ingest_job,
