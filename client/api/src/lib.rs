@@ -7,6 +7,7 @@
 mod addresses;
 mod consents;
 mod direct;
+mod erasures;
 mod error;
 mod jobs;
 mod keys;

@@ -4,6 +4,7 @@ mod add;
 mod consent;
 mod delete;
 mod edit;
+mod erase;
 mod fetch;
 mod ingest;
 mod poses;
@@ -66,6 +67,12 @@ enum Action {
     /// Delete a person and their captures.
     #[command(after_help = delete::SUBJECT_HELP)]
     Delete(delete::DeleteSubject),
+    /// Remove a person from everything: models, captures, renders, exports.
+    #[command(after_help = erase::ERASE_HELP)]
+    Erase(erase::Erase),
+    /// Show the report of an erasure.
+    #[command(after_help = erase::ERASURE_HELP)]
+    Erasure(erase::ShowErasure),
     /// Delete a capture.
     #[command(name = "delete-capture", after_help = delete::CAPTURE_HELP)]
     DeleteCapture(delete::DeleteCapture),
@@ -88,6 +95,8 @@ impl SubjectCommand {
             Action::Fetch(fetch) => fetch.run().await,
             Action::Delete(subject) => subject.run().await,
             Action::DeleteCapture(capture) => capture.run().await,
+            Action::Erase(erase) => erase.run().await,
+            Action::Erasure(erasure) => erasure.run().await,
             Action::Ingest(capture) => capture.run().await,
             Action::Poses(poses) => poses.run().await,
         }

@@ -10,7 +10,7 @@ mod sign;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::jobs::consent;
-use crate::store::{Counted, JobKind, Leaving, OpenErasure, Reference, Work};
+use crate::store::{Counted, JobKind, Leaving, OpenErasure, Reference, StoreError, Work};
 use futures::TryStreamExt;
 use report::{Report, Search};
 use std::collections::{BTreeMap, BTreeSet};
@@ -47,8 +47,20 @@ pub async fn tick(context: &Context) {
         return;
     };
     for erasure in open {
-        if let Err(error) = advance(context, &erasure).await {
-            tracing::error!(erasure = erasure.id, %error, "an erasure waits: its step is tried again");
+        let Err(error) = advance(context, &erasure).await else {
+            continue;
+        };
+        match error {
+            // Such as a drain.
+            RequestError::Store(StoreError::Rule { message, .. }) => {
+                let noted = context.store.note_erasure(&erasure.id, &message).await;
+                if let Err(error) = noted {
+                    tracing::error!(erasure = erasure.id, %error, "an erasure waits");
+                }
+            }
+            error => {
+                tracing::error!(erasure = erasure.id, %error, "an erasure waits: its step is tried again");
+            }
         }
     }
 }
@@ -130,6 +142,10 @@ async fn finish(
     for folder in &work.folders {
         context.place.delete_folder(folder).await?;
     }
+    // No row that could be written to them is left. Notes of checkpoints stay: their keys have nothing of the person.
+    let noted = work.folders.iter().filter(|it| !it.starts_with("models/"));
+    let noted: Vec<String> = noted.cloned().collect();
+    context.store.note_garbage(&[], &noted).await?;
     let left = counted(context, &work.folders).await?;
     let ids = context.store.traces(&work.ids).await?;
     let names = context

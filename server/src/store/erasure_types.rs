@@ -72,6 +72,8 @@ pub struct Work {
     pub name: String,
     /// Ids of the person and of all that was theirs.
     pub ids: Vec<String>,
+    /// Ids of the jobs that were deleted.
+    pub jobs: Vec<String>,
     /// Folders of the store to remove.
     pub folders: Vec<String>,
     /// Folders below which everything is removed that no row names.

@@ -10,6 +10,7 @@ mod consent;
 mod coordinators;
 mod dashboard;
 mod deletions;
+mod erasure;
 mod evaluations;
 mod exports;
 mod faults;

@@ -72,7 +72,7 @@ pub async fn refuse_if_begun(tx: &mut Tx, subject_id: &str) -> Result<(), StoreE
         true => Err(StoreError::Rule {
             reason: ErrorReason::SubjectBusy,
             message: format!(
-                "{} is being erased: nothing is added for them any more",
+                "{} is being erased: nothing else is done with them any more",
                 Collection::Subjects.name(subject_id)
             ),
         }),

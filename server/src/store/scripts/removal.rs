@@ -159,7 +159,7 @@ async fn remove_job(
         garbage::deleted(tx, &format!("renders/{job_id}")).await?;
         work.folders.push(format!("renders/{job_id}"));
     }
-    work.ids.push(job_id.to_owned());
+    work.jobs.push(job_id.to_owned());
     let deleted = sql("DELETE FROM jobs WHERE id = $1")
         .bind(job_id)
         .execute(tx, "erasing a job")
@@ -208,7 +208,7 @@ async fn forget_requests(
     erasure: &OpenErasure,
     work: &mut Work,
 ) -> Result<(), StoreError> {
-    let needles = work.ids.iter().chain([&work.name]);
+    let needles = work.ids.iter().chain(&work.jobs).chain([&work.name]);
     let mut gone = 0;
     for needle in needles {
         gone += sql("DELETE FROM request_ids WHERE tenant = $1

@@ -18,6 +18,7 @@ pub struct Content {
     pub worker: String,
     pub object: String,
     pub key: String,
+    pub erasure: String,
 }
 
 impl Content {
@@ -32,9 +33,10 @@ impl Content {
             worker,
             object,
             key,
+            erasure,
         } = self;
         let all = [
-            subject, capture, upload, model, checkpoint, job, worker, object, key,
+            subject, capture, upload, model, checkpoint, job, worker, object, key, erasure,
         ];
         all.into_iter().map(String::as_str)
     }
@@ -69,6 +71,7 @@ const NO_NAMES: &[&str] = &[
     "ingest_job",
     "key",
     "kept_for",
+    "leave",
     "message",
     "names",
     "note",
