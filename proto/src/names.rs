@@ -22,6 +22,10 @@ pub enum Collection {
     Workers,
     /// Keys of callers.
     Keys,
+    /// What people have agreed to.
+    Consents,
+    /// Removals of people.
+    Erasures,
 }
 
 impl Collection {
@@ -35,6 +39,8 @@ impl Collection {
             Self::Jobs => "jobs",
             Self::Workers => "workers",
             Self::Keys => "keys",
+            Self::Consents => "consents",
+            Self::Erasures => "erasures",
         }
     }
 

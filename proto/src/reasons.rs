@@ -40,6 +40,7 @@ pub fn code(reason: ErrorReason) -> Code {
         | R::NotRepeatable
         | R::NotSucceeded
         | R::CheckpointTorn
+        | R::Consent
         | R::JobOpen
         | R::ModelBusy
         | R::CheckpointBusy

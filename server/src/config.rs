@@ -39,6 +39,9 @@ pub struct ServerConfig {
     pub hints: bool,
     /// The interval of [`Self::watch_poll`] while they do.
     pub hinted_poll: Duration,
+    /// Whether nobody is in a job without a valid consent to its purpose. Otherwise only a consent that was revoked or has run
+    /// out keeps a person out of jobs.
+    pub require_consent: bool,
     /// How long clients can read an object from the store by a signed URL, or write a part of an upload, for which less may
     /// be enough; none: they get no URLs, and the bytes pass through the coordinator.
     pub signed_urls: Option<Duration>,
@@ -145,6 +148,7 @@ impl ServerConfig {
             watch_poll: Duration::from_millis(250),
             hints: true,
             hinted_poll: Duration::from_secs(2),
+            require_consent: false,
             signed_urls: None,
             health_interval: Duration::from_secs(5),
             shutdown_grace: Duration::from_secs(5),

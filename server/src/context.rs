@@ -66,6 +66,8 @@ pub struct Context {
     /// Held during a check of all leases: a second one of the same process would return while the first still takes
     /// jobs back.
     pub reaping: tokio::sync::Mutex<()>,
+    /// Held during a step of the erasures.
+    pub erasing: tokio::sync::Mutex<()>,
 }
 
 impl Context {

@@ -14,6 +14,7 @@ pub mod clock;
 pub mod config;
 mod context;
 mod dashboard;
+mod erasure;
 mod error;
 pub mod faults;
 mod field_faults;
@@ -133,10 +134,12 @@ impl Coordinator {
             upload_locks: UploadLocks::default(),
             collecting: tokio::sync::Mutex::new(()),
             reaping: tokio::sync::Mutex::new(()),
+            erasing: tokio::sync::Mutex::new(()),
         });
         reaper::take_back_embedded(&context).await?;
         let mut tasks = vec![
             tokio::spawn(reaper::run(Arc::clone(&context))),
+            tokio::spawn(erasure::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
             tokio::spawn(health::run(Arc::clone(&context))),
         ];
@@ -249,10 +252,11 @@ fn objects_url(config: &ServerConfig, data_dir: &Path) -> Result<Url, ServerErro
 /// Opens the database, and brings its schema up to date.
 async fn open_store(config: &ServerConfig, data_dir: &Path) -> Result<Store, StoreError> {
     let clock = config.clock.clone();
-    match &config.database {
-        Some(url) => Store::open_postgres(url, clock).await,
-        None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await,
-    }
+    let store = match &config.database {
+        Some(url) => Store::open_postgres(url, clock).await?,
+        None => Store::open_sqlite(&data_dir.join(DATABASE_FILE), clock).await?,
+    };
+    Ok(store.requiring_consent(config.require_consent))
 }
 
 fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {

@@ -6,6 +6,7 @@ mod bad_media;
 mod between;
 mod containers;
 mod engine_workers;
+mod erasure;
 mod evaluate;
 mod export;
 mod export_job;

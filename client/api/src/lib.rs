@@ -5,7 +5,9 @@
 //! lost connection, and errors that name the file, frame and field at fault.
 
 mod addresses;
+mod consents;
 mod direct;
+mod erasures;
 mod error;
 mod jobs;
 mod keys;
@@ -24,6 +26,7 @@ mod watch;
 mod watch_all;
 
 pub use addresses::Addresses;
+pub use consents::NewConsent;
 pub use error::{ClientError, Refusal};
 pub use resolve::pick_name;
 pub use upload::{FileSource, UploadFile};

@@ -64,6 +64,8 @@ pub struct EmbeddedOptions {
     pub lpips: Option<LpipsWeights>,
     /// What is stored, and for how long.
     pub storage: StorageLimits,
+    /// Whether nobody is in a job without a valid consent to its purpose.
+    pub require_consent: bool,
     /// How long clients can read an object of a remote store by a signed URL, if they get URLs at all.
     pub signed_urls: Option<Duration>,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
@@ -119,6 +121,7 @@ impl Embedded {
             objects: options.objects,
             storage: options.storage,
             otlp: options.otlp,
+            require_consent: options.require_consent,
             signed_urls: options.signed_urls,
             ..ServerConfig::new(&options.data)
         };
@@ -327,6 +330,7 @@ mod tests {
             ingest: IngestSettings::default(),
             lpips: None,
             storage: StorageLimits::default(),
+            require_consent: false,
             signed_urls: None,
             scratch: None,
             drain: Duration::ZERO,

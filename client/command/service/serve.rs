@@ -71,6 +71,10 @@ pub(crate) struct Serve {
         value_parser = address
     )]
     listen: SocketAddr,
+    /// Refuse jobs with a person who has not agreed to their purpose (`yoto subject consent`). Without it, only a consent that
+    /// was revoked or has run out keeps a person out of jobs. Coordinators of one database are given it alike.
+    #[arg(long, env = "YOTO_REQUIRE_CONSENT", value_parser = BoolishValueParser::new())]
+    require_consent: bool,
     /// Run no worker: jobs wait for a worker in another process.
     #[arg(long, env = "YOTO_NO_WORKER", value_parser = BoolishValueParser::new())]
     no_worker: bool,
@@ -200,6 +204,7 @@ impl Serve {
             ingest: self.ingest.settings(),
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
+            require_consent: self.require_consent,
             signed_urls: self.signed_urls.life(),
             scratch: self.scratch,
             drain,

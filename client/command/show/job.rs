@@ -40,7 +40,8 @@ pub(crate) fn job_detail(job: &Job) -> String {
             None => format!("{} ahead in the queue", job.queue_position),
         },
         job::State::Succeeded => job_outcome(job),
-        job::State::Failed => {
+        // A cancelled job has an error where nobody asked for its end: a consent was revoked.
+        job::State::Failed | job::State::Cancelled => {
             job.error
                 .as_ref()
                 .map_or_else(String::new, |error| match error.violations.as_slice() {
@@ -51,7 +52,7 @@ pub(crate) fn job_detail(job: &Job) -> String {
                     }
                 })
         }
-        job::State::Cancelled | job::State::Unspecified => String::new(),
+        job::State::Unspecified => String::new(),
     }
 }
 

@@ -30,6 +30,7 @@ pub async fn with_service<T>(
         ingest,
         lpips,
         storage: yoto_server::StorageLimits::default(),
+        require_consent: false,
         signed_urls: None,
         scratch: None,
         drain: std::time::Duration::ZERO,

@@ -1,8 +1,10 @@
 //! `yoto subject`: people and their captures.
 
 mod add;
+mod consent;
 mod delete;
 mod edit;
+mod erase;
 mod fetch;
 mod ingest;
 mod poses;
@@ -42,7 +44,7 @@ enum Action {
         #[command(flatten)]
         server: Server,
     },
-    /// Show a person and their captures, with the faults of rejected ones.
+    /// Show a person, their consents and their captures, with the faults of rejected ones.
     #[command(after_help = SHOW_HELP)]
     Show {
         /// The person, by name.
@@ -53,12 +55,24 @@ enum Action {
     /// Change the name or the consent note of a person.
     #[command(after_help = edit::HELP)]
     Edit(edit::Edit),
+    /// Record what a person agrees to, for how long, and who said so.
+    #[command(after_help = consent::GRANT_HELP)]
+    Consent(consent::Grant),
+    /// Revoke the consent of a person, and end the jobs that needed it.
+    #[command(name = "revoke-consent", after_help = consent::REVOKE_HELP)]
+    RevokeConsent(consent::Revoke),
     /// Write the thumbnail of a person's newest capture, and the report of its check.
     #[command(after_help = fetch::HELP)]
     Fetch(fetch::Fetch),
     /// Delete a person and their captures.
     #[command(after_help = delete::SUBJECT_HELP)]
     Delete(delete::DeleteSubject),
+    /// Remove a person from everything: models, captures, renders, exports.
+    #[command(after_help = erase::ERASE_HELP)]
+    Erase(erase::Erase),
+    /// Show the report of an erasure.
+    #[command(after_help = erase::ERASURE_HELP)]
+    Erasure(erase::ShowErasure),
     /// Delete a capture.
     #[command(name = "delete-capture", after_help = delete::CAPTURE_HELP)]
     DeleteCapture(delete::DeleteCapture),
@@ -76,9 +90,13 @@ impl SubjectCommand {
             Action::List { server } => list(&server).await,
             Action::Show { name, server } => show(&server, &name).await,
             Action::Edit(edit) => edit.run().await,
+            Action::Consent(grant) => grant.run().await,
+            Action::RevokeConsent(revoke) => revoke.run().await,
             Action::Fetch(fetch) => fetch.run().await,
             Action::Delete(subject) => subject.run().await,
             Action::DeleteCapture(capture) => capture.run().await,
+            Action::Erase(erase) => erase.run().await,
+            Action::Erasure(erasure) => erasure.run().await,
             Action::Ingest(capture) => capture.run().await,
             Action::Poses(poses) => poses.run().await,
         }
@@ -91,7 +109,11 @@ async fn show(server: &Server, name: &str) -> anyhow::Result<()> {
     say!("person   {} ({})", subject.display_name, subject.name);
     say!("state    {}", subject.state().as_str_name());
     if !subject.consent_note.is_empty() {
-        say!("consent  {}", others(&subject.consent_note));
+        say!("note     {}", others(&subject.consent_note));
+    }
+    let consents = client.list_consents(&subject.name).await?;
+    for consent in &consents {
+        say!("consent  {}", consent::line(consent));
     }
     let mut captures = Vec::new();
     for capture in client.list_captures(&subject.name).await? {
@@ -109,6 +131,7 @@ async fn show(server: &Server, name: &str) -> anyhow::Result<()> {
         captures.push(capture);
     }
     output::put("subject", output::message(&subject));
+    output::put("consents", output::messages(&consents));
     output::put("captures", output::messages(&captures));
     Ok(())
 }

@@ -1,6 +1,8 @@
 //! The gRPC services, one file each. They parse names and fields, call the layer below, and
 //! turn its answer into messages; the rules are in `jobs`, `uploads`, `objects` and `store`.
 
+mod consents;
+mod erasures;
 mod fields;
 mod jobs;
 mod keys;

@@ -1,6 +1,6 @@
 //! `yoto.v1.SubjectService`.
 
-use super::{fields, paging};
+use super::{consents, erasures, fields, paging};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
@@ -13,9 +13,12 @@ use yoto_proto::limits;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
-    Capture, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-    GetCaptureRequest, GetSubjectRequest, IngestCaptureRequest, ListCapturesRequest,
-    ListCapturesResponse, ListSubjectsRequest, ListSubjectsResponse, Subject, UpdateSubjectRequest,
+    Capture, Consent, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
+    EraseSubjectRequest, Erasure, GetCaptureRequest, GetErasureRequest, GetSubjectRequest,
+    GrantConsentRequest, IngestCaptureRequest, ListCapturesRequest, ListCapturesResponse,
+    ListConsentsRequest, ListConsentsResponse, ListErasuresRequest, ListErasuresResponse,
+    ListSubjectsRequest, ListSubjectsResponse, RevokeConsentRequest, RevokeConsentResponse,
+    Subject, UpdateSubjectRequest,
 };
 
 /// People, and the captures of them.
@@ -209,5 +212,59 @@ impl SubjectService for SubjectApi {
             .delete(&tenant, Target::Capture(&id), &request.etag, key)
             .await;
         Ok(Response::new(deleted.map_err(RequestError::from)?))
+    }
+
+    async fn grant_consent(
+        &self,
+        request: Request<GrantConsentRequest>,
+    ) -> Result<Response<Consent>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let consent = consents::grant(&self.context, &tenant, request.into_inner()).await?;
+        Ok(Response::new(consent))
+    }
+
+    async fn revoke_consent(
+        &self,
+        request: Request<RevokeConsentRequest>,
+    ) -> Result<Response<RevokeConsentResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let revoked = consents::revoke(&self.context, &tenant, request.into_inner()).await?;
+        Ok(Response::new(revoked))
+    }
+
+    async fn list_consents(
+        &self,
+        request: Request<ListConsentsRequest>,
+    ) -> Result<Response<ListConsentsResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let listed = consents::list(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(listed))
+    }
+
+    async fn erase_subject(
+        &self,
+        request: Request<EraseSubjectRequest>,
+    ) -> Result<Response<Erasure>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let begun = erasures::begin(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(begun))
+    }
+
+    async fn get_erasure(
+        &self,
+        request: Request<GetErasureRequest>,
+    ) -> Result<Response<Erasure>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let found = erasures::get(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(found))
+    }
+
+    async fn list_erasures(
+        &self,
+        request: Request<ListErasuresRequest>,
+    ) -> Result<Response<ListErasuresResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let listed = erasures::list(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(listed))
     }
 }

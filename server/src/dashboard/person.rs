@@ -13,10 +13,12 @@ use maud::{Markup, html};
 use tonic::Status;
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::text::visible;
+use yoto_proto::v1::consent_item::State;
 use yoto_proto::v1::model_service_server::ModelService;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
-    Capture, GetSubjectRequest, ListCapturesRequest, ListModelsRequest, Model, capture,
+    Capture, Consent, ConsentPurpose, GetSubjectRequest, ListCapturesRequest, ListConsentsRequest,
+    ListModelsRequest, Model, capture,
 };
 
 /// `/people/{id}`
@@ -35,6 +37,13 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let captures = asker.subjects().list_captures(asker.request(request));
     let captures = captures.await?.into_inner().captures;
     let models = models_with(&asker, &resource).await?;
+    let request = ListConsentsRequest {
+        parent: resource.clone(),
+        page_size: LONGEST_PAGE_ENTRIES as i32,
+        ..ListConsentsRequest::default()
+    };
+    let consents = asker.subjects().list_consents(asker.request(request));
+    let consents = consents.await?.into_inner().consents;
     let now = asker.now();
     let mut shown = Vec::new();
     for capture in captures.iter().rev() {
@@ -56,15 +65,41 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
             } }
             div { dt { "Id" } dd { code { (id) } } }
         }
-        @if !subject.consent_note.is_empty() {
+        @if !subject.consent_note.is_empty() || !consents.is_empty() {
             h2 { "Consent" }
             p .note { (visible(&subject.consent_note)) }
+            @for consent in &consents { p .detail { (agreed(now, consent)) } }
         }
         h2 { "Captures" }
         @if shown.is_empty() { p .empty { "None." } }
         @for section in shown { (section) }
     };
     Ok(document::live(&title, "/people", "", body))
+}
+
+/// A record of what the person agrees to.
+fn agreed(now: f64, consent: &Consent) -> Markup {
+    html! {
+        @for item in &consent.items {
+            (purpose(item.purpose())) " "
+            @match item.state() {
+                State::Valid | State::Unspecified => {},
+                State::Expired => (badge("bad", "run out")),
+                State::Revoked => (badge("bad", "revoked")),
+            }
+            " "
+        }
+        (ago(now, consent.create_time.as_ref()))
+        @if let Some(end) = &consent.expire_time { ", until " (end.to_string()) }
+        @if !consent.given_by.is_empty() { ", given by " (visible(&consent.given_by)) }
+        @if !consent.note.is_empty() { ": " (visible(&consent.note)) }
+    }
+}
+
+/// The purpose as commands spell it.
+fn purpose(purpose: ConsentPurpose) -> String {
+    let name = purpose.as_str_name().trim_start_matches("CONSENT_");
+    name.to_ascii_lowercase()
 }
 
 /// The models with the person, and whether their newest checkpoints know them.

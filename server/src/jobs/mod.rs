@@ -1,6 +1,7 @@
 //! Jobs between the API and the store: accepted orders, leases, reports and watches.
 
 mod checks;
+pub mod consent;
 pub mod lease;
 pub mod queue;
 pub mod reaper;

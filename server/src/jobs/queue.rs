@@ -51,6 +51,7 @@ pub async fn validate(
     new: NewJob,
 ) -> Result<Job, RequestError> {
     check_spec(context, tenant, &new.spec).await?;
+    context.store.check_consent(tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec).map(JobKind::to_proto);
     Ok(Job {
         state: job::State::Queued.into(),

@@ -1,5 +1,6 @@
-//! Takes jobs back from silent workers.
+//! Takes jobs back from silent workers, and ends those of people whose consent has run out.
 
+use super::consent;
 use crate::context::Context;
 use crate::metrics::METRICS;
 use crate::store::{Reaped, StoreError};
@@ -18,6 +19,9 @@ pub async fn run(context: Arc<Context>) {
         }
         if let Err(error) = tick(&context).await {
             tracing::error!(%error, "could not take back jobs of lost workers");
+        }
+        if let Err(error) = consent::stop(&context, None).await {
+            tracing::error!(%error, "could not end jobs without consent");
         }
     }
 }

@@ -265,6 +265,15 @@ pub struct Reaped {
     pub state: job::State,
 }
 
+/// A job that has ended for want of consent.
+#[derive(Debug, Clone)]
+pub struct StoppedJob {
+    /// `jobs/{id}`.
+    pub job: String,
+    /// The person and the purpose, for people.
+    pub reason: String,
+}
+
 /// A job that has ended, of whatever tenant.
 #[derive(Debug, Clone)]
 pub struct EndedJob {

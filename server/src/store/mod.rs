@@ -6,6 +6,7 @@
 
 mod access;
 mod db;
+mod erasure_types;
 mod error;
 mod job_types;
 #[cfg(test)]
@@ -17,15 +18,18 @@ mod transaction;
 mod types;
 
 pub use db::{Listener, PostgresUrl, UrlError};
+pub use erasure_types::{
+    Counted, Leaving, LeftModel, OpenErasure, SharedWeights, SignedReport, Trace, Work,
+};
 pub use error::StoreError;
 pub use job_types::{
     EndedJob, Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome,
-    LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, TakenRange,
+    LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, StoppedJob, TakenRange,
 };
 pub use types::{
-    Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewKey, NewModel, NewPart, NewPiece,
-    NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References, RequestKey, StoredPart,
-    SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
+    Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewKey, NewModel, NewPart,
+    NewPiece, NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References, RequestKey,
+    StoredPart, SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;
@@ -42,6 +46,8 @@ pub struct Store {
     db: Database,
     /// Checks of the clock by this process.
     checks: Mutex<Option<Checks>>,
+    /// Whether nobody is in a job without a valid consent to its purpose.
+    requires_consent: bool,
 }
 
 impl Store {
@@ -102,6 +108,16 @@ impl Store {
         Self {
             db,
             checks: Mutex::default(),
+            requires_consent: false,
+        }
+    }
+
+    /// The store with jobs only of people who have agreed to them, if `required`. Otherwise only a consent that was revoked or
+    /// has run out keeps a person out of jobs.
+    pub fn requiring_consent(self, required: bool) -> Self {
+        Self {
+            requires_consent: required,
+            ..self
         }
     }
 

@@ -4,7 +4,7 @@ use super::JobKind;
 use prost::Message;
 use std::collections::{HashMap, HashSet};
 use yoto_objects::Part;
-use yoto_proto::v1::{self, ObjectRef, Scope, WorkerDevice};
+use yoto_proto::v1::{self, ConsentPurpose, ObjectRef, Scope, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -71,6 +71,19 @@ pub struct NewSubject {
     pub display_name: String,
     /// The consent under which the recordings are used.
     pub consent_note: String,
+}
+
+/// A consent to record.
+#[derive(Debug, Clone, Default)]
+pub struct NewConsent {
+    /// What the person agrees to.
+    pub purposes: Vec<ConsentPurpose>,
+    /// Who gave it; empty: the person.
+    pub given_by: String,
+    /// Anything else.
+    pub note: String,
+    /// When it runs out, seconds since 1970; none: never.
+    pub expire_time: Option<f64>,
 }
 
 /// An upload to open.

@@ -3,6 +3,7 @@
 //! A model can have several train jobs: each adds its own budget to earlier training, and a job
 //! that is leased again continues with the rest of its budget.
 
+mod leave;
 mod outlook;
 mod plan;
 mod preview;
@@ -34,6 +35,9 @@ pub fn run(
     spec: &TrainSpec,
     inputs: &Inputs,
 ) -> Result<TrainResult, JobFailure> {
+    if !spec.leave.is_empty() {
+        return leave::run(context, spec, inputs);
+    }
     let plan = Plan::new(spec, inputs)?;
     let mut session = start(context, &plan, inputs)?;
     match session.train() {

@@ -49,6 +49,10 @@ async fn check_train(
     tenant: &Tenant,
     train: &TrainSpec,
 ) -> Result<(), RequestError> {
+    if !train.leave.is_empty() {
+        let message = "a person is taken out of models by EraseSubject";
+        return Err(RequestError::invalid("spec.train.leave", message));
+    }
     context.ensure_room(0)?;
     let model = model(context, tenant, "spec.train.model", &train.model).await?;
     let of_tier = checks::train::of_tier(train, &model.tier).into_iter();

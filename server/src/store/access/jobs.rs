@@ -30,7 +30,8 @@ impl Store {
             tx,
             tenant,
             new.clone(),
-            request.clone()
+            request.clone(),
+            self.requires_consent
         ))
     }
 

@@ -1,6 +1,8 @@
 //! The methods of the [`Store`](super::Store), by what they are about.
 
 mod catalogue;
+mod consents;
+mod erasures;
 mod inspection;
 mod jobs;
 mod keys;

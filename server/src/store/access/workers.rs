@@ -84,6 +84,7 @@ impl Store {
             request_id,
             help,
             lease_seconds,
+            requires_consent: self.requires_consent,
         };
         let mut outcome = LeaseOutcome::default();
         // One transaction for each job that is tried, so that each locks one job.

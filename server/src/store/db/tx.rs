@@ -17,6 +17,17 @@ pub struct Tx {
     locks: Locks,
 }
 
+/// A column of texts or bytes, by its names in this program's own schema.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Its table.
+    pub table: String,
+    /// Its name.
+    pub name: String,
+    /// Whether it holds bytes.
+    pub bytes: bool,
+}
+
 /// A connection of a driver.
 #[derive(Debug)]
 pub(super) enum Driver {
@@ -98,6 +109,65 @@ impl Tx {
         rows.iter()
             .map(|row| Ok((row.text("table_name")?, row.text("column_name")?)))
             .collect()
+    }
+
+    /// The columns of all tables that hold texts or bytes.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn columns(&mut self) -> Result<Vec<Column>, StoreError> {
+        let statement = match &self.driver {
+            Driver::Sqlite(_) => sql("SELECT t.name AS table_name, c.name AS column_name, c.type = 'BLOB' AS bytes
+                 FROM sqlite_schema t JOIN pragma_table_info(t.name) c
+                 WHERE t.type = 'table' AND c.type IN ('TEXT', 'BLOB')
+                     AND substr(t.name, 1, 1) <> '_' AND substr(t.name, 1, 7) <> 'sqlite_' ORDER BY 1, 2"),
+            Driver::Postgres(_) => sql("SELECT c.table_name::text, c.column_name::text, c.data_type = 'bytea' AS bytes
+                 FROM information_schema.columns c JOIN information_schema.tables t
+                     ON t.table_schema = c.table_schema AND t.table_name = c.table_name
+                 WHERE c.table_schema = current_schema() AND t.table_type = 'BASE TABLE'
+                     AND c.data_type IN ('text', 'bytea') AND left(c.table_name, 1) <> '_' ORDER BY 1, 2"),
+        };
+        let rows = statement.rows(self, "reading the schema").await?;
+        rows.iter()
+            .map(|row| {
+                Ok(Column {
+                    table: row.text("table_name")?,
+                    name: row.text("column_name")?,
+                    bytes: row.flag("bytes")?,
+                })
+            })
+            .collect()
+    }
+
+    /// Number of rows that have one of these texts in the column, also among its bytes.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn rows_with(
+        &mut self,
+        column: &Column,
+        texts: &[String],
+    ) -> Result<u64, StoreError> {
+        let Column { table, name, bytes } = column;
+        let (before, after) = match (&self.driver, bytes) {
+            (Driver::Sqlite(_), _) => (
+                format!("instr(CAST({name} AS BLOB), CAST("),
+                " AS BLOB)) > 0".to_owned(),
+            ),
+            (Driver::Postgres(_), true) => (
+                "position(convert_to(".to_owned(),
+                format!(", 'UTF8') IN {name}) > 0"),
+            ),
+            (Driver::Postgres(_), false) => ("position(".to_owned(), format!(" IN {name}) > 0")),
+        };
+        let mut statement = sql(format!("SELECT count(*) AS found FROM {table} WHERE "));
+        for (number, text) in texts.iter().enumerate() {
+            statement.push(if number == 0 { "" } else { " OR " });
+            statement.push(&before);
+            statement.push_bind(text);
+            statement.push(&after);
+        }
+        statement.one(self, "searching rows").await?.number("found")
     }
 
     /// Makes the changes of a transaction that writes durable.

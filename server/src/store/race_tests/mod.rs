@@ -2,6 +2,7 @@
 //! outcome is that of one call after the other.
 
 mod catalogue;
+mod consents;
 mod leases;
 mod positions;
 mod renders;

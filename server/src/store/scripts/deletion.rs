@@ -4,7 +4,9 @@
 //! deleted either: the model's checkpoints would still contain what was learned from them, with no record of
 //! that person left.
 
-use super::{captures, checkpoints, garbage, jobs, models, pins, requests, subjects, uploads};
+use super::{
+    captures, checkpoints, erasures, garbage, jobs, models, pins, requests, subjects, uploads,
+};
 use crate::rules::etag;
 use crate::store::db::{Lock, Tx, sql};
 use crate::store::{RequestKey, StoreError, Target};
@@ -188,6 +190,7 @@ async fn subject(
     let subject = subjects::get(tx, tenant, id).await?;
     etag::check(&subject.display_name, etag, &subject.etag)?;
     let person = &subject.display_name;
+    erasures::refuse_if_begun(tx, id).await?;
     if let Some(model) = model_of(tx, id).await? {
         let message = format!(
             "{person} is in {model}, whose checkpoints hold what it has learned of them: delete the \
@@ -212,7 +215,11 @@ async fn subject(
 }
 
 /// Deletes a capture with its ingest jobs, unless one is open. An open upload ends.
-async fn remove_capture(tx: &mut Tx, id: &str, capture: &Capture) -> Result<Deleted, StoreError> {
+pub(super) async fn remove_capture(
+    tx: &mut Tx,
+    id: &str,
+    capture: &Capture,
+) -> Result<Deleted, StoreError> {
     if capture.state() == capture::State::Ingesting {
         return Err(pins::in_use(
             &capture.ingest_job,

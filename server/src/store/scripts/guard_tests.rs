@@ -89,6 +89,7 @@ impl Stage {
             request_id: "",
             help: false,
             lease_seconds: LEASE_SECONDS,
+            requires_consent: false,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Inputs of a job, resolved from the catalogue in the transaction of its lease: a worker needs no other
 //! calls, and nothing can change between its lease and its inputs.
 
-use super::{captures, checkpoints, models, outputs, pins, subjects, upload_parts};
+use super::{captures, checkpoints, leaving, models, outputs, pins, subjects, upload_parts};
 use crate::checkpoints::best::to_use;
 use crate::store::db::Tx;
 use crate::store::{StoreError, StoredPart, UploadedFile};
@@ -47,7 +47,15 @@ pub async fn resolve(
         }
         None => all,
     };
-    checkpoints.truncate(CHECKPOINTS);
+    match &spec.kind {
+        Some(job_spec::Kind::Train(train)) if !train.leave.is_empty() => {
+            let subject = parse(Collection::Subjects, &train.leave)?;
+            let slot = leaving::slot_of(&model, subject);
+            checkpoints
+                .retain(|it| slot.is_some_and(|slot| leaving::is_rewritten(it, &model, slot)));
+        }
+        _ => checkpoints.truncate(CHECKPOINTS),
+    }
     Ok(Inputs {
         files: Vec::new(),
         parts: Vec::new(),

@@ -1,6 +1,6 @@
 //! The users' side of jobs: create, read, list, cancel.
 
-use super::{attempts, models, operators, outcome, pins, requests};
+use super::{attempts, consent_rule, models, operators, outcome, pins, requests};
 use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{
     Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, new_id,
@@ -82,17 +82,20 @@ fn read(row: &Row) -> Result<Job, StoreError> {
     })
 }
 
-/// Queues a job, or returns the one that `request` queued before.
+/// Queues a job, or returns the one that `request` queued before. Refused if somebody in it lacks consent.
 pub async fn create(
     tx: &mut Tx,
     tenant: &Tenant,
     new: NewJob,
     request: Option<RequestKey>,
+    requires_consent: bool,
 ) -> Result<Job, StoreError> {
     if let Some(id) = requests::begin(tx, tenant, request.as_ref()).await? {
         return get(tx, tenant, &id).await;
     }
     let id = insert(tx, tenant, new).await?;
+    // The people are locked: whoever revokes a consent comes before this, or finds the job.
+    consent_rule::check_job(tx, &id, requires_consent).await?;
     requests::remember(tx, tenant, request.as_ref(), &id).await?;
     get(tx, tenant, &id).await
 }

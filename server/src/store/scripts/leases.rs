@@ -5,8 +5,8 @@
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
 use super::{
-    attempts, checkpoints, helpers, inputs, jobs, metrics, outcome, outputs, pins, queue, ranges,
-    workers,
+    attempts, checkpoints, consent_rule, helpers, inputs, jobs, metrics, outcome, outputs, pins,
+    queue, ranges, workers,
 };
 use crate::checkpoints::retention::Retention;
 use crate::store::db::{Lock, Row, Statement, Tx, integer, sql};
@@ -14,7 +14,7 @@ use crate::store::{LeaseKey, LeasedJob, StoreError};
 use crate::tenant::Tenant;
 use prost::Message;
 use yoto_proto::names::Collection;
-use yoto_proto::v1::{Checkpoint, JobError, JobSpec, Progress};
+use yoto_proto::v1::{Checkpoint, ErrorReason, JobError, JobSpec, Progress};
 
 /// A statement on the job of a lease. Its first three parameters are those of [`bound`]; it matches no row once
 /// the lease is stale. `$tail` follows the condition.
@@ -66,6 +66,8 @@ pub struct Ask<'a> {
     /// Whether it also helps with a render that another worker runs.
     pub help: bool,
     pub lease_seconds: f64,
+    /// Whether nobody is in a job without a valid consent.
+    pub requires_consent: bool,
 }
 
 /// The answer to a request for a job.
@@ -83,7 +85,7 @@ pub enum Turn {
 
 /// The lease of an earlier call with the same id, while it lasts; otherwise a lease of the first queued job
 /// that the worker may run, or of a part of a running render with a higher priority. A job whose inputs can't be
-/// found FAILS.
+/// found, or with a person who lacks consent, FAILS.
 pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<Turn, StoreError> {
     if let Some(leased) = again(tx, ask).await? {
         return Ok(Turn::Leased(leased.into()));
@@ -108,17 +110,23 @@ pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<Turn, StoreError> {
     let Some(key) = begin(tx, ask, &id).await? else {
         return Ok(Turn::Taken);
     };
-    match inputs_of(tx, ask.tenant, &key).await {
+    match inputs_of(tx, ask, &key).await {
         Ok(leased) => Ok(Turn::Leased(leased.into())),
         Err(error) if error.is_failure() => Err(error),
         Err(error) => {
-            let message = format!("its inputs can't be found: {error}");
-            let missing = JobError {
-                code: "INPUTS".to_owned(),
-                message: message.clone(),
-                violations: Vec::new(),
+            let error = match error {
+                StoreError::Rule {
+                    reason: ErrorReason::Consent,
+                    message,
+                } => consent_rule::job_error(message),
+                error => JobError {
+                    code: "INPUTS".to_owned(),
+                    message: format!("its inputs can't be found: {error}"),
+                    violations: Vec::new(),
+                },
             };
-            outcome::fail(tx, &key, missing).await?;
+            let message = error.message.clone();
+            outcome::fail(tx, &key, error).await?;
             Ok(Turn::Failed(Collection::Jobs.name(&id), message))
         }
     }
@@ -180,15 +188,18 @@ pub(super) async fn begin_attempt(
     Ok(Some(key))
 }
 
-/// Chooses the checkpoint of a job that was just leased, and finds its inputs.
-async fn inputs_of(tx: &mut Tx, tenant: &Tenant, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
+/// Chooses the checkpoint of a job that was just leased, finds its inputs, and asks for the consents of its people.
+async fn inputs_of(tx: &mut Tx, ask: &Ask<'_>, key: &LeaseKey) -> Result<LeasedJob, StoreError> {
     // A render that has begun continues with the checkpoint that it began with.
     let begun = !outputs::list(tx, &key.job_id).await?.is_empty();
     if !begun && !ranges::any(tx, &key.job_id).await? {
         let spec = jobs::spec(tx, &key.job_id).await?;
-        pins::renew(tx, tenant, &key.job_id, &spec).await?;
+        pins::renew(tx, ask.tenant, &key.job_id, &spec).await?;
     }
-    leased(tx, tenant, key).await
+    let leased = leased(tx, ask.tenant, key).await?;
+    // Last: the inputs pin people who have joined the model since the job was queued.
+    consent_rule::check_job(tx, &key.job_id, ask.requires_consent).await?;
+    Ok(leased)
 }
 
 /// Restarts the lease clock if no lease runs: the gap before the first lease is not an outage.

@@ -1,6 +1,6 @@
 //! Models, their identity slots, and their checkpoints.
 
-use super::{checkpoints, pins, requests, subjects};
+use super::{checkpoints, erasures, pins, requests, subjects};
 use crate::checkpoints::retention::Retention;
 use crate::rules::etag;
 use crate::store::db::{Lock, Row, Tx, sql};
@@ -201,6 +201,7 @@ async fn next_identity(
     if let Some(slot) = model.slots.iter().find(|slot| slot.subject == subject.name) {
         return Ok(slot.clone());
     }
+    erasures::refuse_if_begun(tx, subject_id).await?;
     if subject.state() != subject::State::Ready {
         let state = subject.state().as_str_name();
         return Err(StoreError::Rule {

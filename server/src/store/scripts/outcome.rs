@@ -227,6 +227,37 @@ pub async fn cancel_queued(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError
     Ok(true)
 }
 
+/// Ends a job without a worker as FAILED. Returns false if it is not QUEUED.
+pub async fn fail_queued(tx: &mut Tx, job_id: &str, error: &JobError) -> Result<bool, StoreError> {
+    let done = sql(
+        "UPDATE jobs SET state = 'FAILED', error = $3, sequence = sequence + 1,
+             end_time = $2, waiting_error = NULL, not_before = NULL
+         WHERE id = $1 AND state = 'QUEUED' AND kind <> 'ingest'",
+    )
+    .bind(job_id)
+    .bind(tx.now())
+    .bind(error.encode_to_vec())
+    .execute(tx, "ending a queued job")
+    .await?;
+    if done == 0 {
+        return Ok(false);
+    }
+    helpers::dismiss(tx, job_id, job::State::Failed).await?;
+    Ok(true)
+}
+
+/// Ends the leased job as CANCELLED because of `error`, without waiting for its worker, whose lease is stale from now on.
+pub async fn stop(tx: &mut Tx, lease: &LeaseKey, error: &JobError) -> Result<(), StoreError> {
+    let end = End {
+        state: job::State::Cancelled,
+        outcome: Outcome::Cancelled,
+        result: None,
+        error: Some(error),
+    };
+    let row = finish(tx, lease, end).await?;
+    end_ingest(tx, &row, &[]).await
+}
+
 /// Updates the capture of an ingest job that ended without a result; other jobs have no capture. Only a fault
 /// in its files rejects it.
 async fn end_ingest(tx: &mut Tx, job: &Row, violations: &[Violation]) -> Result<(), StoreError> {

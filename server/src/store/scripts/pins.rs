@@ -195,6 +195,8 @@ pub async fn renew(
 pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
     let everybody = model.slots.iter().map(|it| it.subject.clone());
     match &spec.kind {
+        // Nobody's frames are needed to take a person out.
+        Some(job_spec::Kind::Train(it)) if !it.leave.is_empty() => Vec::new(),
         Some(job_spec::Kind::Train(it)) => everybody
             .filter(|subject| it.only.is_empty() || it.only == *subject)
             .collect(),

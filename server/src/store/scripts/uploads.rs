@@ -1,7 +1,7 @@
 //! Uploads: captures that are still arriving. Each file has a number of committed bytes.
 
 use super::steps::age;
-use super::{captures, garbage, jobs, requests, upload_parts};
+use super::{captures, erasures, garbage, jobs, requests, upload_parts};
 use crate::store::db::{Lock, Tx, integer, sql};
 use crate::store::{NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id};
 use crate::tenant::Tenant;
@@ -45,6 +45,7 @@ pub async fn create(
             name: Collection::Subjects.name(&new.subject_id),
         });
     }
+    erasures::refuse_if_begun(tx, &new.subject_id).await?;
     for chunk in new.files.chunks(ROWS_PER_STATEMENT) {
         let mut rows = sql("INSERT INTO capture_files (capture, path, bytes, sha256) VALUES ");
         for (number, file) in chunk.iter().enumerate() {

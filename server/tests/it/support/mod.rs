@@ -13,6 +13,7 @@ mod expect;
 mod http;
 mod keys;
 mod objects;
+mod residue;
 mod trained;
 mod uploads;
 mod workers;

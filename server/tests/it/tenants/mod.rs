@@ -17,8 +17,8 @@ use yoto_proto::key::{Connection, connection};
 use yoto_proto::names;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
-    CreateSubjectRequest, FinishUploadRequest, GetUploadRequest, JobKind, ListSubjectsRequest,
-    PauseJobsRequest, Scope,
+    CreateSubjectRequest, EraseSubjectRequest, FinishUploadRequest, GetUploadRequest, JobKind,
+    ListSubjectsRequest, PauseJobsRequest, Scope,
 };
 use yoto_server::{Admission, Tenant, in_memory};
 
@@ -49,7 +49,19 @@ async fn content(service: &Service) -> Content {
         job: trained.training.job.expect("has a job").name,
         worker: trained.worker,
         key: "keys/none".into(),
+        erasure: erased(service).await,
     }
+}
+
+/// The erasure of a person who is in nothing.
+async fn erased(service: &Service) -> String {
+    let nobody = service.subject("Nobody").await;
+    let request = EraseSubjectRequest {
+        name: nobody.name,
+        display_name: "Nobody".into(),
+    };
+    let erased = service.subjects().erase_subject(request).await;
+    erased.expect("is erased").into_inner().name
 }
 
 /// A service with one of everything of each of two tenants, and keys of the second one.

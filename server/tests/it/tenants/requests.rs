@@ -18,6 +18,7 @@ pub struct Content {
     pub worker: String,
     pub object: String,
     pub key: String,
+    pub erasure: String,
 }
 
 impl Content {
@@ -32,9 +33,10 @@ impl Content {
             worker,
             object,
             key,
+            erasure,
         } = self;
         let all = [
-            subject, capture, upload, model, checkpoint, job, worker, object, key,
+            subject, capture, upload, model, checkpoint, job, worker, object, key, erasure,
         ];
         all.into_iter().map(String::as_str)
     }
@@ -65,11 +67,14 @@ const NO_NAMES: &[&str] = &[
     "etag",
     "field",
     "file",
+    "given_by",
     "ingest_job",
     "key",
     "kept_for",
+    "leave",
     "message",
     "names",
+    "note",
     "owner",
     "page_token",
     "path",
@@ -107,6 +112,7 @@ const NEEDS: &[(&str, &str)] = &[
         r#"{"files": [{"path": "poses.json", "bytes": "2",
             "sha256": "0000000000000000000000000000000000000000000000000000000000000000"}]}"#,
     ),
+    ("GrantConsentRequest", r#"{"purposes": ["CONSENT_TRAIN"]}"#),
     ("EndJobRequest", r#"{"returned": {}}"#),
     ("PublishCheckpointRequest", r#"{"checkpoint": {}}"#),
     ("TakeRangeRequest", r#"{"pictures": 1}"#),

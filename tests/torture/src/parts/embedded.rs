@@ -23,6 +23,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         otlp: None,
         ingest: IngestSettings::default(),
         lpips: None,
+        require_consent: false,
         signed_urls: None,
         storage: StorageLimits {
             min_free_bytes: 0,

@@ -20,6 +20,8 @@ pub fn migrations() -> Migrator {
     let several = include_str!("../../../../../migrations/postgres/0025_several_coordinators.sql")
         .into_sql_str();
     let keys = include_str!("../../../../../migrations/postgres/0026_keys.sql").into_sql_str();
+    let consents =
+        include_str!("../../../../../migrations/postgres/0027_consents.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -30,6 +32,7 @@ pub fn migrations() -> Migrator {
         step(24, "operators", operators),
         step(25, "several coordinators", several),
         step(26, "keys", keys),
+        step(27, "consents", consents),
     ])
 }
 

@@ -50,6 +50,8 @@ pub fn migrations() -> Migrator {
     let several = include_str!("../../../../../migrations/sqlite/0025_several_coordinators.sql")
         .into_sql_str();
     let keys = include_str!("../../../../../migrations/sqlite/0026_keys.sql").into_sql_str();
+    let consents =
+        include_str!("../../../../../migrations/sqlite/0027_consents.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -80,6 +82,7 @@ pub fn migrations() -> Migrator {
         step(24, "operators", operators, false),
         step(25, "several coordinators", several, false),
         step(26, "keys", keys, false),
+        step(27, "consents", consents, false),
     ])
 }
 
