@@ -191,6 +191,7 @@ impl<'a> Session<'a> {
             objective: progress.objective.into(),
             active_parts: progress.active_parts,
             notes: self.trainer.notes(),
+            removed: Vec::new(),
         })
     }
 
