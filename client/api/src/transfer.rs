@@ -97,35 +97,39 @@ impl YotoClient {
         transfer: &mut Transfer<'_, W>,
     ) -> io::Result<()> {
         while transfer.lacks_bytes() && self.direct.reads.is_on() {
-            let request = SignDownloadRequest {
-                name: transfer.object.name.clone(),
-            };
-            let url = match self.object_service().sign_download(request).await {
-                Ok(answer) => answer.into_inner().url,
-                Err(status) => {
-                    if status.code() == Code::Unimplemented {
-                        self.direct
-                            .reads
-                            .give_up("the service is of an earlier version");
-                    }
-                    return Ok(());
-                }
-            };
-            if url.is_empty() {
-                self.direct.reads.give_up("the service signs no URLs");
-                return Ok(());
-            }
             let before = transfer.offset;
-            match self.read(&url, transfer).await? {
+            let why = match self.url_of(transfer.object).await {
+                Ok(url) => match self.read(&url, transfer).await? {
+                    Ok(()) => continue,
+                    Err(fault) => fault.to_string(),
+                },
+                Err(None) => return Ok(()),
+                Err(Some(why)) => why.to_owned(),
+            };
+            match transfer.offset > before {
                 // The last URL may have ended.
-                Err(fault) if transfer.offset > before => {
-                    tracing::debug!(%fault, "the object store is read again");
-                }
-                Err(fault) => self.direct.reads.give_up(&fault.to_string()),
-                Ok(()) => {}
+                true => tracing::debug!(why, "the object store is read again"),
+                false => self.direct.reads.give_up(&why),
             }
         }
         Ok(())
+    }
+
+    /// The URL of `object`, or why no file has one. Any other refusal is that of the file, which the service tells again.
+    async fn url_of(&self, object: &NamedObject) -> Result<String, Option<&'static str>> {
+        let request = SignDownloadRequest {
+            name: object.name.clone(),
+        };
+        match self.object_service().sign_download(request).await {
+            Ok(answer) => match answer.into_inner().url {
+                none if none.is_empty() => Err(Some("the service signs no URLs")),
+                url => Ok(url),
+            },
+            Err(status) if status.code() == Code::Unimplemented => {
+                Err(Some("the service is of an earlier version"))
+            }
+            Err(_) => Err(None),
+        }
     }
 
     /// Reads the rest at `url`; the outer error is that of `transfer`.

@@ -84,3 +84,60 @@ impl Direct {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::{TcpListener, TcpStream};
+
+    /// Reads a request with a body of 9 bytes and answers with this status. Returns the request.
+    async fn answer(connection: &mut TcpStream, status: &str) -> String {
+        let mut read = Vec::new();
+        while !read.ends_with(b"012345678") {
+            assert!(connection.read_buf(&mut read).await.expect("reads") > 0);
+        }
+        let answer = format!("HTTP/1.1 {status}\r\ncontent-length: 2\r\n\r\nok");
+        let written = connection.write_all(answer.as_bytes()).await;
+        written.expect("writes");
+        String::from_utf8(read).expect("is text")
+    }
+
+    #[tokio::test]
+    async fn a_connection_is_kept_and_one_that_has_ended_is_replaced() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let store = tokio::spawn(async move {
+            let (mut first, _) = listener.accept().await.expect("comes");
+            let request = answer(&mut first, "200 OK").await;
+            answer(&mut first, "403 Forbidden").await;
+            let (mut second, _) = listener.accept().await.expect("comes");
+            answer(&mut second, "204 No Content").await;
+            drop(second);
+            let (mut third, _) = listener.accept().await.expect("comes");
+            answer(&mut third, "200 OK").await;
+            request
+        });
+        let direct = Direct::new(true);
+        let url = format!("http://{address}/bucket/part?signed");
+        let headers = HashMap::from([("x-amz-checksum-sha256".to_owned(), "c2hh".to_owned())]);
+        let chunks = ["0123", "45678"].map(Bytes::from);
+        let put = async || direct.put(&url, &headers, &chunks).await;
+        put().await.expect("is taken");
+        let refused = put().await.expect_err("by the kept connection");
+        assert!(
+            matches!(refused, Fault::Status(it) if it == 403),
+            "{refused}"
+        );
+        put().await.expect("is taken");
+        put().await.expect("is sent again");
+        let request = store.await.expect("no panic");
+        assert!(
+            request.starts_with("PUT /bucket/part?signed HTTP/1.1\r\n"),
+            "{request}"
+        );
+        let has = |header: &str| request.to_lowercase().contains(header);
+        assert!(has("\r\ncontent-length: 9\r\n") && has("\r\nx-amz-checksum-sha256: c2hh\r\n"));
+        assert!(has(&format!("\r\nhost: {address}\r\n")), "{request}");
+    }
+}
