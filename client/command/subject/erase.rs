@@ -21,7 +21,7 @@ Examples:
   yoto subject erase ada --yes --no-wait";
 pub(crate) const ERASURE_HELP: &str = "\
 The report is kept without the person's name: with the id that they had, and the SHA-256 of their name. `--out`
-writes the bytes that are signed (Ed25519); signature and key are in `--format json`.
+writes the bytes that are signed (Ed25519); signature and key are in `--output json`.
 
 Examples:
   yoto subject erasure ada

@@ -67,7 +67,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         }
         @if !subject.consent_note.is_empty() || !consents.is_empty() {
             h2 { "Consent" }
-            p .note { (visible(&subject.consent_note)) }
+            @if !subject.consent_note.is_empty() { p .note { (visible(&subject.consent_note)) } }
             @for consent in &consents { p .detail { (agreed(now, consent)) } }
         }
         h2 { "Captures" }

@@ -147,11 +147,8 @@ async fn finish(
     let noted: Vec<String> = noted.cloned().collect();
     context.store.note_garbage(&[], &noted).await?;
     let left = counted(context, &work.folders).await?;
-    let ids = context.store.traces(&work.ids).await?;
-    let names = context
-        .store
-        .traces(std::slice::from_ref(&work.name))
-        .await?;
+    let ids = context.store.traces_of_ids(&work.ids).await?;
+    let names = context.store.traces_of_name(&work.name).await?;
     let shown = context.store.erasure(&erasure.tenant, &erasure.id).await?;
     let search = Search {
         folders: work.folders.len(),

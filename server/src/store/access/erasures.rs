@@ -97,8 +97,13 @@ impl Store {
         transaction!(self, |tx| erasures::done(tx, id, report))
     }
 
-    /// The columns of all tables, but those of erasures, whose rows have one of these texts, of all tenants.
-    pub async fn traces(&self, texts: &[String]) -> Result<Vec<Trace>, StoreError> {
-        traces::find(&mut self.db.read().await?, texts).await
+    /// The columns of all tables, but those of erasures, whose rows have one of these ids, of all tenants.
+    pub async fn traces_of_ids(&self, ids: &[String]) -> Result<Vec<Trace>, StoreError> {
+        traces::of_ids(&mut self.db.read().await?, ids).await
+    }
+
+    /// The same for a name, in columns of texts and of encoded messages.
+    pub async fn traces_of_name(&self, name: &str) -> Result<Vec<Trace>, StoreError> {
+        traces::of_name(&mut self.db.read().await?, name).await
     }
 }

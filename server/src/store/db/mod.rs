@@ -23,7 +23,7 @@ pub use postgres::{Listener, PostgresUrl, UrlError};
 pub use row::{Row, integer, state, timestamp};
 pub(crate) use statement::claimed;
 pub use statement::{Statement, sql};
-pub use tx::Tx;
+pub use tx::{Column, Tx};
 
 use crate::clock::Clock;
 use crate::store::StoreError;

@@ -125,7 +125,7 @@ async fn leave(
     } else if left.checkpoints_deleted > 0 {
         left.shared_weights = SharedWeights::Deleted;
     }
-    work.count("checkpoints", left.checkpoints_deleted.into());
+    work.count("checkpoints", left.checkpoints_deleted);
     work.unnamed.push(format!("models/{model_id}"));
     Ok(left)
 }
