@@ -7,6 +7,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, HashSet};
 use std::fmt;
 use yoto_proto::keys;
+use yoto_proto::manifest::{Manifest, ManifestObject, VERSION, files};
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{
     Checkpoint, GetJobRequest, JobKind, ListJobsRequest, Progress, TrainResult, job, job_result,
@@ -309,8 +310,27 @@ impl<'a> Day<'a> {
         let job_id = Collection::Jobs.parse(&job)?;
         let step = it.step + 1;
         let folder = keys::checkpoint(model_id, job_id, lease.token, step);
-        let key = format!("{folder}/manifest.json");
-        let manifest = self.stage.put(&key, b"{}").await?;
+        let key = format!("{folder}/{}", files::WEIGHTS);
+        let weights = self.stage.put(&key, b"weights").await?;
+        let manifest = Manifest {
+            version: VERSION,
+            model: model.name.clone(),
+            step,
+            job: it.name.clone(),
+            job_seconds: 1.0,
+            job_steps: step,
+            objects: vec![ManifestObject {
+                file: files::WEIGHTS.to_owned(),
+                key: weights.key,
+                bytes: weights.bytes,
+                sha256: weights.sha256,
+            }],
+        };
+        let key = format!("{folder}/{}", files::MANIFEST);
+        let manifest = self
+            .stage
+            .put(&key, &serde_json::to_vec(&manifest)?)
+            .await?;
         let name = names::checkpoint(&model.name, step);
         let request = PublishCheckpointRequest {
             claim: Some(claim(&it.name, lease)),
@@ -318,7 +338,7 @@ impl<'a> Day<'a> {
                 name: name.clone(),
                 step,
                 manifest: Some(manifest),
-                bytes: 2,
+                bytes: weights.bytes,
                 psnr: Some(25.0 + step as f64 * 1e-3),
                 slots: vec![0],
                 ..Checkpoint::default()

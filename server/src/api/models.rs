@@ -2,6 +2,7 @@
 
 use super::{fields, paging};
 use crate::checkpoints::best::best_first;
+use crate::checkpoints::manifest;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::both;
@@ -12,7 +13,7 @@ use futures::stream::{self, BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::limits::CHUNK_BYTES;
-use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::manifest::files;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::tiers;
 use yoto_proto::v1::model_service_server::ModelService;
@@ -366,9 +367,7 @@ impl ModelApi {
             |message: String| RequestError::precondition(ErrorReason::CheckpointTorn, message);
         let manifest = checkpoint.manifest.as_ref();
         let manifest = manifest.ok_or_else(|| torn("it has no manifest".into()))?;
-        let manifest = self.context.objects.read(manifest).await?;
-        let manifest = Manifest::from_json(&manifest)
-            .map_err(|error| torn(format!("the checkpoint's manifest: {error}")))?;
+        let manifest = manifest::read(&self.context, manifest).await?;
         let Some(object) = manifest.object(file) else {
             return Ok(None);
         };

@@ -1,6 +1,7 @@
 //! `yoto.v1.ObjectService`.
 
 use super::{fields, paging};
+use crate::checkpoints::manifest;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::tenant::Tenant;
@@ -8,7 +9,7 @@ use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::manifest::{Manifest, files};
+use yoto_proto::manifest::files;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::object_service_server::ObjectService;
 use yoto_proto::v1::{
@@ -195,8 +196,7 @@ impl ObjectApi {
         let object = checkpoint
             .manifest
             .ok_or_else(|| torn(format!("{name} has no manifest")))?;
-        let manifest = Manifest::from_json(&self.context.objects.read(&object).await?)
-            .map_err(|error| torn(format!("the manifest of {name}: {error}")))?;
+        let manifest = manifest::read(&self.context, &object).await?;
         let data = manifest.objects.into_iter().map(|it| {
             let object = ObjectRef {
                 key: it.key,

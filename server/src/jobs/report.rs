@@ -2,6 +2,7 @@
 
 use super::checks::parse;
 use super::checks::results::{check_result, require};
+use crate::checkpoints::manifest;
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::metrics::METRICS;
@@ -88,6 +89,9 @@ pub async fn publish(
         in_folder,
     )
     .await?;
+    if let Some(object) = &checkpoint.manifest {
+        manifest::check(context, object).await?;
+    }
     let default = context.config.storage.retention();
     let bytes = checkpoint.bytes;
     let published = context

@@ -44,8 +44,8 @@ impl Service {
         let checkpoint = Checkpoint {
             name: names::checkpoint(&model.name, step),
             step,
-            manifest: Some(self.put(&format!("{folder}/manifest.json"), b"{}").await),
-            bytes: 2,
+            manifest: Some(self.manifest(&folder, step).await),
+            bytes: 7,
             slots: slots.to_vec(),
             ..<_>::default()
         };

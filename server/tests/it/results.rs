@@ -235,3 +235,84 @@ async fn a_result_names_no_more_files_than_a_render_may_have() {
     assert_invalid(refused.await, "result.render.files");
     service.complete_render(&lease).await;
 }
+
+#[tokio::test]
+async fn a_checkpoint_names_its_own_objects_and_all_of_them_exist() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let model = service.model_of(&ada).await;
+    service.train(&model).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the training waits");
+    let good = service.publish(&lease, 1).await.expect("is whole");
+    let folder = |step| {
+        let job = support::job_name(&lease);
+        keys::checkpoint(id(&model.name), id(&job), lease.token, step)
+    };
+    let publish = async |step: u64, object: ObjectRef| {
+        let objects = vec![(files::WEIGHTS, object)];
+        let manifest = service.manifest_of(&folder(step), step, objects).await;
+        let request = PublishCheckpointRequest {
+            claim: Some(support::claim(&lease)),
+            checkpoint: Some(Checkpoint {
+                name: names::checkpoint(&model.name, step),
+                step,
+                manifest: Some(manifest),
+                ..good.clone()
+            }),
+            save_seconds: 0.5,
+        };
+        service.workers().publish_checkpoint(request).await
+    };
+    let field = "checkpoint.manifest";
+    // The first checkpoint's object stands for anybody's.
+    let others = service.put(&format!("{}/x", folder(1)), b"x").await;
+    assert_invalid(publish(2, others.clone()).await, field);
+    let missing = ObjectRef {
+        key: format!("{}/x", folder(2)),
+        ..others.clone()
+    };
+    assert_invalid(publish(2, missing).await, field);
+    let key = format!("{}/x", folder(2));
+    let longer = ObjectRef {
+        bytes: 2,
+        ..service.put(&key, b"x").await
+    };
+    assert_invalid(publish(2, longer).await, field);
+    let above = ObjectRef {
+        key: format!("{}/../x", folder(2)),
+        ..others
+    };
+    assert_invalid(publish(2, above).await, field);
+    let whole = service.put(&key, b"x").await;
+    publish(2, whole).await.expect("is whole");
+}
+
+/// What a worker writes after its checkpoint was published is not believed either.
+#[tokio::test]
+async fn a_manifest_that_names_others_objects_serves_none() {
+    let service = Service::start().await;
+    let Trained { checkpoint, .. } = service.trained().await;
+    let listed = async |parent: &str| {
+        let request = ListObjectsRequest {
+            parent: parent.to_owned(),
+            ..<_>::default()
+        };
+        service.objects().list_objects(request).await
+    };
+    let found = listed(&checkpoint.name).await.expect("is whole");
+    assert_eq!(found.into_inner().objects.len(), 2);
+    let manifest = checkpoint.manifest.expect("has one");
+    let secret = service.put("uploads/c/video.mp4", b"a face").await;
+    let folder = keys::folder(&manifest.key);
+    let other = service
+        .manifest_of(folder, checkpoint.step, vec![(files::WEIGHTS, secret)])
+        .await;
+    let row = format!(
+        "UPDATE checkpoints SET manifest_bytes = {}, manifest_sha256 = '{}' WHERE manifest_key = '{}'",
+        other.bytes, other.sha256, other.key
+    );
+    service.database.run(&row).await;
+    let refused = listed(&checkpoint.name).await;
+    assert_refused(refused, Code::FailedPrecondition, "CHECKPOINT_TORN");
+}

@@ -3,6 +3,7 @@
 use super::{Service, eventually, id};
 use tonic::Status;
 use yoto_objects::Objects;
+use yoto_proto::manifest::{Manifest, ManifestObject, VERSION, files};
 use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::{
     Checkpoint, IngestResult, JobError, JobKind, JobResult, ObjectRef, RenderResult, RenderedFile,
@@ -149,8 +150,8 @@ impl Service {
         let checkpoint = Checkpoint {
             name: names::checkpoint(&model.name, step),
             step,
-            manifest: Some(self.put(&format!("{folder}/manifest.json"), b"{}").await),
-            bytes: 2,
+            manifest: Some(self.manifest(&folder, step).await),
+            bytes: 7,
             psnr: Some(psnr),
             slots: model.slots.iter().map(|slot| slot.slot).collect(),
             ..<_>::default()
@@ -162,6 +163,42 @@ impl Service {
         };
         self.workers().publish_checkpoint(request).await?;
         Ok(checkpoint)
+    }
+
+    /// The manifest of a checkpoint in `folder`, which has weights alone.
+    pub async fn manifest(&self, folder: &str, step: u64) -> ObjectRef {
+        let key = format!("{folder}/{}", files::WEIGHTS);
+        let weights = self.put(&key, b"weights").await;
+        self.manifest_of(folder, step, vec![(files::WEIGHTS, weights)])
+            .await
+    }
+
+    /// The manifest of a checkpoint in `folder` with these objects.
+    pub async fn manifest_of(
+        &self,
+        folder: &str,
+        step: u64,
+        objects: Vec<(&str, ObjectRef)>,
+    ) -> ObjectRef {
+        let objects = objects.into_iter();
+        let objects = objects.map(|(file, object)| ManifestObject {
+            file: file.to_owned(),
+            key: object.key,
+            bytes: object.bytes,
+            sha256: object.sha256,
+        });
+        let manifest = Manifest {
+            version: VERSION,
+            model: "models/m".to_owned(),
+            step,
+            job: String::new(),
+            job_seconds: 1.0,
+            job_steps: step,
+            objects: objects.collect(),
+        };
+        let json = serde_json::to_vec(&manifest).expect("JSON");
+        let key = format!("{folder}/{}", files::MANIFEST);
+        self.put(&key, &json).await
     }
 
     /// Completes a leased render with one picture; the picture's key.

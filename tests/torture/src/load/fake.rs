@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use tonic::transport::Channel;
 use yoto_client::YotoClient;
 use yoto_proto::limits::ANSWER_BYTES;
+use yoto_proto::manifest::{Manifest, ManifestObject, VERSION, files};
 use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
@@ -87,11 +88,27 @@ impl Scene {
         let lessee = self.lease(&worker).await?;
         let claim = &lessee.claim;
         let folder = keys::checkpoint(id(&model)?, id(&claim.job)?, claim.token, 1);
+        let weights = self.put(&format!("{folder}/{}", files::WEIGHTS), b"weights")?;
+        let manifest = Manifest {
+            version: VERSION,
+            model: model.clone(),
+            step: 1,
+            job: claim.job.clone(),
+            job_seconds: 1.0,
+            job_steps: 1,
+            objects: vec![ManifestObject {
+                file: files::WEIGHTS.to_owned(),
+                key: weights.key,
+                bytes: weights.bytes,
+                sha256: weights.sha256,
+            }],
+        };
+        let manifest = serde_json::to_vec(&manifest)?;
         let checkpoint = Checkpoint {
             name: names::checkpoint(&model, 1),
             step: 1,
-            manifest: Some(self.put(&format!("{folder}/manifest.json"), b"{}")?),
-            bytes: 2,
+            manifest: Some(self.put(&format!("{folder}/{}", files::MANIFEST), &manifest)?),
+            bytes: weights.bytes,
             slots: vec![0],
             ..Checkpoint::default()
         };
