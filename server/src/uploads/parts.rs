@@ -98,6 +98,8 @@ pub async fn commit_part(
     let key = keys::upload_part(id, writer, part.number.into());
     let found = context.objects.size(&key).await?;
     if found != Some(part.bytes) {
+        // A collection removes what a writer has put that was taken over.
+        context.store.require_writer(tenant, id, writer).await?;
         let (number, expected) = (part.number, part.bytes);
         let message = match found {
             Some(found) => format!("part {number} has {found} bytes in the store, not {expected}"),
