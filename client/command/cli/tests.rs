@@ -57,6 +57,10 @@ fn what_a_newcomer_types_parses() {
     let everywhere = [
         "yoto capture check a",
         "yoto capture example --people 3 --frames 40 --size 64 --out c",
+        "yoto subject consent ada --for train,render --until 2027-12-31 --by father --note signed",
+        "yoto subject revoke-consent ada --for render",
+        "yoto subject erase ada --yes --no-wait",
+        "yoto subject erasure ada --out ada.json",
         "yoto capture check a --out o --extrinsics c2w --units camera=mm --mask-shift -1",
         "yoto capture check a.zip --frames video --masks masks.mp4 --every 3",
         "yoto subject add ada --capture c --consent signed --no-wait",
