@@ -1,6 +1,6 @@
 //! Browsers, and pages over plain HTTP: a page of another site calls nothing, and figures ask for a key.
 
-use crate::support::{Service, eventually};
+use crate::support::{Open, Service, eventually};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::net::SocketAddr;
@@ -10,7 +10,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tonic::Code;
 use tonic::transport::{Channel, Endpoint};
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
-use yoto_proto::v1::{ListKeysRequest, ListSubjectsRequest, Scope};
+use yoto_proto::v1::{ListSubjectsRequest, Scope};
 use yoto_server::Admission;
 
 /// Serves on a port of this machine.
@@ -150,26 +150,10 @@ async fn the_events_of_a_page_end_with_the_key_of_its_reader() {
     let service = Service::start().await;
     let address = listen(&service).await;
     let reader = service.key("default", &[Scope::Read]).await;
-    let own = format!("Host: {address}");
-    let bearer = format!("Authorization: Bearer {}", reader.text);
-    let headers = [own, bearer];
-    // The answer to this request has no end of its own.
-    let reading = tokio::spawn(async move {
-        let headers: Vec<&str> = headers.iter().map(String::as_str).collect();
-        get(address, "/events", &headers).await
-    });
-    let used = || async {
-        let listed = service.keys().list_keys(ListKeysRequest::default()).await;
-        let keys = listed.expect("answers").into_inner().keys;
-        keys.iter()
-            .any(|it| it.last_use_time.is_some())
-            .then_some(())
-    };
-    eventually("the reader", used).await;
-    assert!(!reading.is_finished());
+    let bearer = format!("Authorization: Bearer {}\r\n", reader.text);
+    let mut reading = Open::get(address, "/events", &bearer).await;
+    reading.until("event: hello").await;
     service.revoke(&reader.name).await;
-    let ended = tokio::time::timeout(Duration::from_secs(20), reading).await;
-    let (status, text) = ended.expect("ends").expect("no panic");
-    assert_eq!(status, 200);
-    assert!(text.contains("event: hello"), "{text}");
+    let ended = tokio::time::timeout(Duration::from_secs(20), reading.ended()).await;
+    ended.expect("it ends");
 }
