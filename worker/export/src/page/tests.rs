@@ -55,6 +55,11 @@ fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
     for outside in ["http:", "https:", "src=", "href="] {
         assert!(!page.contains(outside), "{outside}");
     }
+    let (before, _) = page.split_once("<script").expect("a script");
+    assert!(
+        before.contains("Content-Security-Policy\" content=\"default-src 'none';"),
+        "{before}"
+    );
     let data = page.split(r#"id="person">"#).nth(1).expect("data");
     let data = data.split("</script>").next().expect("data");
     let data: serde_json::Value = serde_json::from_str(data).expect("json");
