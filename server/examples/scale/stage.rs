@@ -255,8 +255,9 @@ impl Stage {
         Ok(answer.into_inner().lease)
     }
 
-    pub async fn put(&self, key: &str, bytes: &'static [u8]) -> Result<ObjectRef> {
-        Ok(self.objects.put(key, bytes.into()).await?)
+    pub async fn put(&self, key: &str, bytes: &[u8]) -> Result<ObjectRef> {
+        let bytes = bytes.to_vec().into();
+        Ok(self.objects.put(key, bytes).await?)
     }
 
     /// Ends a lease with a result.

@@ -162,7 +162,7 @@ impl Database {
     pub async fn read(&self) -> Result<Tx, StoreError> {
         let driver = match &self.driver {
             Driver::Sqlite(it) => tx::Driver::Sqlite(it.read().await?),
-            Driver::Postgres(it) => tx::Driver::Postgres(it.read().await?),
+            Driver::Postgres(it) => tx::Driver::Postgres(Box::pin(it.read()).await?),
         };
         Ok(Tx::begin(driver, self.estimate(), false))
     }
@@ -174,7 +174,7 @@ impl Database {
     pub async fn snapshot(&self) -> Result<Tx, StoreError> {
         let driver = match &self.driver {
             Driver::Sqlite(it) => tx::Driver::Sqlite(it.snapshot().await?),
-            Driver::Postgres(it) => tx::Driver::Postgres(it.snapshot().await?),
+            Driver::Postgres(it) => tx::Driver::Postgres(Box::pin(it.snapshot()).await?),
         };
         Ok(Tx::begin(driver, self.estimate(), false))
     }
@@ -192,10 +192,10 @@ impl Database {
                 Ok(Tx::begin(tx::Driver::Sqlite(connection), now, false))
             }
             Driver::Postgres(it) => {
-                let mut connection = it.write().await?;
+                let mut connection = Box::pin(it.write()).await?;
                 let of_database = self.clock.is_system();
                 let now = match of_database {
-                    true => it.now(&mut connection, self.clock.now()).await?,
+                    true => Box::pin(it.now(&mut connection, self.clock.now())).await?,
                     false => self.clock.now(),
                 };
                 let driver = tx::Driver::Postgres(connection);

@@ -28,7 +28,8 @@ pub struct Column {
     pub bytes: bool,
 }
 
-/// A connection of a driver.
+/// A connection of a driver. Work on that of PostgreSQL is on the heap: a script has a hundred statements, and each would
+/// hold the state of sqlx's protocol on the stack of a build without optimisation.
 #[derive(Debug)]
 pub(super) enum Driver {
     Sqlite(sqlite::Connection),
@@ -62,7 +63,7 @@ impl Tx {
             // BEGIN IMMEDIATE has locked the whole file.
             Driver::Sqlite(_) => Ok(()),
             Driver::Postgres(it) => {
-                let now = it.lock(lock).await?;
+                let now = Box::pin(it.lock(lock)).await?;
                 if let Some(now) = now.filter(|_| self.of_database) {
                     self.now = now;
                 }
@@ -179,7 +180,7 @@ impl Tx {
         let began = Instant::now();
         match self.driver {
             Driver::Sqlite(connection) => connection.commit().await?,
-            Driver::Postgres(connection) => connection.commit().await?,
+            Driver::Postgres(connection) => Box::pin(connection.commit()).await?,
         }
         METRICS.committed(began.elapsed());
         faults::reached(Moment::AfterCommit);
@@ -193,7 +194,10 @@ impl Tx {
     ) -> Result<Option<Row>, StoreError> {
         match &mut self.driver {
             Driver::Sqlite(it) => Ok(it.row(statement, action).await?.map(Row::Sqlite)),
-            Driver::Postgres(it) => Ok(it.row(statement, action).await?.map(Row::Postgres)),
+            Driver::Postgres(it) => {
+                let row = Box::pin(it.row(statement, action)).await?;
+                Ok(row.map(Row::Postgres))
+            }
         }
     }
 
@@ -208,7 +212,7 @@ impl Tx {
                 Ok(rows.map(Row::Sqlite).collect())
             }
             Driver::Postgres(it) => {
-                let rows = it.rows(statement, action).await?.into_iter();
+                let rows = Box::pin(it.rows(statement, action)).await?.into_iter();
                 Ok(rows.map(Row::Postgres).collect())
             }
         }
@@ -217,7 +221,7 @@ impl Tx {
     async fn run(&mut self, statement: Statement, action: &'static str) -> Result<u64, StoreError> {
         match &mut self.driver {
             Driver::Sqlite(it) => it.execute(statement, action).await,
-            Driver::Postgres(it) => it.execute(statement, action).await,
+            Driver::Postgres(it) => Box::pin(it.execute(statement, action)).await,
         }
     }
 }
