@@ -62,7 +62,7 @@ pub fn bindings() -> &'static [Binding] {
     &BINDINGS
 }
 
-/// The call of a request. HEAD is as GET.
+/// The call of a request. HEAD is as GET. Where a path of any length fits too, the other one is meant.
 pub fn find(verb: &Method, path: &str) -> Option<Found> {
     if !path.starts_with(PREFIX) {
         return None;
@@ -78,7 +78,7 @@ pub fn find(verb: &Method, path: &str) -> Option<Found> {
             let values = binding.template.values(path)?;
             Some(Found { binding, values })
         })
-        .next()
+        .min_by_key(|found| found.binding.template.has_any_length())
 }
 
 fn all() -> Vec<Binding> {

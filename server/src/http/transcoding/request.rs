@@ -119,8 +119,24 @@ fn scalar(field: &FieldDescriptor, name: &str, text: &str) -> Result<Value, Requ
             "false" => Ok(false.into()),
             _ => Err(RequestError::invalid(name, "is neither true nor false")),
         },
+        // JSON has the fields of a mask in the form `displayName`.
+        Kind::Message(kind) if kind.full_name() == "google.protobuf.FieldMask" => {
+            Ok(camel_case(text).into())
+        }
         _ => Ok(text.into()),
     }
+}
+
+/// `display_name` as `displayName`.
+fn camel_case(text: &str) -> String {
+    let mut parts = text.split('_');
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |mut name, part| {
+        let mut letters = part.chars();
+        name.extend(letters.next().map(|it| it.to_ascii_uppercase()));
+        name.push_str(letters.as_str());
+        name
+    })
 }
 
 /// The value of a field under either of its names.
@@ -206,7 +222,7 @@ mod tests {
         assert_eq!(jobs.states, states);
         assert_eq!(jobs.view(), JobView::Full);
         let sent = Sent {
-            query: "update_mask=displayName",
+            query: "update_mask=display_name,consentNote",
             body: br#"{"display_name": "Ada", "name": "subjects/other"}"#,
             ..Sent::default()
         };
@@ -214,7 +230,8 @@ mod tests {
         let subject = update.subject.expect("a person");
         assert_eq!(subject.display_name, "Ada");
         assert_eq!(subject.name, "subjects/ada", "the path says it");
-        assert_eq!(update.update_mask.expect("a mask").paths, ["display_name"]);
+        let mask = update.update_mask.expect("a mask").paths;
+        assert_eq!(mask, ["display_name", "consent_note"]);
     }
 
     #[test]

@@ -129,6 +129,11 @@ impl Template {
         Some(values)
     }
 
+    /// Whether a part of it stands for any number of segments.
+    pub fn has_any_length(&self) -> bool {
+        self.segments.contains(&Segment::Many)
+    }
+
     /// Paths of the fields.
     pub fn fields(&self) -> impl Iterator<Item = &str> {
         self.fields.iter().map(|it| it.path.as_str())

@@ -150,7 +150,10 @@ async fn the_events_of_a_page_end_with_the_key_of_its_reader() {
     let service = Service::start().await;
     let address = listen(&service).await;
     let reader = service.key("default", &[Scope::Read]).await;
-    let bearer = format!("Authorization: Bearer {}\r\n", reader.text);
+    let bearer = format!(
+        "Connection: close\r\nAuthorization: Bearer {}\r\n",
+        reader.text
+    );
     let mut reading = Open::get(address, "/events", &bearer).await;
     reading.until("event: hello").await;
     service.revoke(&reader.name).await;

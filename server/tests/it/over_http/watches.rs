@@ -55,7 +55,10 @@ async fn a_revoked_key_ends_a_watch() {
     let service = Service::start().await;
     let key = service.key("default", &[Scope::Read]).await;
     let (address, _serving) = listen_as(&service, Admission::Nobody).await;
-    let headers = format!("{EVENTS}Authorization: Bearer {}\r\n", key.text);
+    let headers = format!(
+        "{EVENTS}Connection: close\r\nAuthorization: Bearer {}\r\n",
+        key.text
+    );
     let job = service.ready_subject("Ada").await;
     let job = service.train(&service.model_of(&job).await).await;
     let path = format!("/v1/{}:watch", job.name);
