@@ -197,10 +197,14 @@ async fn an_unreadable_manifest_does_not_make_its_objects_orphans() {
     assert_eq!(orphans(&report), [""; 0]);
 
     // One with the right checksum that is no manifest.
-    service
-        .publish(&whole.training, 6)
-        .await
-        .expect("publishes");
+    let published = service.publish(&whole.training, 6).await;
+    let key = published.expect("publishes").manifest.expect("has one").key;
+    let torn = service.put(&key, b"{}").await;
+    let row = format!(
+        "UPDATE checkpoints SET manifest_bytes = {}, manifest_sha256 = '{}' WHERE manifest_key = '{key}'",
+        torn.bytes, torn.sha256
+    );
+    service.database.run(&row).await;
     let report = check(&service).await;
     let what = &report.damaged[0].what;
     assert!(what.starts_with("it is no manifest"), "{what}");

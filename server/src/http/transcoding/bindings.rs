@@ -10,6 +10,9 @@ const OPTION: &str = "google.api.http";
 /// Under which all paths are.
 pub const PREFIX: &str = "/v1/";
 
+/// The call whose answer is the bytes of a file.
+pub const DOWNLOAD: &str = "/yoto.v1.ObjectService/DownloadObject";
+
 /// The contract.
 pub static POOL: LazyLock<DescriptorPool> =
     LazyLock::new(|| DescriptorPool::decode(yoto_proto::DESCRIPTORS).unwrap_or_default());

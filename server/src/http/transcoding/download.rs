@@ -150,18 +150,16 @@ fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> Wanted {
         return Wanted::All;
     };
     let number = |text: &str| text.parse::<u64>().ok();
+    let part = |begin: u64, end: u64| match begin < end {
+        true => Wanted::Part(begin..end),
+        false => Wanted::Beyond,
+    };
     match (number(first), number(last)) {
-        (Some(first), last) if last.is_none_or(|last| first <= last) => {
-            let end = last.map_or(bytes, |last| last.saturating_add(1).min(bytes));
-            match first < bytes {
-                true => Wanted::Part(first..end),
-                false => Wanted::Beyond,
-            }
+        (Some(first), None) if last.is_empty() => part(first, bytes),
+        (Some(first), Some(last)) if first <= last => {
+            part(first, last.saturating_add(1).min(bytes))
         }
-        (None, Some(count)) if first.is_empty() => match count.min(bytes) {
-            0 => Wanted::Beyond,
-            count => Wanted::Part(bytes - count..bytes),
-        },
+        (None, Some(count)) if first.is_empty() => part(bytes - count.min(bytes), bytes),
         _ => Wanted::All,
     }
 }

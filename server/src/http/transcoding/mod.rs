@@ -33,7 +33,7 @@ use axum::body::{Body, to_bytes};
 use axum::extract::{Request, State};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderValue, Method, Response};
-use bindings::{Found, PREFIX};
+use bindings::{DOWNLOAD, Found, PREFIX};
 use prost_reflect::ReflectMessage;
 use prost_reflect::prost::Message;
 use request::Sent;
@@ -44,8 +44,6 @@ use tonic::Status;
 const IDEMPOTENCY_KEY: &str = "idempotency-key";
 /// The description of all requests.
 const OPENAPI: &str = "/v1/openapi.json";
-/// The call whose answer is the bytes of a file.
-const DOWNLOAD: &str = "/yoto.v1.ObjectService/DownloadObject";
 
 /// What a request needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

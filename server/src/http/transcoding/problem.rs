@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn a_busy_service_says_when_to_come_again() {
         let answer = of(RequestError::Busy("calls".to_owned()));
-        assert_eq!(answer.status(), StatusCode::TOO_MANY_REQUESTS);
+        assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE);
         assert!(answer.headers().contains_key(RETRY_AFTER));
     }
 }

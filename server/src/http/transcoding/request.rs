@@ -113,7 +113,23 @@ fn of_name(kind: &MessageDescriptor, name: &str) -> Option<FieldDescriptor> {
 
 /// The value of a field in a query. JSON of the contract's numbers, names and times may be texts.
 fn scalar(field: &FieldDescriptor, name: &str, text: &str) -> Result<Value, RequestError> {
+    let no_number = || {
+        Err(RequestError::invalid(
+            name,
+            format!("'{text}' is no number of its kind"),
+        ))
+    };
     match field.kind() {
+        Kind::Int32 | Kind::Sint32 | Kind::Sfixed32 if text.parse::<i32>().is_err() => no_number(),
+        Kind::Uint32 | Kind::Fixed32 if text.parse::<u32>().is_err() => no_number(),
+        Kind::Int64 | Kind::Sint64 | Kind::Sfixed64 if text.parse::<i64>().is_err() => no_number(),
+        Kind::Uint64 | Kind::Fixed64 if text.parse::<u64>().is_err() => no_number(),
+        Kind::Float | Kind::Double if text.parse::<f64>().is_err() => no_number(),
+        Kind::Enum(kind) if kind.get_value_by_name(text).is_none() => {
+            let names: Vec<String> = kind.values().map(|it| it.name().to_owned()).collect();
+            let message = format!("'{text}' is none of {}", names.join(", "));
+            Err(RequestError::invalid(name, message))
+        }
         Kind::Bool => match text {
             "true" => Ok(true.into()),
             "false" => Ok(false.into()),
@@ -260,8 +276,15 @@ mod tests {
             read(Method::GET, "/v1/jobs", &sent).expect_err("refused")
         };
         assert_eq!(get("colour=red"), "colour: there is no such field");
-        assert!(get("page_size=many").contains("many"));
-        assert!(get("states=ASLEEP").contains("ASLEEP"));
+        assert_eq!(
+            get("page_size=many"),
+            "page_size: 'many' is no number of its kind"
+        );
+        let asleep = get("states=ASLEEP");
+        assert!(
+            asleep.starts_with("states: 'ASLEEP' is none of STATE_UNSPECIFIED, QUEUED"),
+            "{asleep}"
+        );
         assert_eq!(get("model.name=a"), "model.name: there is no such field");
         let post = |body: &[u8]| {
             let sent = Sent {

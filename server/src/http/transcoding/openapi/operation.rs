@@ -1,8 +1,7 @@
 //! Calls as operations of OpenAPI.
 
-use super::super::bindings::{Binding, BodyOf, POOL};
+use super::super::bindings::{Binding, BodyOf, DOWNLOAD, POOL};
 use super::super::template::Piece;
-use super::super::{DOWNLOAD, upload};
 use super::schema::{Schemas, of_method};
 use prost_reflect::{FieldDescriptor, Kind};
 use serde_json::{Value, json};
@@ -93,7 +92,6 @@ pub fn upload(schemas: &mut Schemas) -> (String, Value) {
             "default": problem(),
         },
     });
-    debug_assert!(upload::CALL.ends_with("/WriteUpload"));
     ("/v1/uploads/{upload}/files/{path}".to_owned(), operation)
 }
 
