@@ -131,6 +131,10 @@ async fn finish(
     erasure: &OpenErasure,
     mut work: Work,
 ) -> Result<(), RequestError> {
+    // A collection notes folders that it has still seen. While one runs, this waits for a later attempt.
+    let Ok(_alone) = context.collecting.try_lock() else {
+        return Ok(());
+    };
     if work.objects.is_none() {
         add_unnamed(context, &mut work).await?;
         work.objects = Some(counted(context, &work.folders).await?);
@@ -145,7 +149,7 @@ async fn finish(
     // No row that could be written to them is left. Notes of checkpoints stay: their keys have nothing of the person.
     let noted = work.folders.iter().filter(|it| !it.starts_with("models/"));
     let noted: Vec<String> = noted.cloned().collect();
-    context.store.note_garbage(&[], &noted).await?;
+    context.store.forget_garbage(&noted).await?;
     let left = counted(context, &work.folders).await?;
     let ids = context.store.traces_of_ids(&work.ids).await?;
     let names = context.store.traces_of_name(&work.name).await?;

@@ -166,6 +166,12 @@ async fn nothing_of_a_person_is_left_and_others_stay() {
         worker,
         training,
     } = &stage;
+    // A collection has noted a folder of theirs, which is a part of what goes.
+    let capture = id(&person.captures[0]);
+    let noted = format!(
+        "INSERT INTO garbage (folder, deleted, garbage_since) VALUES ('captures/{capture}/j-1', 0, 1.0)"
+    );
+    service.database.run(&noted).await;
     let planted = service.residue(TOKEN).await;
     assert!(planted.len() >= 7, "{planted:?}");
     let wrong = EraseSubjectRequest {

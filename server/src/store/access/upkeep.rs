@@ -129,6 +129,11 @@ impl Store {
         transaction!(self, |tx| garbage::note(tx, new, gone))
     }
 
+    /// Forgets that these folders, and those below them, were noted as garbage.
+    pub async fn forget_garbage(&self, folders: &[String]) -> Result<(), StoreError> {
+        transaction!(self, |tx| garbage::forget(tx, folders))
+    }
+
     /// Records the time, and a step of the clock since the last call, so that ages of rows count only running time.
     /// Returns the time. The health check calls it to find whether writes succeed.
     pub async fn keep_time(&self) -> Result<f64, StoreError> {

@@ -75,6 +75,18 @@ pub async fn note(tx: &mut Tx, new: &[String], gone: &[String]) -> Result<(), St
     Ok(())
 }
 
+/// Forgets that these folders, and those below them, were noted.
+pub async fn forget(tx: &mut Tx, folders: &[String]) -> Result<(), StoreError> {
+    for folder in folders {
+        sql("DELETE FROM garbage WHERE folder = $1 OR substr(folder, 1, length($2)) = $2")
+            .bind(folder)
+            .bind(format!("{folder}/"))
+            .execute(tx, "forgetting garbage")
+            .await?;
+    }
+    Ok(())
+}
+
 /// The reference to each of `folders`. A folder of an unknown kind counts as in use, and so does an ingested
 /// upload until `keep_uploads` seconds after its last write.
 pub async fn references(

@@ -3,9 +3,8 @@
 use crate::store::db::{Column, Tx};
 use crate::store::{StoreError, Trace};
 
-/// Tables that record the removal itself: of people, and of folders. A collection that runs meanwhile notes folders that it has
-/// still seen; the next one removes the notes.
-const OWN: [&str; 3] = ["erasures", "erasure_models", "garbage"];
+/// Tables that record the removal itself.
+const OWN: [&str; 2] = ["erasures", "erasure_models"];
 
 /// Each is a parameter, of which databases take a limited number.
 const TEXTS_PER_STATEMENT: usize = 100;
