@@ -167,7 +167,8 @@ async fn nothing_of_a_person_is_left_and_others_stay() {
         training,
     } = &stage;
     // A collection has noted a folder of theirs, which is a part of what goes.
-    let capture = id(&person.captures[0]);
+    let captures = service.get_subject(&person.name).await.captures;
+    let capture = id(&captures[0]);
     let noted = format!(
         "INSERT INTO garbage (folder, deleted, garbage_since) VALUES ('captures/{capture}/j-1', 0, 1.0)"
     );
