@@ -32,7 +32,7 @@ impl YotoClient {
     /// The erasure `name`.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] when there is none.
+    /// [`ClientError::Refused`] when there is no such erasure.
     pub async fn get_erasure(&self, name: &str) -> Result<Erasure, ClientError> {
         let get = || {
             let (mut service, name) = (self.subject_service(), name.to_owned());

@@ -71,8 +71,8 @@ pub(crate) struct Serve {
         value_parser = address
     )]
     listen: SocketAddr,
-    /// Refuse jobs with a person who has not agreed to their purpose (`yoto subject consent`). Without it, only a consent that
-    /// was revoked or has run out keeps a person out of jobs. Coordinators of one database are given it alike.
+    /// Refuse jobs of people who have not consented to their purpose (`yoto subject consent`). Without this option, jobs are
+    /// refused only where a consent was revoked or has expired. All coordinators of a database need the same setting.
     #[arg(long, env = "YOTO_REQUIRE_CONSENT", value_parser = BoolishValueParser::new())]
     require_consent: bool,
     /// Run no worker: jobs wait for a worker in another process.

@@ -75,7 +75,7 @@ impl Form {
         }
     }
 
-    /// The answer to a path of nothing.
+    /// The answer to an unknown path.
     fn unknown(self) -> Response<Body> {
         match self {
             Self::Json => transcoding::unknown().map(Body::new),

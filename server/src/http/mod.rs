@@ -37,7 +37,7 @@ pub fn pages(router: Router, context: Arc<Context>) -> Router {
     router.merge(pages)
 }
 
-/// The answer to a path of nothing.
+/// The answer to an unknown path.
 pub fn unknown(grpc: bool) -> Response<Body> {
     match grpc {
         true => Status::unimplemented("").into_http(),

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use tokio::runtime::Handle;
 use tokio::task::block_in_place;
 use yoto_proto::keys;
-use yoto_proto::manifest::{Manifest, ManifestObject, VERSION, files};
+use yoto_proto::manifest::files;
 use yoto_proto::names;
 use yoto_proto::v1::{Checkpoint, DeleteJobRequest};
 use yoto_proto::worker::v1::{Lease, PublishCheckpointRequest};
@@ -92,23 +92,8 @@ async fn publish(service: &Service, lease: &Lease) -> (Checkpoint, String) {
     let folder = keys::checkpoint(id(&model), id(&job), lease.token, step);
     let key = format!("{folder}/{}", files::WEIGHTS);
     let weights = service.put(&key, b"weights").await;
-    let manifest = Manifest {
-        version: VERSION,
-        model: model.clone(),
-        step,
-        job,
-        job_seconds: 1.0,
-        job_steps: step,
-        objects: vec![ManifestObject {
-            file: files::WEIGHTS.to_owned(),
-            key: key.clone(),
-            bytes: weights.bytes,
-            sha256: weights.sha256,
-        }],
-    };
-    let json = serde_json::to_vec(&manifest).expect("JSON");
-    let manifest_key = format!("{folder}/{}", files::MANIFEST);
-    let manifest = service.put(&manifest_key, &json).await;
+    let objects = vec![(files::WEIGHTS, weights)];
+    let manifest = service.manifest_of(&folder, step, objects).await;
     let checkpoint = Checkpoint {
         name: names::checkpoint(&model, step),
         step,

@@ -4,7 +4,7 @@ use crate::support;
 use crate::support::{Service, Trained, assert_invalid, assert_refused, id, job_name};
 use futures::TryStreamExt;
 use tonic::{Code, Status};
-use yoto_proto::manifest::{self, files};
+use yoto_proto::manifest::files;
 use yoto_proto::v1::{
     Checkpoint, DownloadObjectRequest, GetRefinedPosesRequest, IngestResult, ListObjectsRequest,
     ObjectRef, RenderResult, RenderedFile, capture, job_result,
@@ -158,15 +158,9 @@ async fn publish_poses(service: &Service, lease: &Lease, step: u64, poses: &[u8]
     let folder = keys::checkpoint(id(&model), id(&job), lease.token, step);
     let file = files::refined_poses(0);
     let object = service.put(&format!("{folder}/{file}"), poses).await;
-    let ObjectRef { key, bytes, sha256 } = object;
-    let version = manifest::VERSION;
-    let json = format!(
-        r#"{{"version": {version}, "model": "{model}", "step": {step}, "job": "{job}",
-             "job_seconds": 1.0, "job_steps": {step}, "objects": [
-                 {{"file": "{file}", "key": "{key}", "bytes": {bytes}, "sha256": "{sha256}"}}]}}"#
-    );
-    let key_of_manifest = format!("{folder}/manifest.json");
-    let manifest = service.put(&key_of_manifest, json.as_bytes()).await;
+    let (key, bytes) = (object.key.clone(), object.bytes);
+    let objects = vec![(&*file, object)];
+    let manifest = service.manifest_of(&folder, step, objects).await;
     let checkpoint = Checkpoint {
         name: names::checkpoint(&model, step),
         step,

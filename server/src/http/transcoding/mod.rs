@@ -89,7 +89,7 @@ pub fn streams(verb: &Method, path: &str) -> bool {
     matches!(needed(verb, path), Some(Needed::Call(call)) if !is_unary(call))
 }
 
-/// The answer to a path of nothing.
+/// The answer to an unknown path.
 pub fn unknown() -> Response<Body> {
     problem::unknown()
 }

@@ -70,7 +70,7 @@ pub fn of(error: RequestError) -> Response<Body> {
     answer(&Status::from(error))
 }
 
-/// The answer to a path of nothing.
+/// The answer to an unknown path.
 pub fn unknown() -> Response<Body> {
     answer(&Status::not_found(
         "there is no such call: /v1/openapi.json describes all",

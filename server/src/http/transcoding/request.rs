@@ -116,7 +116,7 @@ fn scalar(field: &FieldDescriptor, name: &str, text: &str) -> Result<Value, Requ
     let no_number = || {
         Err(RequestError::invalid(
             name,
-            format!("'{text}' is no number of its kind"),
+            format!("'{text}' is not a number that it can have"),
         ))
     };
     match field.kind() {
@@ -127,7 +127,7 @@ fn scalar(field: &FieldDescriptor, name: &str, text: &str) -> Result<Value, Requ
         Kind::Float | Kind::Double if text.parse::<f64>().is_err() => no_number(),
         Kind::Enum(kind) if kind.get_value_by_name(text).is_none() => {
             let names: Vec<String> = kind.values().map(|it| it.name().to_owned()).collect();
-            let message = format!("'{text}' is none of {}", names.join(", "));
+            let message = format!("'{text}' is not one of {}", names.join(", "));
             Err(RequestError::invalid(name, message))
         }
         Kind::Bool => match text {
@@ -175,7 +175,7 @@ fn set(
     value: Value,
     list: bool,
 ) -> Result<(), RequestError> {
-    let refused = || RequestError::invalid(name, "is part of what is no object");
+    let refused = || RequestError::invalid(name, "belongs to a value that is not an object");
     let (first, rest) = name.split_once('.').unwrap_or((name, ""));
     let field = of_name(kind, first).ok_or_else(refused)?;
     let own = field.name().to_owned();
@@ -278,11 +278,11 @@ mod tests {
         assert_eq!(get("colour=red"), "colour: there is no such field");
         assert_eq!(
             get("page_size=many"),
-            "page_size: 'many' is no number of its kind"
+            "page_size: 'many' is not a number that it can have"
         );
         let asleep = get("states=ASLEEP");
         assert!(
-            asleep.starts_with("states: 'ASLEEP' is none of STATE_UNSPECIFIED, QUEUED"),
+            asleep.starts_with("states: 'ASLEEP' is not one of STATE_UNSPECIFIED, QUEUED"),
             "{asleep}"
         );
         assert_eq!(get("model.name=a"), "model.name: there is no such field");

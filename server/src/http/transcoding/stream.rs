@@ -82,7 +82,7 @@ fn event(message: &Result<DynamicMessage, Status>) -> String {
             let id = sequence(message).map_or_else(String::new, |it| format!("id: {it}\n"));
             format!("{id}data: {}\n\n", json::text(message))
         }
-        // The name `error` is that of a lost connection, after which a browser comes again.
+        // Not `error`: browsers call the loss of a connection so, and connect again.
         Err(status) => format!("event: problem\ndata: {}\n\n", json::error(status)),
     }
 }

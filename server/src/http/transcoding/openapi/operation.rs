@@ -138,7 +138,7 @@ fn is_scalar(field: &FieldDescriptor) -> bool {
     }
 }
 
-/// What the contract says of the call, or its name in words: `Lists jobs.` needs no comment there.
+/// The comment of the call in the contract, or its name in words if it has none: "List jobs."
 fn told(binding: &Binding) -> String {
     let told = of_method(&binding.method);
     if !told.is_empty() {
