@@ -42,6 +42,9 @@ pub const CHECK: &str = "check.json";
 /// File of the small picture of a capture.
 pub const THUMBNAIL: &str = "thumbnail.png";
 
+/// File of a capture's frames, as a training reads them: its shard.
+pub const FRAMES: &str = "frames.shard";
+
 /// What the ingest job of a capture makes for people: [`CHECK`] or [`THUMBNAIL`].
 pub fn of_capture(capture_id: &str, job_id: &str, token: u64, file: &str) -> String {
     format!("captures/{capture_id}/{job_id}-{token}/{file}")

@@ -21,6 +21,7 @@ mod programs;
 mod refined_poses;
 mod scene;
 mod shared_render;
+mod subject_export;
 mod tour;
 mod tradeoff;
 mod trees;

@@ -91,7 +91,7 @@ impl Actor {
 
     /// Writes the video as a capture folder: `poses.json`, `frames/`, `masks/`.
     pub(super) fn write_capture(&self, folder: &Path) -> Result<(), ClientError> {
-        write_images(&self.track, &self.film, folder)
+        write_images(&self.track, &self.film, folder).map(drop)
     }
 }
 

@@ -3,6 +3,7 @@
 use super::OutFolder;
 use std::path::PathBuf;
 use yoto_client::YotoClient;
+use yoto_proto::v1::NamedObject;
 use yoto_terminal::progress::{ProgressDisplay, count};
 
 /// Writes the files of a job or a checkpoint, with the bytes on display.
@@ -11,7 +12,18 @@ pub(crate) async fn download(
     parent: &str,
     folder: &OutFolder,
 ) -> anyhow::Result<Vec<PathBuf>> {
-    let all = client.list_objects(parent).await?;
+    download_some(client, parent, folder, |_| true).await
+}
+
+/// The same with those that are `wanted` alone.
+pub(crate) async fn download_some(
+    client: &YotoClient,
+    parent: &str,
+    folder: &OutFolder,
+    wanted: impl Fn(&NamedObject) -> bool,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let mut all = client.list_objects(parent).await?;
+    all.retain(wanted);
     let out = &folder.out;
     let paths: Vec<PathBuf> = all.iter().map(|object| out.join(&object.file)).collect();
     let objects = YotoClient::missing_in(all, out).await?;

@@ -5,7 +5,7 @@ mod out_folder;
 mod tradeoff;
 mod whole_file;
 
-pub(crate) use download::download;
+pub(crate) use download::{download, download_some};
 pub(crate) use out_folder::{OutFolder, is_rendered};
 pub(crate) use tradeoff::is_of_tradeoff;
 #[cfg(feature = "embedded")]

@@ -1,10 +1,11 @@
 //! `yoto subject fetch`: what the service keeps of a capture for people.
 
 use crate::args::Server;
-use crate::files::{OutFolder, download};
+use crate::files::{OutFolder, download_some};
 use anyhow::Context;
 use clap::Args;
-use yoto_proto::v1::capture;
+use yoto_proto::keys::{CHECK, THUMBNAIL};
+use yoto_proto::v1::{NamedObject, capture};
 use yoto_terminal::output;
 
 pub(crate) const HELP: &str = "\
@@ -43,7 +44,8 @@ impl Fetch {
             capture.name
         );
         output::put("capture", output::message(&capture));
-        let paths = download(&client, &capture.name, &self.folder).await?;
+        let shown = |object: &NamedObject| [CHECK, THUMBNAIL].contains(&&*object.file);
+        let paths = download_some(&client, &capture.name, &self.folder, shown).await?;
         self.folder.show(&paths);
         Ok(())
     }

@@ -5,6 +5,8 @@ mod consent;
 mod delete;
 mod edit;
 mod erase;
+#[cfg(feature = "embedded")]
+mod export;
 mod fetch;
 mod ingest;
 mod poses;
@@ -64,6 +66,10 @@ enum Action {
     /// Write the thumbnail of a person's newest capture, and the report of its check.
     #[command(after_help = fetch::HELP)]
     Fetch(fetch::Fetch),
+    /// Write all that the service holds of a person.
+    #[cfg(feature = "embedded")]
+    #[command(after_help = export::HELP)]
+    Export(export::Export),
     /// Delete a person and their captures.
     #[command(after_help = delete::SUBJECT_HELP)]
     Delete(delete::DeleteSubject),
@@ -93,6 +99,8 @@ impl SubjectCommand {
             Action::Consent(grant) => grant.run().await,
             Action::RevokeConsent(revoke) => revoke.run().await,
             Action::Fetch(fetch) => fetch.run().await,
+            #[cfg(feature = "embedded")]
+            Action::Export(export) => export.run().await,
             Action::Delete(subject) => subject.run().await,
             Action::DeleteCapture(capture) => capture.run().await,
             Action::Erase(erase) => erase.run().await,

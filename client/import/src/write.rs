@@ -9,13 +9,16 @@ use crate::clip::{Clip, for_each};
 use crate::pictures::{Mask, PictureFiles, Pictures, read_image, read_masks};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
+use std::borrow::Borrow;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use yoto_capture::FrameImage;
 use yoto_client::ClientError;
 use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame, PoseTrack};
 
+/// Folders of a capture's pictures and of their masks.
+const PICTURES: [&str; 2] = ["frames", "masks"];
 /// Name of a video in a capture folder.
 pub const VIDEO: &str = "video.mp4";
 
@@ -42,7 +45,7 @@ pub fn write(
     mut progress: impl FnMut(usize, usize, u64),
 ) -> Result<u64, ClientError> {
     ensure_no_capture(out)?;
-    for folder in ["frames", "masks"] {
+    for folder in PICTURES {
         let folder = out.join(folder);
         if folder.ends_with("masks") || !matches!(imported.pictures, Pictures::Video { .. }) {
             std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
@@ -102,24 +105,28 @@ pub fn write(
     Ok(bytes + write_track(track, out, form)?)
 }
 
-/// Writes a capture whose pictures are in memory, one for each frame of `track`, to the folder `out`,
-/// over an earlier one.
+/// Writes a capture with these `images`, one for each frame of `track`, to the folder `out`, over an earlier one; the
+/// paths of its files.
 ///
 /// # Errors
 /// [`ClientError::File`] when the file system fails.
 pub fn write_images(
     track: &PoseTrack,
-    images: &[FrameImage],
+    images: impl IntoIterator<Item = impl Borrow<FrameImage>>,
     out: &Path,
-) -> Result<(), ClientError> {
-    for folder in ["frames", "masks"] {
+) -> Result<Vec<PathBuf>, ClientError> {
+    let mut paths = Vec::new();
+    for folder in PICTURES {
         let folder = out.join(folder);
         std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
     }
     for (frame, image) in track.frames.iter().zip(images) {
-        write_image(out, frame.index, image)?;
+        write_image(out, frame.index, image.borrow())?;
+        paths.extend(PICTURES.map(|folder| picture(out, folder, frame.index)));
     }
-    write_track(track, out, TrackForm::Json).map(drop)
+    write_track(track, out, TrackForm::Json)?;
+    paths.push(out.join(FILE));
+    Ok(paths)
 }
 
 /// Checks that the folder `out` holds no capture.
@@ -157,11 +164,12 @@ fn write_track(track: &PoseTrack, out: &Path, form: TrackForm) -> Result<u64, Cl
 fn write_image(out: &Path, index: u32, image: &FrameImage) -> Result<u64, ClientError> {
     let size = [image.width as u32, image.height as u32];
     let mut bytes = 0;
+    let [frames, masks] = PICTURES;
     for (folder, pixels, colour) in [
-        ("frames", &image.rgb, ExtendedColorType::Rgb8),
-        ("masks", &image.mask, ExtendedColorType::L8),
+        (frames, &image.rgb, ExtendedColorType::Rgb8),
+        (masks, &image.mask, ExtendedColorType::L8),
     ] {
-        let path = out.join(folder).join(format!("{index:06}.png"));
+        let path = picture(out, folder, index);
         bytes += encode(&path, pixels, size, colour)?;
     }
     Ok(bytes)
@@ -195,12 +203,12 @@ fn write_picture(
         }
         written += write_mask(out, frame.index, &mask)?;
     }
-    let path = out.join(format!("frames/{:06}.png", frame.index));
+    let path = picture(out, PICTURES[0], frame.index);
     Ok(written + encode(&path, image.as_raw(), size, ExtendedColorType::Rgb8)?)
 }
 
 fn write_mask(out: &Path, index: u32, mask: &GrayImage) -> Result<u64, ClientError> {
-    let path = out.join(format!("masks/{index:06}.png"));
+    let path = picture(out, PICTURES[1], index);
     let (width, height) = mask.dimensions();
     encode(&path, mask.as_raw(), [width, height], ExtendedColorType::L8)
 }
@@ -214,6 +222,11 @@ fn over_black(image: &mut RgbImage, mask: &GrayImage) {
             *level = ((product + 127) / 255) as u8;
         }
     }
+}
+
+/// Path of a frame's picture or mask in the capture folder `out`.
+fn picture(out: &Path, folder: &str, index: u32) -> PathBuf {
+    out.join(folder).join(format!("{index:06}.png"))
 }
 
 /// Writes an image as PNG; its bytes.

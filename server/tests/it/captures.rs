@@ -85,7 +85,8 @@ async fn a_ready_capture_has_a_thumbnail_and_the_report_of_its_check() {
     let listed = service.objects().list_objects(request).await;
     let listed = listed.expect("lists").into_inner().objects;
     let names: Vec<_> = listed.iter().map(|it| &it.name).collect();
-    assert_eq!(names, [&ready.check, &ready.thumbnail]);
+    let frames = format!("{}/objects/{}", capture.name, keys::FRAMES);
+    assert_eq!(names, [&ready.check, &frames, &ready.thumbnail]);
     let request = DownloadObjectRequest {
         name: ready.thumbnail,
         ..<_>::default()

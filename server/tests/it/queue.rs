@@ -86,6 +86,18 @@ async fn workers_that_ask_at_once_never_get_the_same_job() {
     assert_eq!(leased, queued);
 }
 
+/// The positions of the listed jobs of trainings, newest first.
+async fn positions(service: &Service, owner: &str) -> Vec<u32> {
+    let request = ListJobsRequest {
+        kinds: vec![JobKind::Train.into()],
+        owner: owner.to_owned(),
+        ..ListJobsRequest::default()
+    };
+    let list = service.jobs().list_jobs(request).await;
+    let jobs = list.expect("is listed").into_inner().jobs;
+    jobs.iter().map(|job| job.queue_position).collect()
+}
+
 #[tokio::test]
 async fn priority_comes_first_then_the_owner_with_the_fewest_jobs_then_age() {
     let service = Service::start().await;
@@ -103,6 +115,8 @@ async fn priority_comes_first_then_the_owner_with_the_fewest_jobs_then_age() {
         queued.push(train_for(&service, &model, owner, priority).await.name);
     }
     assert_eq!(service.get_job(&queued[0]).await.queue_position, 5);
+    assert_eq!(positions(&service, "").await, [0, 4, 3, 2, 1, 5]);
+    assert_eq!(positions(&service, "rare").await, [0, 4]);
     let worker = service.worker(&["train"]).await;
     let mut order = Vec::new();
     while let Some(lease) = service.lease(&worker).await {

@@ -83,7 +83,7 @@ impl Store {
         captures::list(&mut self.db.read().await?, tenant, page, subject_id).await
     }
 
-    /// What the ingest job of a capture made for people: the check's report and a thumbnail.
+    /// What the ingest job of a capture made: its frames, the check's report and a thumbnail.
     pub async fn capture_objects(
         &self,
         tenant: &Tenant,

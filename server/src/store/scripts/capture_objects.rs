@@ -1,8 +1,8 @@
-//! What an ingest job makes of a capture for people: the check's report and a thumbnail.
+//! What an ingest job makes of a capture: its frames for trainings, and the check's report and a thumbnail for people.
 
 use crate::store::StoreError;
 use crate::store::db::{Tx, integer, sql};
-use yoto_proto::keys::{CHECK, THUMBNAIL};
+use yoto_proto::keys::{CHECK, FRAMES, THUMBNAIL};
 use yoto_proto::v1::{IngestResult, RenderedFile};
 
 /// Records the files of a capture that became READY, in place of earlier ones.
@@ -32,10 +32,17 @@ pub async fn record(
 
 /// The files of a capture, by name.
 pub async fn list(tx: &mut Tx, capture_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
-    let rows = sql("SELECT * FROM capture_objects WHERE capture = $1 ORDER BY file")
-        .bind(capture_id)
-        .rows(tx, "listing the files of a capture")
-        .await?;
+    let rows = sql(
+        "SELECT file, key, bytes, sha256 FROM capture_objects WHERE capture = $1
+         UNION ALL
+         SELECT $2 AS file, shard_key AS key, shard_bytes AS bytes, shard_sha256 AS sha256
+         FROM captures WHERE id = $1 AND shard_key IS NOT NULL
+         ORDER BY file",
+    )
+    .bind(capture_id)
+    .bind(FRAMES)
+    .rows(tx, "listing the files of a capture")
+    .await?;
     rows.iter()
         .map(|row| {
             Ok(RenderedFile {

@@ -1,5 +1,6 @@
 //! The users' side of jobs: create, read, list, cancel.
 
+use super::positions::{self, Asked};
 use super::{attempts, consent_rule, models, operators, outcome, pins, requests};
 use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{
@@ -19,20 +20,13 @@ const PRIORITIES: [JobPriority; 4] = [
     JobPriority::Urgent,
 ];
 
-/// Selects jobs with their position in the queue, and everything but their orders.
+/// Selects jobs with everything but their orders and their positions in the queue.
 macro_rules! select_jobs {
     ($rest:literal) => {
         concat!(
             "SELECT j.ord, j.id, j.kind, j.capture, j.model, j.state, j.progress, j.result, j.error,
                  j.lost_workers, j.cancel_requested, j.worker, j.sequence, j.create_time,
                  j.start_time, j.end_time, j.priority, j.owner, j.waiting_error, j.not_before,
-                 CASE WHEN j.state = 'QUEUED' THEN
-                     (SELECT count(*) FROM jobs q
-                      WHERE q.state = 'QUEUED' AND q.tenant = j.tenant AND q.priority > j.priority)
-                     + (SELECT count(*) FROM jobs q
-                        WHERE q.state = 'QUEUED' AND q.tenant = j.tenant
-                            AND q.priority = j.priority AND q.ord < j.ord)
-                 ELSE 0 END AS queue_position,
                  CASE WHEN j.kind IN ('render', 'export') THEN
                      (SELECT count(*) FROM job_outputs o WHERE o.job = j.id)
                  ELSE 0 END AS outputs
@@ -42,7 +36,7 @@ macro_rules! select_jobs {
     };
 }
 
-/// A job without its order.
+/// A job without its order and its position in the queue.
 fn read(row: &Row) -> Result<Job, StoreError> {
     let name = |collection: Collection, id: Option<String>| {
         id.map(|id| collection.name(&id)).unwrap_or_default()
@@ -67,7 +61,7 @@ fn read(row: &Row) -> Result<Job, StoreError> {
         create_time: row.time("create_time")?,
         start_time: row.time("start_time")?,
         end_time: row.time("end_time")?,
-        queue_position: row.number("queue_position")?,
+        queue_position: 0,
         result: row.message("result")?,
         kind: JobKind::of_column(&row.text("kind")?)?.to_proto() as i32,
         model: name(Collection::Models, row.maybe_text("model")?),
@@ -221,7 +215,16 @@ pub async fn without_order(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job
         .row(tx, "reading a job")
         .await?;
     match row {
-        Some(row) => read(&row),
+        Some(row) => {
+            let mut job = read(&row)?;
+            let asked = Asked {
+                priority: row.number("priority")?,
+                ord: row.number("ord")?,
+                job: &mut job,
+            };
+            positions::fill(tx, tenant, vec![asked]).await?;
+            Ok(job)
+        }
         None => Err(not_found(id)),
     }
 }
@@ -287,6 +290,15 @@ pub async fn list(
             item,
         });
     }
+    let mut asked = Vec::with_capacity(rows.len());
+    for (row, entry) in rows.iter().zip(&mut entries) {
+        asked.push(Asked {
+            priority: row.number("priority")?,
+            ord: entry.position,
+            job: &mut entry.item,
+        });
+    }
+    positions::fill(tx, tenant, asked).await?;
     Ok(entries)
 }
 

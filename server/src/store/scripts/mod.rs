@@ -32,6 +32,7 @@ pub mod outputs;
 mod page;
 pub mod pauses;
 pub mod pins;
+mod positions;
 pub mod queue;
 pub mod ranges;
 pub mod reaping;

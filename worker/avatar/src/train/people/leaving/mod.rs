@@ -5,10 +5,12 @@
 //! whether there is anything.
 
 mod certificate;
+mod own_part;
 mod residue;
 mod rewrite;
 
 pub use certificate::{Certificate, Removed, Trunk};
+pub use own_part::own_part;
 pub use residue::{Finding, Residue};
 
 use crate::train::frames::order::Practice;

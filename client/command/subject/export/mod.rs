@@ -1,0 +1,125 @@
+//! `yoto subject export`: all that the service holds of a person, as files that other programs read.
+
+mod captures;
+mod jobs;
+mod models;
+
+use crate::args::Server;
+use crate::files::OutFolder;
+use anyhow::Context;
+use clap::Args;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use yoto_client::YotoClient;
+use yoto_proto::v1::Subject;
+use yoto_terminal::output;
+use yoto_terminal::progress::count;
+
+pub(crate) const HELP: &str = "\
+The folder has:
+  person.json        what the service knows of them: name, note, consents, captures, models, jobs, and `left_out`
+  captures/ID/       the frames and masks that are kept, poses.json, thumbnail and check report. `yoto subject add`
+                     reads this folder
+  models/ID/STEP/    person.safetensors: their own parameters in a checkpoint; refined-poses.json
+  jobs/ID/           files of renders and exports, and scores of evaluations, that are of them alone
+
+What shows somebody else too is not given out: it is named under `left_out` in person.json. What all people of a model
+share is not theirs and is not in the folder.
+
+Examples:
+  yoto subject export ada --out ada
+  yoto subject export ada --out ada && tar -cf ada.tar ada";
+
+/// Name of the file about the person.
+const FILE: &str = "person.json";
+
+/// A person whose data are written.
+#[derive(Debug, Args)]
+pub(crate) struct Export {
+    /// The person, by name.
+    name: String,
+    #[command(flatten)]
+    folder: OutFolder,
+    #[command(flatten)]
+    server: Server,
+}
+
+/// A person, and the folder of their files.
+struct Person<'a> {
+    client: &'a YotoClient,
+    subject: &'a Subject,
+    out: &'a Path,
+}
+
+/// What was found of a person in one place.
+#[derive(Default)]
+struct Part {
+    /// For `person.json`.
+    about: Vec<Value>,
+    /// What is not in the folder, and why.
+    left_out: Vec<String>,
+    files: Vec<PathBuf>,
+}
+
+impl Export {
+    pub(super) async fn run(self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let subject = client.find_subject(&self.name).await?;
+        self.folder.ensure_free(|name| name == FILE)?;
+        let person = Person {
+            client: &client,
+            subject: &subject,
+            out: &self.folder.out,
+        };
+        let consents = client.list_consents(&subject.name).await?;
+        let captures = person.captures().await?;
+        let models = person.models().await?;
+        let jobs = person.jobs().await?;
+        let parts = [&captures, &models, &jobs];
+        let left_out: Vec<&String> = parts.iter().flat_map(|part| &part.left_out).collect();
+        let about = json!({
+            "subject": output::message(&subject),
+            "consents": output::messages(&consents),
+            "captures": captures.about,
+            "models": models.about,
+            "jobs": jobs.about,
+            "left_out": left_out,
+        });
+        for why in &left_out {
+            tell!("left out: {why}");
+        }
+        let mut files: Vec<PathBuf> = parts.iter().flat_map(|it| &it.files).cloned().collect();
+        // Last: a folder with it is complete.
+        let text = serde_json::to_vec_pretty(&about).context("writing what is known")?;
+        files.push(person.write(Path::new(FILE), &text)?);
+        output::put("files", output::paths(&files));
+        output::put("person", about);
+        say!("{}", self.folder.out.join(FILE).display());
+        say!(
+            "{} of {} in {}, {} left out",
+            count(files.len(), "file"),
+            subject.display_name,
+            self.folder.out.display(),
+            count(left_out.len(), "thing"),
+        );
+        Ok(())
+    }
+}
+
+impl Person<'_> {
+    /// Writes a file at a `place` in the folder; its path.
+    fn write(&self, place: &Path, bytes: &[u8]) -> anyhow::Result<PathBuf> {
+        let path = self.out.join(place);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("making the folder {}", folder.display()))?;
+        }
+        std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
+        Ok(path)
+    }
+}
+
+/// The last segment of a resource's name, for a folder.
+fn id(name: &str) -> &str {
+    name.rsplit('/').next().unwrap_or(name)
+}

@@ -1,0 +1,71 @@
+//! What models have learned of a person: their own parameters in each checkpoint, and their poses as trainings have
+//! refined them.
+
+use super::{Part, Person, id};
+use anyhow::Context;
+use serde_json::json;
+use std::path::Path;
+use yoto_proto::manifest::files;
+use yoto_proto::v1::{Checkpoint, IdentitySlot, Model};
+
+impl Person<'_> {
+    /// Writes their part of all models.
+    pub(super) async fn models(&self) -> anyhow::Result<Part> {
+        let mut part = Part::default();
+        for model in self.client.list_models().await? {
+            let mut slots = model.slots.iter();
+            let Some(slot) = slots.find(|slot| slot.subject == self.subject.name) else {
+                continue;
+            };
+            let checkpoints = self.client.list_checkpoints(&model.name).await?;
+            let steps: Vec<u64> = checkpoints.iter().map(|it| it.step).collect();
+            part.about.push(json!({
+                "model": model.name,
+                "display_name": model.display_name,
+                "slot": slot.slot,
+                "trained": slot.trained,
+                "checkpoints": steps,
+            }));
+            if slot.trained {
+                let of_them =
+                    |it: &&Checkpoint| it.slots.is_empty() || it.slots.contains(&slot.slot);
+                for checkpoint in checkpoints.iter().filter(of_them) {
+                    self.checkpoint(&model, slot, checkpoint, &mut part).await?;
+                }
+            }
+        }
+        Ok(part)
+    }
+
+    async fn checkpoint(
+        &self,
+        model: &Model,
+        slot: &IdentitySlot,
+        checkpoint: &Checkpoint,
+        part: &mut Part,
+    ) -> anyhow::Result<()> {
+        let place = Path::new("models")
+            .join(id(&model.name))
+            .join(checkpoint.step.to_string());
+        let poses = files::refined_poses(slot.slot as usize);
+        for object in self.client.list_objects(&checkpoint.name).await? {
+            let (file, bytes) = match &*object.file {
+                files::WEIGHTS => {
+                    let weights = self.client.object(&object).await?;
+                    let own = own(&weights, slot.slot as usize);
+                    let own = own.with_context(|| format!("reading {}", checkpoint.name))?;
+                    ("person.safetensors", own)
+                }
+                name if name == poses => ("refined-poses.json", self.client.object(&object).await?),
+                _ => continue,
+            };
+            part.files.push(self.write(&place.join(file), &bytes)?);
+        }
+        Ok(())
+    }
+}
+
+/// The tensors of the person in `slot` alone.
+fn own(weights: &[u8], slot: usize) -> anyhow::Result<Vec<u8>> {
+    Ok(yoto_avatar::train::leaving::own_part(weights, slot)?)
+}
