@@ -19,6 +19,7 @@ pub mod import;
 mod init;
 pub mod loss;
 pub mod motion;
+mod pool;
 pub mod render;
 pub mod tradeoff;
 pub mod train;

@@ -73,6 +73,10 @@ pub struct RefinementConfig {
     pub exact: f64,
     /// Share of the run after which that is decided.
     pub judged: f64,
+    /// Fewest fits that tell it: the decision waits for them, at most until [`Self::judged_last`] of the run.
+    pub telling: u32,
+    /// Share of the run after which poses stay as given if fewer fits than [`Self::telling`] were made.
+    pub judged_last: f64,
     /// Frames to both sides that follow a frame's step at the start, by a Gauss curve; none from
     /// two thirds on. Errors of neighbours are alike.
     pub reach: f64,
@@ -103,6 +107,8 @@ impl Default for RefinementConfig {
             fine_blur: [0.02, 0.004],
             exact: 0.0047,
             judged: 0.3,
+            telling: 30,
+            judged_last: 0.6,
             reach: 2.0,
             turn: 0.05,
             shift: 0.02,
@@ -196,6 +202,7 @@ impl RefinementConfig {
             ("refinement.fine_start", self.fine_start),
             ("refinement.fine_share", self.fine_share),
             ("refinement.judged", self.judged),
+            ("refinement.judged_last", self.judged_last),
         ] {
             if !(0.0..=1.0).contains(&share) {
                 return wrong(field, "must be between 0 and 1");

@@ -11,6 +11,7 @@ use crate::config::check_precision;
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::host::ReadError;
 use crate::motion::body::Body;
+use crate::pool::in_pool;
 use burn::tensor::{Device, ExecutionError};
 use std::collections::BTreeSet;
 use thiserror::Error;
@@ -349,7 +350,9 @@ impl Renderer {
     ) -> Result<Rendered, RenderError> {
         let shown = self.shown(view)?;
         match self.avatar.appearance(&self.config) {
-            AvatarAppearance::Splats(splats) => self.render_splats(splats, &shown, view),
+            AvatarAppearance::Splats(splats) => {
+                in_pool(|| self.render_splats(splats, &shown, view))
+            }
             AvatarAppearance::Field(field) if self.config.numerics == Numerics::Reference => {
                 self.render_as_released(field, &shown, view, go_on)
             }

@@ -2,6 +2,7 @@
 
 use crate::avatar::AvatarAppearance;
 use crate::loss::LossTerm;
+use crate::pool::in_pool;
 use crate::render::SampleCounts;
 use crate::render::occupancy::DensityObservations;
 use crate::train::TrainError;
@@ -55,6 +56,10 @@ impl Trainer {
     /// # Errors
     /// If the device fails, or training diverged.
     pub fn step(&mut self) -> Result<(), TrainError> {
+        in_pool(|| self.step_in_pool())
+    }
+
+    fn step_in_pool(&mut self) -> Result<(), TrainError> {
         let start = Instant::now();
         let now = self.run.moment();
         let mut rng = self.run.stream();

@@ -26,8 +26,6 @@ const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
 /// Errors that are expected of poses that are refined finely, as factors of the configured ones: rotations by about
 /// 1 degree, as of BlazePose in films of one person (docs/refinement.md), and positions.
 const FINE: [f64; 2] = [0.4, 0.4];
-/// Fewest fits that tell whether given poses are exact.
-const TELLING: u32 = 10;
 /// Farthest frames between which a lost one is placed.
 const FAR: usize = 10;
 
@@ -134,8 +132,12 @@ impl PoseRefinement {
         if self.judged || self.extent == Extent::Wide || progress < config.judged {
             return;
         }
+        let tell = self.fits >= config.telling;
+        if !tell && progress < config.judged_last {
+            return;
+        }
         self.judged = true;
-        let errors = self.errors(config).filter(|_| self.fits >= TELLING);
+        let errors = self.errors(config).filter(|_| tell);
         self.done |= errors.is_none_or(|[rotation, _]| rotation < config.exact);
     }
 

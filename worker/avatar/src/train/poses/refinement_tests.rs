@@ -178,7 +178,13 @@ fn fine_fits_observe_until_poses_are_judged_and_exact_ones_stay_as_given() {
     let limit = settings.exact / settings.turn;
     assert_eq!(judged(0.9 * limit, 30), None);
     assert!(judged(1.1 * limit, 30).is_some_and(|stage| stage.share > 0.0));
-    assert_eq!(judged(1.1 * limit, 3), None, "too few fits tell");
+    let waiting = judged(1.1 * limit, 3).expect("too few fits tell, so that it waits");
+    assert_eq!(waiting.share, 0.0, "no step is taken");
+    let mut few = PoseRefinement::new(&track(), Extent::Fine, false);
+    few.fits = 3;
+    few.errors = ExpectedErrors::of([1.1 * limit, 1.0]);
+    let last = settings.judged_last;
+    assert_eq!(few.stage(&settings, last, last), None, "too few fits tell");
 }
 
 #[test]

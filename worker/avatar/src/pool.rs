@@ -1,0 +1,39 @@
+//! Work on a thread of rayon's pool.
+
+use tracing::{Dispatch, Span, dispatcher};
+
+/// Does `work` on a thread of the pool, with the caller's log. From any other thread, each parallel operation inside would
+/// wake a thread of the pool and wait for it: an eighth of a step of splats on two cores (docs/performance.md).
+pub(crate) fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    if rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let (subscriber, span) = (dispatcher::get_default(Dispatch::clone), Span::current());
+    let work = || span.in_scope(work);
+    rayon::scope(|_| dispatcher::with_default(&subscriber, work))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::thread;
+
+    #[test]
+    fn work_is_done_on_a_thread_of_the_pool_within_the_callers_span() {
+        let subscriber = tracing_subscriber::registry();
+        dispatcher::with_default(&Dispatch::new(subscriber), || {
+            let span = tracing::info_span!("outside");
+            let outside = span.in_scope(|| {
+                in_pool(|| {
+                    let thread = thread::current().id();
+                    // Already there: it stays on the thread.
+                    assert_eq!(in_pool(|| thread::current().id()), thread);
+                    assert!(rayon::current_thread_index().is_some());
+                    Span::current().id()
+                })
+            });
+            assert_eq!(outside, span.id());
+            assert!(outside.is_some());
+        });
+    }
+}
