@@ -4,7 +4,7 @@ use anyhow::{Context, ensure};
 use image::RgbImage;
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const SIZE: u32 = 48;
@@ -20,11 +20,7 @@ fn apart(a: &RgbImage, b: &RgbImage) -> f64 {
 fn a_row_of_mixtures_goes_from_one_to_the_other() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     for (person, name) in SyntheticPerson::cast(2, 7).iter().zip(["ada", "bob"]) {
         let capture = dir.path().join(name);
         write_capture(person, 24, SIZE, &capture)?;

@@ -1,56 +1,33 @@
 //! People agree, revoke and are erased, with a worker that writes checkpoints anew.
 
-use anyhow::{Context, ensure};
-use std::path::{Path, PathBuf};
+use anyhow::ensure;
 use yoto_synthetic::SyntheticPerson;
+use yoto_tests::folders::{files, text};
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const SIZE: u32 = 48;
-
-fn folder(path: &Path) -> anyhow::Result<&str> {
-    path.to_str().context("a path in UTF-8")
-}
-
-/// The files below `root`.
-fn files(root: PathBuf) -> anyhow::Result<Vec<PathBuf>> {
-    let (mut files, mut folders) = (Vec::new(), vec![root]);
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder)? {
-            let path = entry?.path();
-            match path.is_dir() {
-                true => folders.push(path),
-                false => files.push(path),
-            }
-        }
-    }
-    Ok(files)
-}
 
 #[test]
 fn who_is_erased_leaves_nothing_and_nobody_else_changes() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let data = dir.path().join("data");
     let service = Service::start(YOTO, &data, true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     for (person, name) in SyntheticPerson::cast(3, 7)
         .iter()
         .zip(["ada", "bob", "cleo-4f1d9a"])
     {
         let capture = dir.path().join(name);
         write_capture(person, 24, SIZE, &capture)?;
-        let line = format!("subject add {name} --capture {}", folder(&capture)?);
+        let line = format!("subject add {name} --capture {}", text(&capture)?);
         yoto(&line, succeed)?;
     }
     let picture = |out: &str| -> anyhow::Result<Vec<u8>> {
         let out = dir.path().join(out);
         let line = "render duo --subject ada --orbit 3 --views 1 --size 48 --out";
-        yoto(&format!("{line} {}", folder(&out)?), succeed)?;
+        yoto(&format!("{line} {}", text(&out)?), succeed)?;
         Ok(std::fs::read(out.join("000000.png"))?)
     };
     yoto("model create duo --subjects ada,bob --tier draft", succeed)?;
@@ -68,7 +45,7 @@ fn who_is_erased_leaves_nothing_and_nobody_else_changes() -> anyhow::Result<()> 
     let cleo = dir.path().join("cleo.out");
     let line = format!(
         "render duo --subject cleo-4f1d9a --orbit 0 --views 1 --out {}",
-        folder(&cleo)?
+        text(&cleo)?
     );
     let said = yoto(&line, fail)?;
     ensure!(

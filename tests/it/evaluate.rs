@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::path::Path;
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::{write_capture, write_capture_with_held_out};
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
@@ -98,11 +98,7 @@ fn the_service_measures_frames_that_training_leaves_out() -> anyhow::Result<()> 
 fn a_capture_without_held_out_frames_is_named() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let with = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let with = |line: &str, run: Run| service.ask(YOTO, line, run);
     let capture = dir.path().join("ada");
     write_capture(&SyntheticPerson::cast(1, 7)[0], 8, 24, &capture)?;
     let add = format!("subject add ada --capture {}", text(&capture)?);

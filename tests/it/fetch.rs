@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{Process, Service, fail, succeed};
+use yoto_tests::process::{Process, Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
@@ -38,11 +38,7 @@ async fn results_are_fetched_later_and_replace_nothing_unasked() -> anyhow::Resu
         &dir.path().join("ada"),
     )?;
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     yoto(&format!("subject add ada {}", at("ada")), succeed)?;
     yoto("train solo --subjects ada --tier draft --steps 4", succeed)?;
 

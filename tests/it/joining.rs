@@ -1,27 +1,19 @@
 //! A person joins a trained model of the service, and the others do not change.
 
-use anyhow::{Context, ensure};
-use std::path::Path;
+use anyhow::ensure;
 use yoto_synthetic::SyntheticPerson;
+use yoto_tests::folders::text;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const SIZE: u32 = 48;
-
-fn folder(path: &Path) -> anyhow::Result<&str> {
-    path.to_str().context("a path in UTF-8")
-}
 
 #[test]
 fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyhow::Result<()> {
     let dir = tempfile::tempdir()?;
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     for (person, name) in SyntheticPerson::cast(4, 7)
         .iter()
         .zip(["ada", "bob", "cleo", "dora"])
@@ -29,14 +21,14 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
         let capture = dir.path().join(name);
         write_capture(person, 24, SIZE, &capture)?;
         yoto(
-            &format!("subject add {name} --capture {}", folder(&capture)?),
+            &format!("subject add {name} --capture {}", text(&capture)?),
             succeed,
         )?;
     }
     let picture = |subject: &str, out: &str| -> anyhow::Result<Vec<u8>> {
         let out = dir.path().join(out);
         let line = format!("render duo --subject {subject} --orbit 3 --views 1 --size 48 --out");
-        yoto(&format!("{line} {}", folder(&out)?), succeed)?;
+        yoto(&format!("{line} {}", text(&out)?), succeed)?;
         Ok(std::fs::read(out.join("000000.png"))?)
     };
 
@@ -72,13 +64,13 @@ fn who_joins_a_trained_model_is_trained_in_it_and_nobody_else_changes() -> anyho
     let own = "render duo --subject ada --orbit 3 --views 1 --size 48";
     let other = dir.path().join("ada-on-bob");
     yoto(
-        &format!("{own} --bones bob --out {}", folder(&other)?),
+        &format!("{own} --bones bob --out {}", text(&other)?),
         succeed,
     )?;
     ensure!(std::fs::read(other.join("000000.png"))? != new);
     let nobody = dir.path().join("ada-on-dora");
     let said = yoto(
-        &format!("{own} --bones dora --out {}", folder(&nobody)?),
+        &format!("{own} --bones dora --out {}", text(&nobody)?),
         fail,
     )?;
     ensure!(said.contains("dora is not in duo"), "{said}");

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{Service, fail, output, succeed};
+use yoto_tests::process::{Run, Service, fail, output, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const SIZE: u32 = 48;
@@ -23,11 +23,7 @@ fn results_are_json_where_programs_read_them() -> anyhow::Result<()> {
     let person = &SyntheticPerson::cast(1, 7)[0];
     write_capture(person, 24, 2 * SIZE, &dir.path().join("ada"))?;
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     let read = |line: &str| json(&yoto(&format!("{line} --output json"), succeed)?);
 
     let added = read(&format!("subject add ada {}", at("ada")))?;

@@ -9,7 +9,7 @@ use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{MotionTransfer, RenderSpec, View, ViewList};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::{write_capture, write_json};
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const FRAMES: usize = 48;
@@ -56,11 +56,7 @@ async fn estimated_poses_are_refined_written_and_rendered() -> anyhow::Result<()
     }
     write_json(&capture.join("poses.json"), &serde_json::to_value(&given)?)?;
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     let folder = capture.to_str().context("a path")?;
     yoto(&format!("subject add ada --capture {folder}"), succeed)?;
     let [out, sheet] = ["refined.json", "sheet.png"].map(|name| dir.path().join(name));

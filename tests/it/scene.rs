@@ -9,7 +9,7 @@ use yoto_media::Limits;
 use yoto_media::video::{Ffmpeg, Video};
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::people::{write_capture, write_json};
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const FRAMES: usize = 12;
@@ -48,11 +48,7 @@ async fn people_of_a_scene_hide_each_other() -> anyhow::Result<()> {
         tracks.push(write_capture(person, FRAMES, SIZE, &dir.path().join(name))?);
     }
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     for name in ["ada", "bob"] {
         yoto(&format!("subject add {name} {}", at(name)), succeed)?;
     }

@@ -7,7 +7,7 @@ use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::SyntheticPerson;
 use yoto_tests::bvh::{UNTURNED, bvh};
 use yoto_tests::people::write_capture;
-use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::process::{Run, Service, fail, succeed};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const FRAMES: usize = 48;
@@ -74,11 +74,7 @@ fn a_person_with_another_joint_tree_is_trained_and_rendered_as_they_are() -> any
     )?;
     ensure!(!said.contains("fail"), "{said}");
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     yoto(&format!("subject add ada {ada}"), succeed)?;
     yoto(&format!("subject add bruno {bruno}"), succeed)?;
     let said = yoto("train own --subjects ada --tier draft --steps 60", succeed)?;
@@ -156,11 +152,7 @@ fn people_keep_the_joints_of_their_bvh_files_and_exchange_motions() -> anyhow::R
     let service = Service::start(YOTO, &dir.path().join("data"), true)?;
     let path = |name: &str| dir.path().join(name).display().to_string();
     let run = |line: &str| succeed(YOTO, &line.split(' ').collect::<Vec<_>>());
-    let yoto = |line: &str, run: fn(&str, &[&str]) -> anyhow::Result<String>| {
-        let mut arguments: Vec<&str> = line.split(' ').collect();
-        arguments.extend(["--server", &service.address]);
-        run(YOTO, &arguments)
-    };
+    let yoto = |line: &str, run: Run| service.ask(YOTO, line, run);
     for (person, name) in cast.iter().zip(["ada", "bruno"]) {
         let studio = dir.path().join(format!("{name}-studio"));
         write_studio(person, &studio)?;

@@ -4,6 +4,7 @@
 pub mod browser;
 pub mod bvh;
 pub mod film;
+pub mod folders;
 pub mod jobs;
 pub mod page;
 pub mod people;

@@ -116,6 +116,9 @@ pub fn output(program: &str, arguments: &[&str]) -> anyhow::Result<Output> {
         .with_context(|| format!("running {program} {arguments:?}"))
 }
 
+/// A way to run a program with arguments: [`succeed`] or [`fail`].
+pub type Run = fn(&str, &[&str]) -> anyhow::Result<String>;
+
 /// Runs `program`, which must succeed; returns its output.
 ///
 /// # Errors
@@ -178,6 +181,16 @@ impl Service {
             objects,
             scratch: format!("{data}/scratch-of-workers"),
         })
+    }
+
+    /// Runs the words of `line` by `run`, which is [`succeed`] or [`fail`], as a command of `yoto` to this service.
+    ///
+    /// # Errors
+    /// As `run`.
+    pub fn ask(&self, yoto: &str, line: &str, run: Run) -> anyhow::Result<String> {
+        let mut arguments: Vec<&str> = line.split(' ').collect();
+        arguments.extend(["--server", &self.address]);
+        run(yoto, &arguments)
     }
 
     /// Starts a worker process for it.

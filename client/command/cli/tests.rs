@@ -95,7 +95,7 @@ fn what_a_newcomer_types_parses() {
         "yoto job watch jobs/1",
         "yoto job watch",
         "yoto subject fetch ada --out o",
-        "yoto subject export ada --out o --force",
+        "yoto subject export ada --out o",
         "yoto subject edit ada --rename Ada --consent signed",
         "yoto job retry 9f31",
         "yoto job curve 9f31 --output json",

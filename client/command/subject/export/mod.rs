@@ -5,8 +5,7 @@ mod jobs;
 mod models;
 
 use crate::args::Server;
-use crate::files::OutFolder;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -38,8 +37,9 @@ const FILE: &str = "person.json";
 pub(crate) struct Export {
     /// The person, by name.
     name: String,
-    #[command(flatten)]
-    folder: OutFolder,
+    /// Folder for the files: a new or an empty one, so that nothing of an earlier export or of another person is in it.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
     #[command(flatten)]
     server: Server,
 }
@@ -65,11 +65,11 @@ impl Export {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let subject = client.find_subject(&self.name).await?;
-        self.folder.ensure_free(|name| name == FILE)?;
+        ensure_empty(&self.out)?;
         let person = Person {
             client: &client,
             subject: &subject,
-            out: &self.folder.out,
+            out: &self.out,
         };
         let consents = client.list_consents(&subject.name).await?;
         let captures = person.captures().await?;
@@ -94,12 +94,12 @@ impl Export {
         files.push(person.write(Path::new(FILE), &text)?);
         output::put("files", output::paths(&files));
         output::put("person", about);
-        say!("{}", self.folder.out.join(FILE).display());
+        say!("{}", self.out.join(FILE).display());
         say!(
             "{} of {} in {}, {} left out",
             count(files.len(), "file"),
             subject.display_name,
-            self.folder.out.display(),
+            self.out.display(),
             count(left_out.len(), "thing"),
         );
         Ok(())
@@ -116,6 +116,23 @@ impl Person<'_> {
         }
         std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
         Ok(path)
+    }
+}
+
+/// Checks that nothing is in the folder `out`, which need not be there.
+fn ensure_empty(out: &Path) -> anyhow::Result<()> {
+    let reading = || format!("reading {}", out.display());
+    match std::fs::read_dir(out) {
+        Ok(mut entries) => {
+            ensure!(
+                entries.next().is_none(),
+                "{} is not empty: choose another folder (--out)",
+                out.display()
+            );
+            Ok(())
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(error).with_context(reading),
     }
 }
 

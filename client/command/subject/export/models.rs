@@ -5,6 +5,8 @@ use super::{Part, Person, id};
 use anyhow::Context;
 use serde_json::json;
 use std::path::Path;
+use yoto_avatar::config::Variant;
+use yoto_avatar::train::leaving::own_part;
 use yoto_proto::manifest::files;
 use yoto_proto::v1::{Checkpoint, IdentitySlot, Model};
 
@@ -21,17 +23,19 @@ impl Person<'_> {
             let steps: Vec<u64> = checkpoints.iter().map(|it| it.step).collect();
             part.about.push(json!({
                 "model": model.name,
-                "display_name": model.display_name,
                 "slot": slot.slot,
                 "trained": slot.trained,
                 "checkpoints": steps,
             }));
-            if slot.trained {
-                let of_them =
-                    |it: &&Checkpoint| it.slots.is_empty() || it.slots.contains(&slot.slot);
-                for checkpoint in checkpoints.iter().filter(of_them) {
-                    self.checkpoint(&model, slot, checkpoint, &mut part).await?;
-                }
+            if !has_own(&model) {
+                part.left_out.push(format!(
+                    "the parameters of {}: its people have none of their own",
+                    model.name
+                ));
+            }
+            let of_them = |it: &&Checkpoint| it.slots.is_empty() || it.slots.contains(&slot.slot);
+            for checkpoint in checkpoints.iter().filter(of_them) {
+                self.checkpoint(&model, slot, checkpoint, &mut part).await?;
             }
         }
         Ok(part)
@@ -50,9 +54,9 @@ impl Person<'_> {
         let poses = files::refined_poses(slot.slot as usize);
         for object in self.client.list_objects(&checkpoint.name).await? {
             let (file, bytes) = match &*object.file {
-                files::WEIGHTS => {
+                files::WEIGHTS if has_own(model) => {
                     let weights = self.client.object(&object).await?;
-                    let own = own(&weights, slot.slot as usize);
+                    let own = own_part(&weights, slot.slot as usize);
                     let own = own.with_context(|| format!("reading {}", checkpoint.name))?;
                     ("person.safetensors", own)
                 }
@@ -65,7 +69,7 @@ impl Person<'_> {
     }
 }
 
-/// The tensors of the person in `slot` alone.
-fn own(weights: &[u8], slot: usize) -> anyhow::Result<Vec<u8>> {
-    Ok(yoto_avatar::train::leaving::own_part(weights, slot)?)
+/// Whether its people have parameters of their own.
+fn has_own(model: &Model) -> bool {
+    model.variant != Variant::NoIdentity.name()
 }

@@ -5,8 +5,8 @@ use crate::train::TrainError;
 use safetensors::SafeTensors;
 use yoto_proto::manifest::files;
 
-/// The parameters of the person in `slot`, out of the `weights` of a checkpoint, as a file of the same form. What people
-/// share is not in it.
+/// The parameters of the person in `slot` from the `weights` of a checkpoint, in the same format. Parameters that people
+/// share are left out.
 ///
 /// # Errors
 /// If `weights` is not such a file, or nothing in it is theirs.
