@@ -214,6 +214,9 @@ pub(crate) struct IngestArgs {
     ingest_seconds: u64,
     #[command(flatten)]
     ffmpeg: FfmpegArg,
+    /// Refuse to start where the kernel can't confine the process that reads uploads: it needs Landlock and seccomp.
+    #[arg(long, env = "YOTO_REQUIRE_CONFINEMENT")]
+    require_confinement: bool,
 }
 
 #[cfg(feature = "embedded")]
@@ -224,6 +227,7 @@ impl IngestArgs {
             memory_bytes: self.ingest_memory_mib.saturating_mul(1 << 20),
             seconds: self.ingest_seconds,
             ffmpeg: self.ffmpeg.program().map(Into::into),
+            require_confinement: self.require_confinement,
             ..IngestSettings::default()
         }
     }

@@ -1,6 +1,7 @@
 //! The child's side: set the limits, carry out the order, report the outcome.
 
 use super::backdrop;
+use super::confinement::{Room, confine};
 use super::failure::ReadFailure;
 use super::order::{Line, Order, Outcome, Task};
 use super::prepare::prepare;
@@ -14,6 +15,8 @@ use yoto_media::video::Ffmpeg;
 /// The argument that makes this program the child. The order's file and the limits of memory, bytes, and time, seconds,
 /// follow it.
 pub(super) const ARGUMENT: &str = "read-one-upload";
+/// Most files that the child has open at once: an archive, a picture, a mask, a shard, and pipes.
+const OPEN_FILES: u64 = 256;
 
 /// If this process has the arguments of a child, reads one upload and ends the process. Otherwise does nothing.
 ///
@@ -42,12 +45,24 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
         Ok(Err(error)) => return Outcome::Machine(format!("the child's order: {error}")),
         Err(error) => return Outcome::Machine(format!("the child's order: {error}")),
     };
-    if let Err(error) = confine(memory, seconds, order.limits.unpacked_bytes) {
+    if let Err(error) = limit(memory, seconds, order.limits.unpacked_bytes) {
         return Outcome::Machine(format!("limiting the child: {error}"));
+    }
+    let ffmpeg = match order.task {
+        Task::Capture => Ffmpeg::find(order.ffmpeg.as_deref()),
+        Task::Backdrop => Ffmpeg::none(),
+    };
+    let room = Room {
+        folder: order.folder.clone(),
+        read: order.files.values().cloned().collect(),
+        program: ffmpeg.program().map(Path::to_owned),
+    };
+    if let Err(error) = confine(&room) {
+        return Outcome::Machine(format!("confining the child: {error}"));
     }
     let tell = &mut |progress| say(&Line::At(progress));
     let prepared = match order.task {
-        Task::Capture => prepare(&order, &Ffmpeg::find(order.ffmpeg.as_deref()), tell),
+        Task::Capture => prepare(&order, &ffmpeg, tell),
         Task::Backdrop => backdrop::prepare(&order, tell),
     };
     match prepared {
@@ -65,7 +80,7 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
 
 /// Limits enforced by the kernel, independent of decoders. They also apply to an `ffmpeg` started
 /// by this process.
-fn confine(memory: u64, seconds: u64, file_bytes: u64) -> nix::Result<()> {
+fn limit(memory: u64, seconds: u64, file_bytes: u64) -> nix::Result<()> {
     // Dies with the worker, even if the worker is killed.
     #[cfg(target_os = "linux")]
     nix::sys::prctl::set_pdeathsig(nix::sys::signal::Signal::SIGKILL)?;
@@ -74,6 +89,7 @@ fn confine(memory: u64, seconds: u64, file_bytes: u64) -> nix::Result<()> {
     #[cfg(target_os = "linux")]
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     setrlimit(Resource::RLIMIT_CORE, 0, 0)?;
+    setrlimit(Resource::RLIMIT_NOFILE, OPEN_FILES, OPEN_FILES)?;
     setrlimit(Resource::RLIMIT_FSIZE, file_bytes, file_bytes)?;
     setrlimit(Resource::RLIMIT_CPU, seconds, seconds + 5)?;
     setrlimit(Resource::RLIMIT_AS, memory, memory)

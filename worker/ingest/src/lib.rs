@@ -2,7 +2,8 @@
 //!
 //! Uploads are decoded in a child process: this program, started again, with limits on memory and
 //! time, so that a file that makes a decoder crash, hang or use too much memory ends only that
-//! process ([`ingest`], [`become_ingest_child_if_asked`]). So is the picture behind a scene ([`read_backdrop`]), which
+//! process ([`ingest`], [`become_ingest_child_if_asked`]). The kernel confines it to its folder, without a network
+//! ([`Confinement`]). So is the picture behind a scene ([`read_backdrop`]), which
 //! comes with an order. The user's own captures are read in this process ([`LocalCapture`]), by the same code.
 //!
 //! Faults of a capture are reported with file, frame and field. An exceeded limit is a fault of the
@@ -11,6 +12,7 @@
 mod backdrop;
 mod capture;
 mod child;
+mod confinement;
 mod edges;
 mod failure;
 mod local;
@@ -25,6 +27,7 @@ mod video_end;
 
 pub use backdrop::read_backdrop;
 pub use child::become_ingest_child_if_asked;
+pub use confinement::{Confinement, Extent};
 pub use failure::{IngestError, ReadFailure};
 pub use local::LocalCapture;
 pub use order::Progress;

@@ -17,6 +17,9 @@ pub struct IngestSettings {
     pub limits: Limits,
     /// The `ffmpeg` for videos that are not read in-process; searched for if it has no name.
     pub ffmpeg: Option<PathBuf>,
+    /// Whether a worker refuses to start where the kernel can't confine the child
+    /// ([`Confinement::is_whole`](crate::Confinement::is_whole)).
+    pub require_confinement: bool,
 }
 
 impl Default for IngestSettings {
@@ -27,6 +30,7 @@ impl Default for IngestSettings {
             seconds: 3600,
             limits: Limits::default(),
             ffmpeg: None,
+            require_confinement: false,
         }
     }
 }

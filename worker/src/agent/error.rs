@@ -51,6 +51,18 @@ pub enum WorkerError {
         /// Why it can't be used.
         source: std::io::Error,
     },
+    /// The process that reads uploads is not confined, and has to be.
+    #[error("--require-confinement: {told}; a later kernel has both, or leave the option out")]
+    Unconfined {
+        /// What it can use.
+        told: String,
+    },
+    /// The kernel has what confines that process, and refuses it.
+    #[error("the process that reads uploads can't be confined: {told}")]
+    Confinement {
+        /// The fault.
+        told: String,
+    },
     /// A pause in the configuration is invalid.
     #[error("{field} is {value}: not a number of seconds")]
     Config {

@@ -35,7 +35,7 @@ use url::Url;
 use uuid::Uuid;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_device::PickedDevice;
-use yoto_ingest::IngestSettings;
+use yoto_ingest::{Confinement, IngestSettings};
 use yoto_objects::{Objects, Rights};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::key::{Connection, connection};
@@ -133,6 +133,7 @@ impl Worker {
     /// When the store can't be used, the coordinator refuses this worker, or a job hangs. An unreachable coordinator is an error
     /// only for a worker that may not be idle for ever.
     pub async fn run(self, shutdown: impl Future<Output = ()>) -> Result<Ended, WorkerError> {
+        self.tell_confinement()?;
         // The coordinator has checked its own.
         if !self.embedded {
             self.objects.check(Rights::ReadWrite).await?;
@@ -156,6 +157,27 @@ impl Worker {
                 Ok(Ended::Stopped)
             }
         }
+    }
+
+    /// Logs how far this kernel confines what reads files of users.
+    ///
+    /// # Errors
+    /// When it has to confine it and does not.
+    fn tell_confinement(&self) -> Result<(), WorkerError> {
+        let decodes = |kind: &JobKind| matches!(kind, JobKind::Ingest | JobKind::Render);
+        if !self.kinds.iter().any(decodes) {
+            return Ok(());
+        }
+        match Confinement::of_this_machine() {
+            Ok(found) if found.is_whole() => tracing::info!("{found}"),
+            Ok(found) if self.ingest.require_confinement => {
+                let told = found.to_string();
+                return Err(WorkerError::Unconfined { told });
+            }
+            Ok(found) => tracing::warn!("{found}"),
+            Err(told) => return Err(WorkerError::Confinement { told }),
+        }
+        Ok(())
     }
 
     async fn work(&self, stopping: &CancellationToken) -> Result<Ended, WorkerError> {

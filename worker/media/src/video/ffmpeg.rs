@@ -41,6 +41,11 @@ impl Ffmpeg {
         Self { program }
     }
 
+    /// Path of the program.
+    pub fn program(&self) -> Option<&Path> {
+        self.program.as_deref()
+    }
+
     /// No program at all.
     pub fn none() -> Self {
         Self { program: None }

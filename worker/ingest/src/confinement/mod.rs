@@ -1,0 +1,121 @@
+//! Confinement of the child by the kernel: files by Landlock, system calls by seccomp. A decoder that a file has taken over
+//! reads nothing else of this user, reaches no network, and leaves nothing behind.
+//!
+//! Both hold for the calling thread, the threads and the programs that it starts, and can't be taken back. What a kernel
+//! lacks is left out and named by [`Confinement`].
+
+#[cfg(target_os = "linux")]
+mod calls;
+#[cfg(target_os = "linux")]
+mod files;
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// What a confined process may use.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Room {
+    /// The folder in which it reads and writes.
+    pub(crate) folder: PathBuf,
+    /// Files that it only reads.
+    pub(crate) read: Vec<PathBuf>,
+    /// The program that it may start; without one, it starts no process.
+    pub(crate) program: Option<PathBuf>,
+}
+
+/// How far the kernel confines a process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Confinement {
+    /// Files outside of its folder.
+    pub files: Extent,
+    /// Network, processes and other system calls that decoders do not need.
+    pub calls: Extent,
+}
+
+/// How far one part of a confinement goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Extent {
+    /// All of it.
+    Full,
+    /// What this kernel has of it: a later one has more.
+    Partial,
+    /// The kernel has nothing of it.
+    None,
+}
+
+impl Confinement {
+    /// That of a child of this machine, tried in a thread of its own.
+    ///
+    /// # Errors
+    /// What the kernel refuses although it has it.
+    pub fn of_this_machine() -> Result<Self, String> {
+        let tried = std::thread::spawn(|| {
+            let folder = std::env::temp_dir();
+            confine(&Room {
+                folder,
+                ..Room::default()
+            })
+        });
+        tried
+            .join()
+            .map_err(|_| "a thread that confines itself panicked".to_owned())?
+    }
+
+    /// Whether files outside of its folder and system calls are both refused.
+    pub fn is_whole(&self) -> bool {
+        self.files != Extent::None && self.calls == Extent::Full
+    }
+}
+
+impl fmt::Display for Confinement {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let files = match self.files {
+            Extent::Full => "no other files (Landlock)",
+            Extent::Partial => "no other files, as far as this kernel's Landlock goes",
+            Extent::None => "ANY FILE OF THIS USER, since the kernel has no Landlock",
+        };
+        let calls = match self.calls {
+            Extent::Full | Extent::Partial => "no network (seccomp)",
+            Extent::None => "THE NETWORK, since the kernel has no seccomp",
+        };
+        write!(
+            out,
+            "uploads are decoded in a process that can use {files} and {calls}"
+        )
+    }
+}
+
+/// Confines the calling thread to `room`.
+///
+/// # Errors
+/// What the kernel refuses although it has it, or a folder that can't be opened.
+#[cfg(target_os = "linux")]
+pub(crate) fn confine(room: &Room) -> Result<Confinement, String> {
+    let files = files::confine(room).map_err(|error| format!("confining files: {error}"))?;
+    let calls = calls::confine(room.program.is_some())
+        .map_err(|error| format!("confining system calls: {error}"))?;
+    Ok(Confinement { files, calls })
+}
+
+/// Confines nothing: there is no Landlock and no seccomp on this system.
+///
+/// # Errors
+/// None.
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn confine(_: &Room) -> Result<Confinement, String> {
+    Ok(Confinement {
+        files: Extent::None,
+        calls: Extent::None,
+    })
+}
+
+/// The libraries of a `program` that is installed with its own, as `PREFIX/bin/PROGRAM` and `PREFIX/lib`.
+#[cfg_attr(not(target_os = "linux"), allow(dead_code))]
+fn own_libraries(program: &Path) -> Option<PathBuf> {
+    let folder = program.parent()?;
+    (folder.file_name()? == "bin").then(|| folder.with_file_name("lib"))
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests;
