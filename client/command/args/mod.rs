@@ -15,6 +15,8 @@ pub(crate) mod train;
 pub(crate) use lpips::LpipsArgs;
 pub(crate) use parse::*;
 
+#[cfg(feature = "embedded")]
+use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use yoto_client::{Addresses, ClientError, DEFAULT_SERVER, QueueOptions, YotoClient};
@@ -215,7 +217,7 @@ pub(crate) struct IngestArgs {
     #[command(flatten)]
     ffmpeg: FfmpegArg,
     /// Refuse to start where the kernel can't confine the process that reads uploads: it needs Landlock and seccomp.
-    #[arg(long, env = "YOTO_REQUIRE_CONFINEMENT")]
+    #[arg(long, env = "YOTO_REQUIRE_CONFINEMENT", value_parser = BoolishValueParser::new())]
     require_confinement: bool,
 }
 
