@@ -150,6 +150,9 @@ fn a_confined_process_has_its_folder_and_starts_nothing() {
         let name = "a_confined_process_has_its_folder_and_starts_nothing";
         let tried = attempts(name, outside.path(), &outside.path().join("own"));
         check(&tried, false);
+        // Not only the program's file is refused (EACCES), but a process for it.
+        let refused = format!("Os {{ code: {},", nix::libc::EPERM);
+        assert!(tried["start"].starts_with(&refused), "{tried:#?}");
     }
 }
 
