@@ -71,17 +71,17 @@ impl Confinement {
 impl fmt::Display for Confinement {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let files = match self.files {
-            Extent::Full => "no other files (Landlock)",
-            Extent::Partial => "no other files, as far as this kernel's Landlock goes",
-            Extent::None => "ANY FILE OF THIS USER, since the kernel has no Landlock",
+            Extent::Full => "its own alone (Landlock)",
+            Extent::Partial => "its own alone, as far as this kernel's Landlock goes",
+            Extent::None => "ALL OF THIS USER, since the kernel has no Landlock",
         };
         let calls = match self.calls {
-            Extent::Full | Extent::Partial => "no network (seccomp)",
-            Extent::None => "THE NETWORK, since the kernel has no seccomp",
+            Extent::Full | Extent::Partial => "none (seccomp)",
+            Extent::None => "ALL, since the kernel has no seccomp",
         };
         write!(
             out,
-            "uploads are decoded in a process that can use {files} and {calls}"
+            "what the process that decodes uploads can use: files: {files}; network: {calls}"
         )
     }
 }

@@ -178,10 +178,14 @@ fn what_a_kernel_lacks_is_named() {
     assert!(!without_files.is_whole());
     let said = without_files.to_string();
     assert!(
-        said.contains("ANY FILE") && said.contains("no network"),
+        said.contains("files: ALL OF THIS USER") && said.contains("network: none"),
         "{said}"
     );
     let without_calls = of(Extent::Full, Extent::None);
     assert!(!without_calls.is_whole());
-    assert!(without_calls.to_string().contains("THE NETWORK"));
+    let said = without_calls.to_string();
+    assert!(
+        said.contains("files: its own alone") && said.contains("network: ALL"),
+        "{said}"
+    );
 }
