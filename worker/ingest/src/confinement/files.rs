@@ -1,12 +1,12 @@
 //! Files: Landlock (Linux 5.13 and later; `man 7 landlock`).
 
-use super::{Extent, Room, own_libraries};
+use super::{Extent, Room};
 use landlock::{
     ABI, Access, AccessFs, AccessNet, BitFlags, CompatLevel, Compatible, PathBeneath, PathFd,
     Ruleset, RulesetAttr, RulesetCreated, RulesetCreatedAttr, RulesetError, RulesetStatus, Scope,
     path_beneath_rules,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// The latest rights that are asked for: files, their length, devices, TCP, signals and abstract sockets. An earlier kernel
@@ -79,4 +79,10 @@ fn with_program(rules: RulesetCreated, program: PathBuf) -> Result<RulesetCreate
         .add_rules(path_beneath_rules([&program, &real], run))?
         .add_rules(path_beneath_rules(own.into_iter().flatten(), run))?
         .add_rules(path_beneath_rules(libraries, run))
+}
+
+/// The libraries of a `program` that is installed with its own, as `PREFIX/bin/PROGRAM` and `PREFIX/lib`.
+fn own_libraries(program: &Path) -> Option<PathBuf> {
+    let folder = program.parent()?;
+    (folder.file_name()? == "bin").then(|| folder.with_file_name("lib"))
 }

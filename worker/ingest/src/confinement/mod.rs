@@ -9,9 +9,8 @@ mod calls;
 #[cfg(target_os = "linux")]
 mod files;
 
-use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What a confined process may use.
 #[derive(Debug, Clone, Default)]
@@ -25,7 +24,7 @@ pub(crate) struct Room {
 }
 
 /// How far the kernel confines a process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Confinement {
     /// Files outside of its folder.
     pub files: Extent,
@@ -34,7 +33,7 @@ pub struct Confinement {
 }
 
 /// How far one part of a confinement goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
     /// All of it.
     Full,
@@ -108,13 +107,6 @@ pub(crate) fn confine(_: &Room) -> Result<Confinement, String> {
         files: Extent::None,
         calls: Extent::None,
     })
-}
-
-/// The libraries of a `program` that is installed with its own, as `PREFIX/bin/PROGRAM` and `PREFIX/lib`.
-#[cfg_attr(not(target_os = "linux"), allow(dead_code))]
-fn own_libraries(program: &Path) -> Option<PathBuf> {
-    let folder = program.parent()?;
-    (folder.file_name()? == "bin").then(|| folder.with_file_name("lib"))
 }
 
 #[cfg(all(test, target_os = "linux"))]

@@ -19,7 +19,8 @@ const REQUIRED: &str = "YOTO_TEST_CONFINEMENT";
 /// Whether this kernel has all that the tests try; if not, it is said.
 fn has_all() -> bool {
     let found = Confinement::of_this_machine().expect("tries");
-    if found.is_whole() {
+    // Signals are refused by later kernels alone.
+    if found.is_whole() && found.files == Extent::Full {
         return true;
     }
     assert!(std::env::var_os(REQUIRED).is_none(), "{found}");
