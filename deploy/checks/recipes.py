@@ -9,6 +9,8 @@ import yaml
 
 DEPLOY = Path(__file__).resolve().parents[1]
 ROOT = DEPLOY.parent
+# With these a worker confines the child that reads uploads; older systemd has them in no group of `@system-service`.
+CONFINING_CALLS = ["landlock_create_ruleset", "landlock_add_rule", "landlock_restrict_self", "seccomp"]
 failures = []
 
 
@@ -75,7 +77,7 @@ def compose():
 
 
 def units():
-    """Time to stop, files for one user, and the same protections in each."""
+    """Time to stop, files for one user, and the same protections in each but for the system calls that a worker's child is confined with."""
     protections = {}
     for file in sorted((DEPLOY / "systemd").glob("*.service")):
         text = file.read_text(encoding="utf-8")
@@ -88,6 +90,10 @@ def units():
         must(not notice or int(lines["TimeoutStopSec"]) > int(notice.group(1)), f"{file.name}: it is killed before its notice is over")
         words = ("Protect", "Restrict", "SystemCall", "NoNew", "Private", "Lock", "RemoveIPC", "Capability")
         protections[file.name] = {key: value for key, value in lines.items() if key.startswith(words)}
+        works = "--no-worker" not in lines["ExecStart"]
+        calls = ["@system-service", *(CONFINING_CALLS if works else [])]
+        named = protections[file.name].pop("SystemCallFilter", "").split()
+        must(named == calls, f"{file.name}: its system calls are {named}, and should be {calls}")
     first = next(iter(protections.values()))
     for name, those in protections.items():
         must(those == first, f"{name}: its protections differ from those of {next(iter(protections))}")
