@@ -88,7 +88,7 @@ impl Database {
 
     /// Its server's socket, for a proxy.
     pub fn socket(&self) -> PathBuf {
-        self.server.folder().join(".s.PGSQL.5432")
+        self.server.socket()
     }
 
     /// Stops every process of its server (SIGSTOP), or has them go on. For a server of its own.

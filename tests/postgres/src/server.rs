@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::os::unix::fs::{MetadataExt, chown};
+use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -164,6 +165,11 @@ impl Server {
         &self.folder
     }
 
+    /// The socket that it listens on.
+    pub fn socket(&self) -> PathBuf {
+        self.folder.join(".s.PGSQL.5432")
+    }
+
     /// A program that connects to it.
     pub fn client(&self, program: &str) -> Command {
         let mut command = Command::new(self.programs.join(program));
@@ -175,10 +181,10 @@ impl Server {
         command
     }
 
-    /// Ends it at once, as a crash does.
+    /// Ends it at once, as a crash does. A server that ends refuses statements a while before nobody listens.
     pub fn crash(&self) {
         self.order("crash");
-        while self.answers() {
+        while UnixStream::connect(self.socket()).is_ok() {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
