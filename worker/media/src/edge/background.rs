@@ -1,5 +1,6 @@
 //! The background behind a person, where a camera stands still.
 
+use super::shift::{Pyramid, Shift};
 use super::{Rgb, band};
 use crate::Picture;
 
@@ -20,11 +21,23 @@ pub struct BackgroundBuilder {
     colours: Vec<Rgb>,
     votes: Vec<u8>,
     seen: Vec<u8>,
+    /// The first frame, which others are aligned with.
+    first: Option<Pyramid>,
 }
 
 /// Colours of a background, where they are known, pixel by pixel.
 #[derive(Debug)]
-pub struct KnownBackground(Vec<Option<[u8; 3]>>);
+pub struct KnownBackground {
+    size: [usize; 2],
+    pub(super) colours: Vec<Option<[u8; 3]>>,
+    brightness: Pyramid,
+}
+
+/// A known background as a frame shows it, whose camera may have turned a little.
+pub(super) struct Plate<'a> {
+    known: &'a KnownBackground,
+    shift: Shift,
+}
 
 impl BackgroundBuilder {
     /// Nothing is known of a background of `width` by `height` pixels.
@@ -35,6 +48,7 @@ impl BackgroundBuilder {
             colours: vec![[0.0; 3]; area],
             votes: vec![0; area],
             seen: vec![0; area],
+            first: None,
         }
     }
 
@@ -48,7 +62,16 @@ impl BackgroundBuilder {
         let reach = (width.max(height) as f32 * REACH).ceil() as usize;
         let near = band::near(mask, [width, height], reach);
         let pixels = picture.rgb.as_chunks::<3>().0;
+        let own = Pyramid::new([width, height], |at| (!near[at]).then(|| pixels[at]));
+        let shift = match &self.first {
+            Some(first) => own.shift_to(first),
+            None => Shift::default(),
+        };
+        self.first.get_or_insert(own);
         for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| !near[*at]) {
+            let Some(at) = shift.of(at, [width, height]) else {
+                continue;
+            };
             let colour = pixel.map(f32::from);
             let mean = &mut self.colours[at];
             let votes = &mut self.votes[at];
@@ -74,19 +97,36 @@ impl BackgroundBuilder {
             let agreed = seen >= FEWEST && f32::from(votes) >= AGREE * f32::from(seen);
             agreed.then(|| colour.map(|it| it.round() as u8))
         };
-        KnownBackground(self.colours.iter().zip(counts).map(colour).collect())
+        let colours: Vec<_> = self.colours.iter().zip(counts).map(colour).collect();
+        KnownBackground {
+            size: self.size,
+            brightness: Pyramid::new(self.size, |at| colours[at]),
+            colours,
+        }
     }
 }
 
 impl KnownBackground {
-    /// The colour at a pixel of the picture, if it is known.
-    pub(super) fn at(&self, pixel: usize) -> Option<[u8; 3]> {
-        self.0.get(pixel).copied().flatten()
+    /// The background of a frame of these `pixels`, which shows it where `free` says so.
+    pub(super) fn behind(&self, pixels: &[[u8; 3]], free: &[bool]) -> Plate<'_> {
+        let own = Pyramid::new(self.size, |at| free[at].then(|| pixels[at]));
+        Plate {
+            known: self,
+            shift: own.shift_to(&self.brightness),
+        }
     }
 
     /// Share of the pixels that are known.
     pub fn share(&self) -> f64 {
-        let known = self.0.iter().flatten().count();
-        known as f64 / self.0.len().max(1) as f64
+        let known = self.colours.iter().flatten().count();
+        known as f64 / self.colours.len().max(1) as f64
+    }
+}
+
+impl Plate<'_> {
+    /// The colour at a pixel of the frame, if it is known.
+    pub fn at(&self, pixel: usize) -> Option<[u8; 3]> {
+        let at = self.shift.of(pixel, self.known.size)?;
+        self.known.colours.get(at).copied().flatten()
     }
 }

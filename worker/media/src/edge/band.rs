@@ -8,6 +8,18 @@ const INSIDE: u8 = 230;
 /// Coverage that counts as outside.
 const OUTSIDE: u8 = 25;
 
+/// Steps to a pixel's eight neighbours.
+pub(super) const DIRECTIONS: [[isize; 2]; 8] = [
+    [1, 0],
+    [1, 1],
+    [0, 1],
+    [-1, 1],
+    [-1, 0],
+    [-1, -1],
+    [0, -1],
+    [1, -1],
+];
+
 /// What is known of a pixel before its colour is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Zone {
@@ -97,6 +109,15 @@ impl Band {
         }
     }
 
+    /// Which of the picture's `count` pixels are far outside of the mask.
+    pub fn background(&self, count: usize) -> Vec<bool> {
+        let mut outside = vec![true; count];
+        for (at, zone) in self.zones.iter().enumerate() {
+            outside[self.pixel(at)] = *zone == Zone::Background;
+        }
+        outside
+    }
+
     /// Index in the picture of a pixel of the crop.
     pub fn pixel(&self, at: usize) -> usize {
         let [x, y] = [at % self.size[0], at / self.size[0]];
@@ -114,6 +135,37 @@ impl Band {
             if y > 0 { at - columns } else { at },
             if y + 1 < rows { at + columns } else { at },
         ]
+    }
+
+    /// For each pixel of the crop, the first one in a direction that is far outside of the mask, if one is near.
+    pub fn outward(&self, [dx, dy]: [isize; 2]) -> Vec<Option<u32>> {
+        let [columns, rows] = self.size;
+        let mut first: Vec<Option<u32>> = vec![None; self.zones.len()];
+        // Each pixel asks the next one in the direction, so that one comes before it.
+        let forward = dy < 0 || (dy == 0 && dx < 0);
+        let order = |i: usize, count: usize| if forward { i } else { count - 1 - i };
+        for y in (0..rows).map(|i| order(i, rows)) {
+            for x in (0..columns).map(|i| order(i, columns)) {
+                let at = y * columns + x;
+                if self.zones[at] == Zone::Background {
+                    first[at] = Some(at as u32);
+                    continue;
+                }
+                let next = x.checked_add_signed(dx).zip(y.checked_add_signed(dy));
+                let next = next.filter(|(x, y)| *x < columns && *y < rows);
+                let seen = next.and_then(|(x, y)| first[y * columns + x]);
+                first[at] = seen.filter(|it| self.distance(at, *it as usize) <= 3 * self.reach);
+            }
+        }
+        first
+    }
+
+    /// The larger of the columns and rows between two pixels of the crop.
+    fn distance(&self, a: usize, b: usize) -> usize {
+        let columns = self.size[0];
+        (a % columns)
+            .abs_diff(b % columns)
+            .max((a / columns).abs_diff(b / columns))
     }
 
     /// How far pixels are from the edge of `mask`.

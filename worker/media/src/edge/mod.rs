@@ -7,6 +7,7 @@
 mod background;
 mod band;
 mod extrapolate;
+mod shift;
 mod solve;
 
 pub use background::{BackgroundBuilder, KnownBackground};

@@ -1,6 +1,7 @@
 //! Coverage from colours, the compositing equation solved for α.
 
-use super::band::{Band, Zone};
+use super::background::Plate;
+use super::band::{Band, DIRECTIONS, Zone};
 use super::extrapolate::Continued;
 use super::{KnownBackground, Rgb};
 
@@ -25,6 +26,8 @@ const MOST_TRUST: f32 = 30.0;
 const NEIGHBOUR: f32 = 1.5;
 /// Difference at which that weight has fallen by e^(−1/2), levels.
 const NEIGHBOUR_COLOUR: f32 = 12.0;
+/// A colour outside of the band that is this close is the pixel's background, levels.
+const SAMPLE: f32 = 24.0;
 /// Rounds of smoothing.
 const ROUNDS: usize = 12;
 /// One pixel in this number tells the exposure.
@@ -64,9 +67,10 @@ pub(super) fn solve(
     mask: &[u8],
     known: &KnownBackground,
 ) -> Vec<Solved> {
-    let gain = exposure(band, pixels, known);
+    let behind = known.behind(pixels, &band.background(pixels.len()));
+    let gain = exposure(band, pixels, &behind);
     let plate = |pixel: usize| -> Option<Rgb> {
-        let colour = known.at(pixel)?;
+        let colour = behind.at(pixel)?;
         Some(std::array::from_fn(|c| gain[c] * f32::from(colour[c])))
     };
     let foreground = Continued::of(band, |at, pixel| {
@@ -84,29 +88,35 @@ pub(super) fn solve(
         .iter()
         .map(|&at| pixels[band.pixel(at)].map(f32::from))
         .collect();
-    let mut backgrounds = Vec::with_capacity(uncertain.len());
-    let mut said: Vec<Said> = Vec::with_capacity(uncertain.len());
-    for (&at, &colour) in uncertain.iter().zip(&colours) {
-        let pixel = band.pixel(at);
-        let is_known = known.at(pixel).is_some();
-        // A camera on a stand trembles, so a neighbour's background may be this pixel's.
-        let nearby = band
-            .cross(at)
-            .map(|near| plate(band.pixel(near)).unwrap_or_else(|| around.at(band, near)));
-        let background = nearest(colour, nearby);
-        let given = Given {
-            alpha: f32::from(mask[pixel]) / 255.0,
-            depth: depths.at(band, at),
-        };
-        said.push(says(
-            colour,
-            foreground.at(band, at),
-            background,
-            given,
-            is_known,
-        ));
-        backgrounds.push(background);
+    // A camera on a stand trembles, so a neighbour's background may be a pixel's.
+    let behind_near = |at: usize| {
+        let behind = |near| plate(band.pixel(near)).unwrap_or_else(|| around.at(band, near));
+        band.cross(at).map(behind)
+    };
+    let mut backgrounds: Vec<Rgb> = (uncertain.iter().zip(&colours))
+        .map(|(&at, &colour)| nearest(colour, behind_near(at)))
+        .collect();
+    // A floor's shadow and a line of the wall go on beyond the band, in this frame's light.
+    for direction in DIRECTIONS {
+        let outward = band.outward(direction);
+        for ((at, &colour), background) in uncertain.iter().zip(&colours).zip(&mut backgrounds) {
+            let beyond = outward[*at].map(|it| pixels[band.pixel(it as usize)].map(f32::from));
+            if let Some(it) = beyond.filter(|it| squared(minus(colour, *it)) < SAMPLE * SAMPLE) {
+                *background = nearest(colour, [*background, it]);
+            }
+        }
     }
+    let mut said: Vec<Said> = (uncertain.iter().zip(&colours).zip(&backgrounds))
+        .map(|((&at, &colour), &background)| {
+            let pixel = band.pixel(at);
+            let given = Given {
+                alpha: f32::from(mask[pixel]) / 255.0,
+                depth: depths.at(band, at),
+            };
+            let known = behind.at(pixel).is_some();
+            says(colour, foreground.at(band, at), background, given, known)
+        })
+        .collect();
     let trust = trust(&said);
     said.iter_mut().for_each(|it| it.given_weight *= trust);
     let alphas = smoothed(band, &uncertain, &colours, &said);
@@ -125,15 +135,11 @@ pub(super) fn solve(
 }
 
 /// The one of `candidates` that is most like `colour`.
-fn nearest(colour: Rgb, candidates: [Rgb; 5]) -> Rgb {
-    let off = |it: &Rgb| {
-        let off = minus(colour, *it);
-        dot(off, off)
-    };
-    let [mut best, ..] = candidates;
-    for it in &candidates {
-        if off(it) < off(&best) {
-            best = *it;
+fn nearest<const N: usize>(colour: Rgb, candidates: [Rgb; N]) -> Rgb {
+    let mut best = candidates[0];
+    for it in candidates {
+        if squared(minus(colour, it)) < squared(minus(colour, best)) {
+            best = it;
         }
     }
     best
@@ -148,11 +154,11 @@ impl Said {
 }
 
 /// The mean brightness of each channel over that of the known background, outside of the person.
-fn exposure(band: &Band, pixels: &[[u8; 3]], known: &KnownBackground) -> Rgb {
+fn exposure(band: &Band, pixels: &[[u8; 3]], behind: &Plate) -> Rgb {
     let mut sums = [[0.0f64; 2]; 3];
     for at in (0..band.zones.len()).step_by(EXPOSURE_STEP) {
         let pixel = band.pixel(at);
-        let plate = known.at(pixel);
+        let plate = behind.at(pixel);
         if let (Some(plate), Zone::Background) = (plate, band.zones[at]) {
             for channel in 0..3 {
                 sums[channel][0] += f64::from(pixels[pixel][channel]);
@@ -189,14 +195,14 @@ fn says(colour: Rgb, foreground: Rgb, background: Rgb, given: Given, known: bool
     let [edge, end] = if known { GIVEN } else { GIVEN_UNKNOWN };
     let between = minus(foreground, background);
     let own = minus(colour, background);
-    let square = dot(between, between);
+    let square = squared(between);
     let mut alpha = (dot(own, between) / square.max(1.0)).clamp(0.0, 1.0);
     let off = minus(own, between.map(|it| alpha * it));
-    let off = dot(off, off);
+    let off = squared(off);
     let mut weight = square / (square + APART * APART);
     if known {
         // What differs from a known background covers it, whatever its colour.
-        let difference = dot(own, own).sqrt();
+        let difference = squared(own).sqrt();
         let [low, high] = DIFFERENT;
         let differs = ((difference - low) / (high - low)).clamp(0.0, 1.0);
         let other = 1.0 - (-off / (2.0 * OFF_LINE * OFF_LINE)).exp();
@@ -218,9 +224,9 @@ fn says(colour: Rgb, foreground: Rgb, background: Rgb, given: Given, known: bool
 
 /// Whether a colour is that of the background in less light.
 fn shadowed(colour: Rgb, background: Rgb) -> bool {
-    let share = dot(colour, background) / dot(background, background).max(1.0);
+    let share = dot(colour, background) / squared(background).max(1.0);
     let off = minus(colour, background.map(|it| share * it));
-    (SHADOW..0.93).contains(&share) && dot(off, off) < SHADOW_COLOUR * SHADOW_COLOUR
+    (SHADOW..0.93).contains(&share) && squared(off) < SHADOW_COLOUR * SHADOW_COLOUR
 }
 
 /// Coverage of the `uncertain` pixels that agrees with what they say and with neighbours of the same colour (Jacobi's
@@ -239,7 +245,7 @@ fn smoothed(band: &Band, uncertain: &[usize], colours: &[Rgb], said: &[Said]) ->
                 other => {
                     let off = minus(*colour, colours[other as usize]);
                     let scale = 2.0 * NEIGHBOUR_COLOUR * NEIGHBOUR_COLOUR;
-                    (other, NEIGHBOUR * (-dot(off, off) / scale).exp())
+                    (other, NEIGHBOUR * (-squared(off) / scale).exp())
                 }
             })
         })
@@ -263,6 +269,10 @@ fn smoothed(band: &Band, uncertain: &[usize], colours: &[Rgb], said: &[Said]) ->
 
 fn minus(a: Rgb, b: Rgb) -> Rgb {
     std::array::from_fn(|c| a[c] - b[c])
+}
+
+fn squared(a: Rgb) -> f32 {
+    dot(a, a)
 }
 
 fn dot(a: Rgb, b: Rgb) -> f32 {
