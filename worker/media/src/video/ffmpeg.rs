@@ -1,7 +1,8 @@
 //! Decodes other videos with an `ffmpeg` program, if one is installed.
 //!
 //! It reads only this file, in the listed formats, so that a playlist inside an upload can't
-//! make it read other files; it inherits the limits of this process.
+//! make it read other files, and with the listed decoders, since most faults of the program are in those that no camera needs; it inherits
+//! the limits of this process.
 
 use super::Raw;
 use super::hdr::Hdr;
@@ -18,6 +19,9 @@ pub const VARIABLE: &str = "YOTO_FFMPEG";
 /// Containers that may be opened.
 const FORMATS: &str =
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,h264,hevc,ogg,flv,asf,mxf";
+/// Decoders that may be used, by the program's names. Sound is never decoded.
+const DECODERS: &str = "h264,hevc,vp8,vp9,libvpx,libvpx-vp9,av1,libdav1d,libaom-av1,mpeg1video,mpeg2video,mpeg4,\
+     msmpeg4v3,h263,flv,wmv3,vc1,theora,mjpeg,prores,dnxhd,ffv1,rawvideo";
 /// Bytes kept of its standard error.
 const COMPLAINTS: u64 = 16 << 10;
 
@@ -116,7 +120,8 @@ fn command(program: &Path, path: &Path, level: &str) -> Command {
     command
         .args(["-nostdin", "-hide_banner", "-nostats", "-loglevel", level])
         .args(["-threads", "1", "-protocol_whitelist", "file,pipe"])
-        .args(["-format_whitelist", FORMATS, "-i"])
+        .args(["-format_whitelist", FORMATS])
+        .args(["-codec_whitelist", DECODERS, "-i"])
         .arg(input)
         .args(["-map", "0:v:0", "-an", "-sn", "-dn"])
         .stdin(Stdio::null());
@@ -287,10 +292,22 @@ fn failure(status: ExitStatus, said: &str, frames: usize) -> MediaError {
     } else if said.contains("Cannot allocate memory") {
         Fault::new(MEMORY_LIMIT, "ffmpeg had not enough memory to decode it")
     } else {
-        let last = said.lines().rev().find(|line| !line.trim().is_empty());
-        Fault::undecodable(format!("ffmpeg: {}", last.unwrap_or("no frame came out")))
+        let mut last = said.lines().rev().filter(|line| !line.trim().is_empty());
+        let why = last.next().unwrap_or("no frame came out");
+        match last.next().and_then(refused_codec) {
+            Some(codec) if why.contains("opening decoder") => Fault::undecodable(format!(
+                "its codec is {codec}; those that are read with ffmpeg are {DECODERS}"
+            )),
+            _ => Fault::undecodable(format!("ffmpeg: {why}")),
+        }
     };
     fault.in_frame(frames).into()
+}
+
+/// The codec of a line which says that it is none of [`DECODERS`].
+fn refused_codec(line: &str) -> Option<&str> {
+    let (before, _) = line.split_once(") not on whitelist")?;
+    Some(before.rsplit_once('(')?.1)
 }
 
 impl Drop for FfmpegVideo {

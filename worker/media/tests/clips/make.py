@@ -41,6 +41,8 @@ make("pauses.mp4", *X264, *B_FRAMES, *PAUSES)
 make("yuv422.mp4", "-c:v", "libx264", "-crf", "8", "-pix_fmt", "yuv422p")
 make("hevc.mp4", "-c:v", "libx265", "-crf", "8", "-pix_fmt", "yuv420p", "-tag:v", "hvc1", "-x265-params", "log-level=error")
 make("mjpeg.avi", "-c:v", "mjpeg", "-q:v", "2")
+# A codec of screens, which no camera writes.
+make("flashsv.mkv", "-c:v", "flashsv")
 turn = [sys.argv[1], "-y", "-v", "error", "-display_rotation", "-90", "-i", "b_frames.mp4"]
 subprocess.run([*turn, "-c", "copy", "-bitexact", "turned_right.mp4"], check=True)
 

@@ -304,6 +304,21 @@ fn ffmpeg_decodes_the_rest_where_it_is_installed() {
     }
 }
 
+#[test]
+fn ffmpeg_decodes_no_codec_that_cameras_do_not_write() {
+    let ffmpeg = Ffmpeg::find(None);
+    if ffmpeg.program().is_none() {
+        eprintln!("no ffmpeg on this machine: its part is not run");
+        return;
+    }
+    let limits = Limits::default();
+    let read = Video::open(&clip("flashsv.mkv"), &limits, &ffmpeg, false)
+        .and_then(|mut video| video.next(false));
+    let error = read.expect_err("a codec of screens");
+    let said = error.to_string();
+    assert!(said.contains("its codec is flashsv; those"), "{said}");
+}
+
 fn scratch(bytes: &[u8]) -> tempfile::NamedTempFile {
     let file = tempfile::NamedTempFile::new().expect("a file");
     std::fs::write(file.path(), bytes).expect("writes");
