@@ -313,7 +313,8 @@ fn ffmpeg_decodes_no_codec_that_cameras_do_not_write() {
     }
     let limits = Limits::default();
     let read = Video::open(&clip("flashsv.mkv"), &limits, &ffmpeg, false)
-        .and_then(|mut video| video.next(false));
+        .and_then(|mut video| video.next(false))
+        .map(drop);
     let error = read.expect_err("a codec of screens");
     let said = error.to_string();
     assert!(said.contains("its codec is flashsv; those"), "{said}");
