@@ -16,6 +16,7 @@ mod actions;
 mod asker;
 mod assets;
 mod chart;
+mod compare;
 mod curves;
 mod document;
 mod events;
@@ -61,6 +62,7 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken) -> Router {
         .route("/models/{id}", get(model::page))
         .route("/models/{id}/train", post(orders::train))
         .route("/models/{id}/player", post(orders::player))
+        .route("/compare", get(compare::page))
         .route("/jobs", get(jobs::page))
         .route("/jobs/{id}", get(job::page))
         .route("/jobs/{id}/cancel", post(actions::cancel))

@@ -52,18 +52,12 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         curve.pop();
     }
     let recent = of_model(&asker, &resource, &[], &[], JOBS).await?;
-    let request = ListCheckpointsRequest {
-        model: resource.clone(),
-        page_size: CHECKPOINTS,
-        ..ListCheckpointsRequest::default()
-    };
-    let checkpoints = asker.models().list_checkpoints(asker.request(request));
-    let checkpoints = checkpoints.await?.into_inner().checkpoints;
+    let checkpoints = checkpoints_of(&asker, &resource).await?;
     let people = people(&asker, &model).await?;
     let cards = cards(&asker, &model, &people).await?;
     let orders = orders::forms(&asker, &model, &people)?;
     let player = player(&asker, &resource).await?;
-    let pictures = pictures(&asker, &resource).await?;
+    let pictures = newest_pictures(&asker, &resource).await?;
     let tradeoff = tradeoff::of(&asker, &checkpoints).await?;
     let now = asker.now();
     let mut names = Names::of(&asker);
@@ -119,8 +113,19 @@ fn state(model: &Model, running: bool) -> Markup {
     }
 }
 
+/// The newest checkpoints of a model.
+pub(super) async fn checkpoints_of(asker: &Asker, model: &str) -> Result<Vec<Checkpoint>, Status> {
+    let request = ListCheckpointsRequest {
+        model: model.to_owned(),
+        page_size: CHECKPOINTS,
+        ..ListCheckpointsRequest::default()
+    };
+    let list = asker.models().list_checkpoints(asker.request(request));
+    Ok(list.await?.into_inner().checkpoints)
+}
+
 /// The newest jobs of a model.
-async fn of_model(
+pub(super) async fn of_model(
     asker: &Asker,
     model: &str,
     kinds: &[JobKind],
@@ -196,8 +201,8 @@ async fn player(asker: &Asker, model: &str) -> Result<Markup, Status> {
     Ok(html! {})
 }
 
-/// Pictures of the newest renders.
-async fn pictures(asker: &Asker, model: &str) -> Result<Markup, Status> {
+/// Pictures of the newest render.
+pub(super) async fn newest_pictures(asker: &Asker, model: &str) -> Result<Markup, Status> {
     let renders = of_model(
         asker,
         model,

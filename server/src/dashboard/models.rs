@@ -34,6 +34,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
             p .empty { "None yet. " code { "yoto train NAME --subjects PEOPLE" } " makes one and trains it." }
         } @else {
             (table(&list.models, &mut names, asker.now()).await?)
+            @if list.models.len() > 1 { p { a href="/compare" { "Compare two models" } } }
         }
         (more("/models", &list.next_page_token))
     };

@@ -150,13 +150,58 @@ async fn pages_answer_get_and_head_alone_and_unknown_names_are_not_found() {
 }
 
 #[tokio::test]
+async fn two_models_are_compared() {
+    let stage = Stage::set().await;
+    let (address, serving) = listen(&stage.service).await;
+    let (_, _, models) = ask(address, "GET", "/models").await;
+    assert!(!models.contains("/compare"), "{models}");
+    let other = stage.service.model("plain").await;
+    let (_, _, models) = ask(address, "GET", "/models").await;
+    assert!(models.contains("href=\"/compare\""), "{models}");
+    let (status, _, form) = ask(address, "GET", "/compare").await;
+    assert_eq!(status, 200, "{form}");
+    assert_eq!(form.matches("<option").count(), 4, "{form}");
+    assert!(
+        !form.contains("class=\"chart\"") && !form.contains("<script>"),
+        "{form}"
+    );
+    let path = format!(
+        "/compare?one={}&other={}",
+        id(&other.name),
+        id(&stage.model.name)
+    );
+    let (status, _, page) = ask(address, "GET", &path).await;
+    assert_eq!(status, 200, "{page}");
+    for shown in [
+        "<td class=\"text\"><bdi>–</bdi></td><td class=\"text\"><bdi>30</bdi></td>",
+        "PSNR on held-out frames over time, dB, seconds: 21.00 at 10, 23.00 at 30",
+        "&lt;script&gt;",
+        "/files/000000%2Epng",
+        " selected>plain",
+    ] {
+        assert!(page.contains(shown), "{shown}: {page}");
+    }
+    assert!(!page.contains("figures of different people"), "{page}");
+    let unknown = "00000000-0000-4000-8000-000000000000";
+    let path = format!("/compare?one={}&other={unknown}", id(&other.name));
+    assert_eq!(ask(address, "GET", &path).await.0, 404);
+    assert_eq!(
+        ask(address, "GET", "/compare?one=%3Cb%3E&other=x").await.0,
+        400
+    );
+    serving.abort();
+}
+
+#[tokio::test]
 async fn what_is_another_tenants_is_not_found() {
     let stage = Stage::set().await;
     let other = Tenant::new("other").expect("an id");
     let (address, serving) = listen_for(&stage.service, other).await;
     let subject = format!("/people/{}", id(&stage.subject.name));
     let capture = format!("/{}/thumbnail.png", stage.subject.captures[0]);
+    let compare = format!("/compare?one={0}&other={0}", id(&stage.model.name));
     let paths = [
+        compare,
         subject,
         capture,
         format!("/{}", stage.model.name),

@@ -101,7 +101,10 @@ impl Level {
         let [columns, rows] = self.size.map(|it| it as i32);
         let [left, top] = shift.map(|it| (-it).max(0));
         let [right, bottom] = [columns - shift[0].max(0), rows - shift[1].max(0)];
-        let width = right.saturating_sub(left).max(0) as usize;
+        if right <= left || bottom <= top {
+            return f32::INFINITY;
+        }
+        let width = (right - left) as usize;
         let (mut sum, mut count) = (0.0, 0u32);
         for y in (top..bottom).step_by(ROW_STEP) {
             let at = (y * columns + left) as usize;
@@ -160,6 +163,17 @@ mod tests {
         let unknown = Pyramid::new(SIZE, |_| None);
         for other in [&plain, &unknown] {
             assert_eq!(plain.shift_to(other), Shift::default());
+        }
+    }
+
+    #[test]
+    fn pictures_smaller_than_the_search_do_not_move() {
+        for size in [[1, 1], [2, 40], [40, 3], [9, 9]] {
+            let small = |from: usize| {
+                Pyramid::new(size, move |at| Some([((at + from) * 31 % 255) as u8; 3]))
+            };
+            assert_eq!(small(0).shift_to(&small(0)), Shift::default());
+            small(0).shift_to(&small(3));
         }
     }
 
