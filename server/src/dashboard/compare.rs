@@ -106,10 +106,12 @@ async fn side(asker: &Asker, id: &str) -> Result<Side, Status> {
 fn comparison(sides: &[Side; 2]) -> Markup {
     html! {
         (table(sides))
-        (charts(sides))
-        div .sides {
-            @for side in sides {
-                section { h2 { (name(&side.model.display_name)) } (side.pictures) }
+        @if sides.iter().any(|it| !it.figures.is_empty()) { (charts(sides)) }
+        @if sides.iter().any(|it| !it.pictures.0.is_empty()) {
+            div .sides {
+                @for side in sides {
+                    section { h2 { (name(&side.model.display_name)) } (side.pictures) }
+                }
             }
         }
     }
@@ -123,7 +125,10 @@ fn table(sides: &[Side; 2]) -> Markup {
     let rows: [(&str, Value); 9] = [
         ("Tier", |it| told(&it.model.tier)),
         ("Variant", |it| told(&it.model.variant)),
-        ("People", |it| it.people.join(", ")),
+        ("People", |it| match it.people.is_empty() {
+            true => none(),
+            false => it.people.join(", "),
+        }),
         ("Steps of the newest training", |it| {
             it.figures.last().map_or_else(none, |it| whole(it.step))
         }),
@@ -145,10 +150,10 @@ fn table(sides: &[Side; 2]) -> Markup {
     ];
     let measured = sides.iter().filter_map(last).count() == 2;
     html! {
-        div .scroll { table {
+        div .scroll { table .compared {
             thead { tr { th { "" } @for it in sides { th { a href=(page_of(&it.model.name)) { (name(&it.model.display_name)) } } } } }
             tbody { @for (title, value) in rows {
-                tr { th scope="row" { (title) } @for it in sides { td .text { bdi { (value(it)) } } } }
+                tr { th scope="row" { (title) } @for it in sides { td { bdi { (value(it)) } } } }
             } }
         } }
         @if measured && people(&sides[0]) != people(&sides[1]) {

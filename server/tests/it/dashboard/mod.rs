@@ -173,7 +173,7 @@ async fn two_models_are_compared() {
     let (status, _, page) = ask(address, "GET", &path).await;
     assert_eq!(status, 200, "{page}");
     for shown in [
-        "<td class=\"text\"><bdi>–</bdi></td><td class=\"text\"><bdi>30</bdi></td>",
+        "<td><bdi>–</bdi></td><td><bdi>30</bdi></td>",
         "PSNR on held-out frames over time, dB, seconds: 21.00 at 10, 23.00 at 30",
         "&lt;script&gt;",
         "/files/000000%2Epng",
