@@ -121,7 +121,6 @@ fn comparison(sides: &[Side; 2]) -> Markup {
 type Value = fn(&Side) -> String;
 
 fn table(sides: &[Side; 2]) -> Markup {
-    let last: fn(&Side) -> Option<&MetricPoint> = |it| it.figures.last();
     let rows: [(&str, Value); 9] = [
         ("Tier", |it| told(&it.model.tier)),
         ("Variant", |it| told(&it.model.variant)),
@@ -148,7 +147,7 @@ fn table(sides: &[Side; 2]) -> Markup {
             best(it).map_or_else(none, |it| bytes(it.bytes))
         }),
     ];
-    let measured = sides.iter().filter_map(last).count() == 2;
+    let measured = sides.iter().all(|it| !it.figures.is_empty());
     html! {
         div .scroll { table .compared {
             thead { tr { th { "" } @for it in sides { th { a href=(page_of(&it.model.name)) { (name(&it.model.display_name)) } } } } }

@@ -33,7 +33,7 @@ pub struct KnownBackground {
     brightness: Pyramid,
 }
 
-/// A known background as a frame shows it, whose camera may have turned a little.
+/// A known background at the place where one frame shows it, since the camera may have turned a little.
 pub(super) struct Plate<'a> {
     known: &'a KnownBackground,
     shift: Shift,

@@ -4,7 +4,7 @@
 const SEARCH: i32 = 4;
 /// Levels of a pyramid. With the search, shifts of up to 32 pixels are found.
 const LEVELS: usize = 4;
-/// A shift must lower the mean difference to this share, or it is none: plain walls look alike everywhere.
+/// A shift is taken if the mean difference falls to less than this share of that without a shift. Plain walls look alike everywhere.
 const BETTER: f32 = 0.95;
 /// One row in this number is compared.
 const ROW_STEP: usize = 3;
@@ -54,12 +54,12 @@ impl Pyramid {
 
     /// The shift from this picture to `other`, of the same size, from coarse to fine.
     pub fn shift_to(&self, other: &Self) -> Shift {
-        let mut best = [0; 2];
+        let (mut best, mut least) = ([0; 2], f32::INFINITY);
         for (level, (own, other)) in self.0.iter().zip(&other.0).enumerate().rev() {
             let reach = if level + 1 == LEVELS { SEARCH } else { 1 };
             best = best.map(|it| 2 * it);
             let from = best;
-            let mut least = own.difference(other, best);
+            least = own.difference(other, best);
             for dy in -reach..=reach {
                 for dx in -reach..=reach {
                     let shift = [from[0] + dx, from[1] + dy];
@@ -74,9 +74,8 @@ impl Pyramid {
             return Shift::default();
         };
         let still = own.difference(other, [0; 2]);
-        // A difference of infinity is one of pictures that share too little.
-        let better = own.difference(other, best) < BETTER * still;
-        Shift(if better { best } else { [0; 2] })
+        // Both are infinite for pictures that share too little.
+        Shift(if least < BETTER * still { best } else { [0; 2] })
     }
 }
 

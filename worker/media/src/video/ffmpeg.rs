@@ -1,12 +1,13 @@
 //! Decodes other videos with an `ffmpeg` program, if one is installed.
 //!
 //! It reads only this file, in the listed formats, so that a playlist inside an upload can't
-//! make it read other files, and with the listed decoders, since most faults of the program are in those that no camera needs; it inherits
-//! the limits of this process.
+//! make it read other files, and with the listed decoders, since those that no camera needs are attacked as well. It
+//! inherits the limits of this process.
 
 use super::Raw;
 use super::hdr::Hdr;
 use super::light::Levels;
+use super::ppm;
 use super::signal::Signal;
 use crate::{Fault, Limits, MEMORY_LIMIT, MediaError};
 use std::io::{BufRead, BufReader, Read};
@@ -212,7 +213,7 @@ impl FfmpegVideo {
         let Some(stdout) = &mut self.stdout else {
             return Ok(None);
         };
-        let header = match ppm_header(stdout) {
+        let header = match ppm::header(stdout) {
             Ok(Some(header)) => header,
             Ok(None) => return self.end(),
             Err(_) => return self.broken(),
@@ -304,7 +305,7 @@ fn failure(status: ExitStatus, said: &str, frames: usize) -> MediaError {
     fault.in_frame(frames).into()
 }
 
-/// The codec of a line which says that it is none of [`DECODERS`].
+/// The codec that a line of the program names as absent from [`DECODERS`].
 fn refused_codec(line: &str) -> Option<&str> {
     let (before, _) = line.split_once(") not on whitelist")?;
     Some(before.rsplit_once('(')?.1)
@@ -318,60 +319,9 @@ impl Drop for FfmpegVideo {
     }
 }
 
-/// Width, height and highest level, 255 or 65535, after `P6` and before one blank; `None` at the end of the stream.
-fn ppm_header(stream: &mut impl BufRead) -> std::io::Result<Option<[usize; 3]>> {
-    let odd = || std::io::Error::new(std::io::ErrorKind::InvalidData, "not a PPM header");
-    if stream.fill_buf()?.is_empty() {
-        return Ok(None);
-    }
-    let mut words = Vec::new();
-    let mut word = String::new();
-    while words.len() < 4 {
-        let mut byte = [0];
-        stream.read_exact(&mut byte)?;
-        match byte[0] {
-            b' ' | b'\n' if word.is_empty() => return Err(odd()),
-            b' ' | b'\n' => words.push(std::mem::take(&mut word)),
-            digit if word.len() < 8 => word.push(char::from(digit)),
-            _ => return Err(odd()),
-        }
-    }
-    match words.as_slice() {
-        [magic, width, height, depth] if magic == "P6" => {
-            let number = |text: &str| text.parse().map_err(|_| odd());
-            let highest = number(depth)?;
-            if highest != 255 && highest != 65535 {
-                return Err(odd());
-            }
-            Ok(Some([number(width)?, number(height)?, highest]))
-        }
-        _ => Err(odd()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn headers_are_read_and_others_refused() {
-        let read = |bytes: &[u8]| ppm_header(&mut &bytes[..]);
-        assert_eq!(
-            read(b"P6\n50 38\n255\nRGB").expect("fine"),
-            Some([50, 38, 255])
-        );
-        let deep = read(b"P6\n50 38\n65535\nRRGGBB").expect("fine");
-        assert_eq!(deep, Some([50, 38, 65535]));
-        assert_eq!(read(b"").expect("the end"), None);
-        for bad in [
-            &b"P5\n1 1\n255\n"[..],
-            b"P6\n1 1\n1023\n",
-            b"P6\n1",
-            b"P6 123456789 1 255 ",
-        ] {
-            assert!(read(bad).is_err(), "{bad:?}");
-        }
-    }
 
     #[test]
     fn what_ended_the_program_says_whose_fault_it_was() {

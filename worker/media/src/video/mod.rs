@@ -8,6 +8,7 @@ mod h264;
 mod hdr;
 mod light;
 mod mp4;
+mod ppm;
 mod signal;
 mod sps;
 mod yuv;
