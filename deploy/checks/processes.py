@@ -74,7 +74,7 @@ class Services:
         words = [self.local(it, self.address[name]) for it in service["command"]]
         for old, new in paths.items():
             words = [it.replace(old, new) for it in words]
-        environment = {key: self.local(value, self.address[name]) for key, value in service.get("environment", {}).items()}
+        environment = {key: self.local(value or "", self.address[name]) for key, value in service.get("environment", {}).items()}
         return self.start(name, [program, *words], environment, number)
 
     def log(self, label):
