@@ -39,6 +39,7 @@ mod serve;
 mod store;
 mod tenant;
 mod tls;
+mod trace_parent;
 mod traffic;
 mod uploads;
 

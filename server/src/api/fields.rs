@@ -75,6 +75,7 @@ pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, Requ
         spec,
         priority,
         owner,
+        trace_parent: None,
     })
 }
 

@@ -5,8 +5,9 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
 use crate::jobs::{queue, retry, watch, watch_all};
-use crate::store::{JobFilter, Target};
+use crate::store::{JobFilter, NewJob, Target};
 use crate::tenant::Tenant;
+use crate::trace_parent::TraceParent;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::collections::HashMap;
@@ -80,6 +81,7 @@ impl JobService for JobApi {
         request: Request<CreateJobRequest>,
     ) -> Result<Response<Job>, Status> {
         let tenant = Tenant::of(&request)?;
+        let trace_parent = TraceParent::of(&request);
         let request = request.into_inner();
         let key = fields::request_key("CreateJob", &request.request_id, &request);
         let spec = request.spec.unwrap_or_default();
@@ -90,6 +92,10 @@ impl JobService for JobApi {
             let job = queue::validate(&self.context, &tenant, new).await?;
             return Ok(Response::new(Job { priority, ..job }));
         }
+        let new = NewJob {
+            trace_parent,
+            ..new
+        };
         let job = queue::create(&self.context, &tenant, new, key).await?;
         Ok(Response::new(public::job(job)))
     }
@@ -256,10 +262,11 @@ impl JobService for JobApi {
 
     async fn retry_job(&self, request: Request<RetryJobRequest>) -> Result<Response<Job>, Status> {
         let tenant = Tenant::of(&request)?;
+        let trace_parent = TraceParent::of(&request);
         let request = request.get_ref();
         let key = fields::request_key("RetryJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
-        let job = retry::retry(&self.context, &tenant, &id, key).await?;
+        let job = retry::retry(&self.context, &tenant, &id, key, trace_parent).await?;
         Ok(Response::new(public::job(job)))
     }
 }

@@ -3,7 +3,9 @@
 use super::{fields, public};
 use crate::context::Context;
 use crate::jobs::queue;
+use crate::store::NewJob;
 use crate::tenant::Tenant;
+use crate::trace_parent::TraceParent;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::v1::render_service_server::RenderService;
@@ -22,6 +24,7 @@ impl RenderService for RenderApi {
         request: Request<CreateRenderRequest>,
     ) -> Result<Response<Job>, Status> {
         let tenant = Tenant::of(&request)?;
+        let trace_parent = TraceParent::of(&request);
         let request = request.into_inner();
         let key = fields::request_key("CreateRender", &request.request_id, &request)?;
         let spec = JobSpec {
@@ -33,6 +36,10 @@ impl RenderService for RenderApi {
             let job = queue::validate(&self.context, &tenant, new).await?;
             return Ok(Response::new(Job { priority, ..job }));
         }
+        let new = NewJob {
+            trace_parent,
+            ..new
+        };
         let job = queue::create(&self.context, &tenant, new, key).await?;
         Ok(Response::new(public::job(job)))
     }

@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{NewJob, RequestKey, StoreError};
 use crate::tenant::Tenant;
+use crate::trace_parent::TraceParent;
 use crate::uploads;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Capture, ErrorReason, Job, JobKind, job};
@@ -19,6 +20,7 @@ pub async fn retry(
     tenant: &Tenant,
     id: &str,
     request: Option<RequestKey>,
+    trace_parent: Option<TraceParent>,
 ) -> Result<Job, RequestError> {
     // Comes before every check, as in `queue::create`.
     if let Some(answer) = context.store.answered(tenant, request.as_ref()).await? {
@@ -50,6 +52,7 @@ pub async fn retry(
         priority: NewJob::column(ended.priority()),
         owner: ended.owner,
         spec: ended.spec.unwrap_or_default(),
+        trace_parent,
     };
     // It was accepted by an earlier version of the service, perhaps.
     queue::check_order(&new.spec)?;

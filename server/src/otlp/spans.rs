@@ -1,7 +1,7 @@
 //! The trace of an ended job: its time in the queue and its attempts.
 //!
-//! Ids follow from the job's name alone. The trace's id is the first 16 bytes of its SHA-256. So a trace can be found
-//! by its job's name, and a second send replaces the first.
+//! Ids follow from the job's name: a second send replaces the first. The trace's id is the first 16 bytes of the name's SHA-256, so
+//! that a trace can be found by its job's name, unless the caller had a trace, which the job then belongs to.
 
 use super::attributes::{number, text};
 use crate::store::{EndedJob, JobKind};
@@ -21,6 +21,11 @@ pub fn of(ended: &EndedJob) -> Vec<Span> {
     let mut spans = vec![root(ended, end), queued(job, end)];
     let attempts = job.attempts.iter().map(|it| attempt(job, it, end));
     spans.extend(attempts);
+    if let Some(parent) = ended.trace_parent {
+        for span in &mut spans {
+            span.trace_id = parent.trace.to_vec();
+        }
+    }
     spans
 }
 
@@ -44,9 +49,10 @@ fn root(ended: &EndedJob, end: u64) -> Span {
         attributes.extend(value.filter(|it| !it.is_empty()).map(|it| text(key, it)));
     }
     let failed = job.state() == job::State::Failed;
+    let parent = ended.trace_parent.map(|it| it.span.to_vec());
     Span {
         span_id: root_id(job),
-        parent_span_id: Vec::new(),
+        parent_span_id: parent.unwrap_or_default(),
         name: kind.to_owned(),
         ..span(
             job,

@@ -1,6 +1,7 @@
 //! Jobs and leases in the interface of the store.
 
 use super::StoreError;
+use crate::trace_parent::TraceParent;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{
@@ -165,6 +166,8 @@ pub struct NewJob {
     pub priority: u8,
     /// Owner of the job, for a fair order of the queue; may be empty.
     pub owner: String,
+    /// The caller's span, if it has told.
+    pub trace_parent: Option<TraceParent>,
 }
 
 impl NewJob {
@@ -187,6 +190,7 @@ impl NewJob {
             spec,
             priority: Self::NORMAL,
             owner: String::new(),
+            trace_parent: None,
         }
     }
 }
@@ -283,6 +287,8 @@ pub struct EndedJob {
     pub tenant: String,
     /// The request id of the call that queued it, if the caller gave one and it is still kept.
     pub request_id: Option<String>,
+    /// The span of the call that queued it, if the caller has told.
+    pub trace_parent: Option<TraceParent>,
 }
 
 /// The open jobs of a kind, of all tenants.

@@ -4,6 +4,7 @@ use super::{attempts, jobs};
 use crate::store::db::{Tx, sql};
 use crate::store::{EndedJob, StoreError};
 use crate::tenant::Tenant;
+use crate::trace_parent::TraceParent;
 use std::collections::HashMap;
 use yoto_proto::v1::Job;
 
@@ -15,7 +16,8 @@ pub async fn list(tx: &mut Tx, ids: &[&str]) -> Result<Vec<EndedJob>, StoreError
     if ids.is_empty() {
         return Ok(Vec::new());
     }
-    let mut query = sql("SELECT id, tenant FROM jobs WHERE end_time IS NOT NULL AND id IN (");
+    let mut query =
+        sql("SELECT id, tenant, trace_parent FROM jobs WHERE end_time IS NOT NULL AND id IN (");
     query.push_all(ids.iter().copied());
     query.push(") ORDER BY ord");
     let rows = query.rows(tx, "looking for ended jobs").await?;
@@ -23,6 +25,7 @@ pub async fn list(tx: &mut Tx, ids: &[&str]) -> Result<Vec<EndedJob>, StoreError
     let mut ended = Vec::with_capacity(rows.len());
     for row in rows {
         let (id, tenant) = (row.text("id")?, row.text("tenant")?);
+        let parent = row.maybe_text("trace_parent")?;
         let corrupt = || StoreError::Corrupt {
             what: "jobs.tenant",
             detail: tenant.clone(),
@@ -36,6 +39,7 @@ pub async fn list(tx: &mut Tx, ids: &[&str]) -> Result<Vec<EndedJob>, StoreError
             job,
             tenant,
             request_id: requests.remove(&id),
+            trace_parent: parent.as_deref().and_then(TraceParent::parse),
         });
     }
     Ok(ended)

@@ -132,8 +132,8 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
     let pinned = pins::chosen(tx, tenant, spec).await?;
     sql("INSERT INTO jobs
              (id, kind, capture, model, spec, pinned_step, priority, owner, create_time, tenant,
-              order_level)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11)")
+              order_level, trace_parent)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)")
     .bind(&id)
     .bind(kind.as_str())
     .bind(ingest.then_some(target))
@@ -145,6 +145,7 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
     .bind(tx.now())
     .bind(tenant.id())
     .bind(orders::level(spec))
+    .bind(new.trace_parent.map(|it| it.to_string()))
     .execute(tx, "queueing a job")
     .await?;
     pins::pin_others(tx, tenant, &id, spec).await?;

@@ -108,6 +108,7 @@ pub async fn leave(
         },
         priority: NewJob::column(JobPriority::Urgent),
         owner: String::new(),
+        trace_parent: None,
     };
     let job = jobs::insert(tx, tenant, new).await?;
     sql(

@@ -10,8 +10,18 @@ const OWN: [&str; 2] = ["erasures", "erasure_models"];
 const TEXTS_PER_STATEMENT: usize = 100;
 
 /// Ends of the names of columns with ids, keys and checksums: random hex digits, in which a short name can occur.
-const RANDOM: [&str; 10] = [
-    "id", "sha256", "key", "subject", "capture", "model", "job", "worker", "folder", "consent",
+const RANDOM: [&str; 11] = [
+    "id",
+    "sha256",
+    "key",
+    "subject",
+    "capture",
+    "model",
+    "job",
+    "worker",
+    "folder",
+    "consent",
+    "trace_parent",
 ];
 
 /// The columns of all tables whose rows have one of these ids, in a text or in bytes.

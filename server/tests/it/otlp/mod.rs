@@ -13,8 +13,11 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tonic::Code;
-use yoto_proto::v1::{CancelJobRequest, CreateJobRequest, Job, JobSpec, TrainSpec, job_spec};
+use tonic::{Code, Request};
+use yoto_proto::hex;
+use yoto_proto::v1::{
+    CancelJobRequest, CreateJobRequest, Job, JobSpec, RetryJobRequest, TrainSpec, job_spec,
+};
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_server::clock::ManualClock;
 use yoto_server::{OtlpConfig, ServerConfig};
@@ -315,4 +318,69 @@ async fn the_last_figures_and_traces_are_sent_at_the_end() {
     let figures = collector.with(|got| got.figures.clone());
     assert_eq!(figures.len(), 1);
     assert!(metrics(&figures[0]).len() > 15);
+}
+
+#[tokio::test]
+async fn a_job_of_a_caller_with_a_trace_belongs_to_that_trace() {
+    let (collector, address) = Collector::start().await;
+    let service = start(address).await;
+    let subject = service.ready_subject("Ada").await;
+    let model = service.model_of(&subject).await;
+    let order = || {
+        let spec = job_spec::Kind::Train(TrainSpec {
+            model: model.name.clone(),
+            seconds: 1.0,
+            ..TrainSpec::default()
+        });
+        Request::new(CreateJobRequest {
+            spec: Some(JobSpec { kind: Some(spec) }),
+            ..CreateJobRequest::default()
+        })
+    };
+    let (trace, span) = ("4bf92f3577b34da6a3ce929d0e0e4736", "00f067aa0ba902b7");
+    let fail = async |job: &str| {
+        let worker = service.worker(&["train"]).await;
+        let lease = service.lease(&worker).await.expect("the training waits");
+        let diverged = Outcome::Failed(job_error("DIVERGED", "the loss"));
+        service.end(&lease, diverged).await.expect("ends");
+        collector.trace(job).await
+    };
+    let belongs = |spans: &[Span]| {
+        let [root] = called(spans, "train")[..] else {
+            panic!("{spans:?}");
+        };
+        assert_eq!(spans.len(), 3);
+        assert!(spans.iter().all(|it| hex(&it.trace_id) == trace));
+        assert_eq!(hex(&root.parent_span_id), span);
+    };
+
+    let mut told = order();
+    let header = format!("00-{trace}-{span}-01").parse().expect("ASCII");
+    told.metadata_mut().insert("traceparent", header);
+    let first = service.jobs().create_job(told).await.expect("is queued");
+    let first = first.into_inner().name;
+    belongs(&fail(&first).await);
+
+    let mut again = Request::new(RetryJobRequest {
+        name: first,
+        ..RetryJobRequest::default()
+    });
+    let later = "4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7";
+    let header = format!("01-{later}-00-more").parse().expect("ASCII");
+    again.metadata_mut().insert("traceparent", header);
+    let second = service.jobs().retry_job(again).await.expect("is queued");
+    let second = second.into_inner().name;
+    // The trace has both jobs.
+    let spans = fail(&second).await;
+    let of_caller = spans.iter().filter(|it| hex(&it.parent_span_id) == span);
+    assert_eq!((spans.len(), of_caller.count()), (6, 2));
+
+    let mut broken = order();
+    let header = "00-trace-span-01".parse().expect("ASCII");
+    broken.metadata_mut().insert("traceparent", header);
+    let third = service.jobs().create_job(broken).await;
+    let third = third.expect("is queued nevertheless").into_inner().name;
+    let spans = fail(&third).await;
+    let own = Sha256::digest(third.as_bytes());
+    assert!(spans.iter().all(|it| it.trace_id == own[..16]));
 }

@@ -22,6 +22,7 @@ pub fn migrations() -> Migrator {
     let keys = include_str!("../../../../../migrations/postgres/0026_keys.sql").into_sql_str();
     let consents =
         include_str!("../../../../../migrations/postgres/0027_consents.sql").into_sql_str();
+    let traces = include_str!("../../../../../migrations/postgres/0028_traces.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -33,6 +34,7 @@ pub fn migrations() -> Migrator {
         step(25, "several coordinators", several),
         step(26, "keys", keys),
         step(27, "consents", consents),
+        step(28, "traces", traces),
     ])
 }
 

@@ -52,6 +52,7 @@ pub fn migrations() -> Migrator {
     let keys = include_str!("../../../../../migrations/sqlite/0026_keys.sql").into_sql_str();
     let consents =
         include_str!("../../../../../migrations/sqlite/0027_consents.sql").into_sql_str();
+    let traces = include_str!("../../../../../migrations/sqlite/0028_traces.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -83,6 +84,7 @@ pub fn migrations() -> Migrator {
         step(25, "several coordinators", several, false),
         step(26, "keys", keys, false),
         step(27, "consents", consents, false),
+        step(28, "traces", traces, false),
     ])
 }
 
