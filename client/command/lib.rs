@@ -17,6 +17,8 @@ pub mod allocator;
 pub mod cli;
 
 mod args;
+#[cfg(feature = "embedded")]
+mod audit;
 mod capture;
 mod export;
 mod files;
@@ -29,6 +31,7 @@ mod scene;
 mod service;
 mod show;
 mod subject;
+mod tenant;
 mod waiting;
 
 #[cfg(feature = "embedded")]

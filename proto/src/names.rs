@@ -29,6 +29,19 @@ pub enum Collection {
 }
 
 impl Collection {
+    /// All collections.
+    pub const ALL: [Self; 9] = [
+        Self::Subjects,
+        Self::Captures,
+        Self::Uploads,
+        Self::Models,
+        Self::Jobs,
+        Self::Workers,
+        Self::Keys,
+        Self::Consents,
+        Self::Erasures,
+    ];
+
     /// The collection's segment in a name.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -117,9 +130,39 @@ pub fn parse_object(name: &str) -> Result<(&str, &str), NameError> {
     })
 }
 
+/// Whether `text` has the form of a resource's name; of an object, whether its parent has it.
+pub fn is_name(text: &str) -> bool {
+    let parent = parse_object(text).map_or(text, |(parent, _)| parent);
+    let of_collection = || Collection::ALL.iter().any(|it| it.parse(parent).is_ok());
+    parse_checkpoint(parent).is_ok() || of_collection()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_told_from_other_texts() {
+        for name in [
+            "subjects/8d0e",
+            "jobs/1",
+            "models/m/checkpoints/40",
+            "models/m/checkpoints/40/objects/weights.safetensors",
+            "jobs/1/objects/000000.png",
+        ] {
+            assert!(is_name(name), "{name}");
+        }
+        for text in [
+            "",
+            "Ada",
+            "subjects/",
+            "subjects/Ada Lovelace",
+            "people/1",
+            "jobs/1/2",
+        ] {
+            assert!(!is_name(text), "{text}");
+        }
+    }
 
     #[test]
     fn a_checkpoint_is_named_in_one_way() {

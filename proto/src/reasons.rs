@@ -18,7 +18,7 @@ pub fn code(reason: ErrorReason) -> Code {
         R::Conflict | R::EtagMismatch => Code::Aborted,
         R::Internal => Code::Internal,
         R::Busy | R::ShuttingDown | R::StoreUnavailable => Code::Unavailable,
-        R::DiskFull => Code::ResourceExhausted,
+        R::DiskFull | R::Quota => Code::ResourceExhausted,
         R::ObjectAltered | R::CorruptChunk => Code::DataLoss,
         R::KeyMissing | R::KeyUnknown | R::KeyExpired | R::KeyRevoked => Code::Unauthenticated,
         R::ScopeMissing | R::OtherSite => Code::PermissionDenied,

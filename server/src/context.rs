@@ -1,6 +1,7 @@
 //! State that all services and background tasks of a coordinator share.
 
 use crate::access::keys::KeyRing;
+use crate::audit::Audit;
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
 use crate::error::RequestError;
@@ -54,6 +55,8 @@ pub struct Context {
     pub exposed: tokio::sync::Mutex<Option<(Instant, String)>>,
     /// The keys of callers.
     pub keys: KeyRing,
+    /// Writes the audit log.
+    pub audit: Audit,
     /// Ends background tasks and watch streams.
     pub stop: CancellationToken,
     /// Keeps other coordinators off the data folder.

@@ -137,6 +137,9 @@ pub enum RequestError {
     /// A limit of traffic is reached; a later call may succeed.
     #[error("too much at once: {0}")]
     Busy(String),
+    /// The audit log can't be written, so the call was not carried out.
+    #[error("the audit log can't be written")]
+    NotAudited,
     /// The coordinator is shutting down; a later call may succeed.
     #[error("the coordinator is shutting down")]
     ShuttingDown,

@@ -5,12 +5,16 @@ use crate::DATABASE_FILE;
 use crate::api::new_key;
 use crate::clock::SystemClock;
 use crate::error::{RequestError, ServerError};
-use crate::store::{Page, PostgresUrl, Store};
+use crate::store::{NewAuditEntry, Page, PostgresUrl, Store};
 use crate::tenant::Tenant;
 use std::path::Path;
 use std::sync::Arc;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{CreateKeyRequest, CreateKeyResponse, Key};
+
+/// What the audit log has as the calls of this module, which are made on the service's own host.
+const CREATE: &str = "yoto key create";
+const REVOKE: &str = "yoto key revoke";
 
 /// The keys in a database. Its service may run, and knows of a change within a second.
 pub struct KeyStore {
@@ -46,10 +50,10 @@ impl KeyStore {
         request: CreateKeyRequest,
     ) -> Result<CreateKeyResponse, ServerError> {
         let (new, secret) = new_key(&request).map_err(told)?;
-        let key = self
-            .store
-            .create_key(&tenant(&request.tenant)?, &new)
-            .await?;
+        let tenant = tenant(&request.tenant)?;
+        let begun = self.begin(&tenant, CREATE, "").await?;
+        let key = self.store.create_key(&tenant, &new).await?;
+        self.end(begun, &key.name).await?;
         Ok(CreateKeyResponse {
             key: Some(key),
             secret,
@@ -76,7 +80,46 @@ impl KeyStore {
     pub async fn revoke(&self, name: &str) -> Result<Key, ServerError> {
         let id = Collection::Keys.parse(name);
         let id = id.map_err(|error| ServerError::Key(error.to_string()))?;
-        Ok(self.store.revoke_key(None, id).await?)
+        let begun = self.begin(&Tenant::default(), REVOKE, name).await?;
+        let key = self.store.revoke_key(None, id).await?;
+        self.end(begun, name).await?;
+        Ok(key)
+    }
+
+    /// Records in the audit log that a key is created or revoked here.
+    async fn begin(
+        &self,
+        tenant: &Tenant,
+        call: &str,
+        names: &str,
+    ) -> Result<NewAuditEntry, ServerError> {
+        let entry = NewAuditEntry {
+            tenant: tenant.id().to_owned(),
+            key: String::new(),
+            call: call.to_owned(),
+            names: names.to_owned(),
+            began: None,
+            outcome: String::new(),
+        };
+        let numbers = self
+            .store
+            .append_audit(std::slice::from_ref(&entry))
+            .await?;
+        Ok(NewAuditEntry {
+            began: numbers.first().copied(),
+            ..entry
+        })
+    }
+
+    /// Records that it is done. Its end is missing if it failed.
+    async fn end(&self, begun: NewAuditEntry, name: &str) -> Result<(), ServerError> {
+        let entry = NewAuditEntry {
+            names: name.to_owned(),
+            outcome: "OK".to_owned(),
+            ..begun
+        };
+        self.store.append_audit(&[entry]).await?;
+        Ok(())
     }
 
     /// Closes the database.

@@ -7,6 +7,7 @@
 mod access;
 mod adopt;
 mod api;
+mod audit;
 pub mod backup;
 mod changes;
 mod checkpoints;
@@ -45,19 +46,21 @@ mod uploads;
 
 pub use access::Admission;
 pub use adopt::adopt;
+pub use audit::{AuditError, AuditLog, Broken, Head as AuditHead};
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use key_store::KeyStore;
 pub use listen::tcp;
 pub use otlp::{OtlpConfig, OtlpEndpoint, OtlpError, OtlpHeaders};
-pub use store::{PostgresUrl, StoreError, UrlError};
+pub use store::{AuditEntry, PostgresUrl, StoreError, UrlError};
 pub use tenant::Tenant;
 pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
 pub use traffic::TrafficLimits;
 pub use yoto_objects::{Environment, ObjectsError, shown};
 
 use access::keys::KeyRing;
+use audit::Audit;
 use changes::JobChanges;
 use context::Context;
 use futures::Stream;
@@ -130,6 +133,7 @@ impl Coordinator {
             health: tokio::sync::watch::Sender::default(),
             exposed: tokio::sync::Mutex::default(),
             keys: KeyRing::default(),
+            audit: Audit::default(),
             stop: CancellationToken::new(),
             lock,
             upload_locks: UploadLocks::default(),
@@ -143,6 +147,7 @@ impl Coordinator {
             tokio::spawn(erasure::run(Arc::clone(&context))),
             tokio::spawn(collect::run(Arc::clone(&context))),
             tokio::spawn(health::run(Arc::clone(&context))),
+            tokio::spawn(audit::run(Arc::clone(&context))),
         ];
         if context.config.hints {
             tasks.push(tokio::spawn(hints::send(Arc::clone(&context))));

@@ -2,7 +2,9 @@
 //! layers that treat streams differently.
 
 use prost::Message;
-use prost_types::{FileDescriptorProto, FileDescriptorSet, ServiceDescriptorProto};
+use prost_types::{
+    FileDescriptorProto, FileDescriptorSet, MethodDescriptorProto, ServiceDescriptorProto,
+};
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
@@ -12,11 +14,20 @@ static SERVICES: LazyLock<Vec<(String, ServiceDescriptorProto)>> = LazyLock::new
 static UNARY: LazyLock<HashSet<String>> = LazyLock::new(unary_paths);
 
 /// The requests of all methods by their paths.
-static REQUESTS: LazyLock<HashMap<String, String>> = LazyLock::new(requests);
+static REQUESTS: LazyLock<HashMap<String, String>> =
+    LazyLock::new(|| messages(|it| it.input_type()));
+/// The responses of all methods by their paths.
+static RESPONSES: LazyLock<HashMap<String, String>> =
+    LazyLock::new(|| messages(|it| it.output_type()));
 
 /// Full name of the request of the method at `path`, with a leading dot; `None` for services that are not of the contract.
 pub fn request(path: &str) -> Option<&'static str> {
     REQUESTS.get(path).map(String::as_str)
+}
+
+/// Full name of the response of the method at `path`, as [`request`].
+pub fn response(path: &str) -> Option<&'static str> {
+    RESPONSES.get(path).map(String::as_str)
 }
 
 /// Whether `path`, such as `/yoto.v1.JobService/GetJob`, is that of a unary method: one request, one response.
@@ -49,11 +60,12 @@ fn unary_paths() -> HashSet<String> {
     paths
 }
 
-fn requests() -> HashMap<String, String> {
+/// A message of each method by its path.
+fn messages(of: fn(&MethodDescriptorProto) -> &str) -> HashMap<String, String> {
     let all = SERVICES.iter().flat_map(|(name, service)| {
         let path = move |method: &str| format!("/{name}/{method}");
         let methods = service.method.iter();
-        methods.map(move |it| (path(it.name()), it.input_type().to_owned()))
+        methods.map(move |it| (path(it.name()), of(it).to_owned()))
     });
     all.collect()
 }

@@ -2,9 +2,10 @@
 
 use crate::access::{AccessLayer, Admission};
 use crate::api::{
-    JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, UploadApi,
-    WorkerApi,
+    JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, TenantApi,
+    UploadApi, WorkerApi,
 };
+use crate::audit;
 use crate::context::Context;
 use crate::dashboard;
 use crate::error::ServerError;
@@ -30,6 +31,7 @@ use yoto_proto::v1::render_service_server::RenderServiceServer;
 use yoto_proto::v1::status_service_server::StatusServiceServer;
 use yoto_proto::v1::storage_service_server::StorageServiceServer;
 use yoto_proto::v1::subject_service_server::SubjectServiceServer;
+use yoto_proto::v1::tenant_service_server::TenantServiceServer;
 use yoto_proto::v1::upload_service_server::UploadServiceServer;
 use yoto_proto::worker::v1::worker_service_server::WorkerServiceServer;
 
@@ -60,6 +62,7 @@ async fn routes(
     let status = StatusServiceServer::new(StatusApi { context: context() });
     let storage = StorageServiceServer::new(StorageApi { context: context() });
     let keys = KeyServiceServer::new(KeyApi { context: context() });
+    let tenants = TenantServiceServer::new(TenantApi { context: context() });
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
         drain: drain(),
@@ -77,12 +80,15 @@ async fn routes(
         .add_service(status)
         .add_service(keys.max_decoding_message_size(limit))
         .add_service(storage)
+        .add_service(tenants)
         .add_service(workers.max_decoding_message_size(limit));
     let mut routes = routes;
     let router = std::mem::take(routes.axum_router_mut());
+    let recorded = || axum::middleware::from_fn_with_state(context(), audit::record);
+    let router = router.layer(recorded());
     let calls = http::transcoding::routes(router.clone(), context());
-    let router = router.merge(dashboard::routes(context(), drain()));
-    let router = router.merge(calls);
+    let pages = dashboard::routes(context(), drain()).layer(recorded());
+    let router = router.merge(pages).merge(calls);
     *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))
 }

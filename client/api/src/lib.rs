@@ -19,6 +19,7 @@ mod retry;
 mod status;
 mod storage;
 mod subjects;
+mod tenants;
 mod tls;
 mod transfer;
 mod upload;

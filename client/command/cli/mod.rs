@@ -6,8 +6,8 @@
 mod completions;
 
 #[cfg(feature = "embedded")]
-use crate::{avatar, demo};
-use crate::{capture, export, job, key, model, motion, render, scene, service, subject};
+use crate::{audit, avatar, demo};
+use crate::{capture, export, job, key, model, motion, render, scene, service, subject, tenant};
 use anyhow::Context;
 #[cfg(feature = "embedded")]
 use clap::{CommandFactory, FromArgMatches};
@@ -76,6 +76,10 @@ enum Command {
     Job(job::JobCommand),
     Status(service::status::Status),
     Key(key::KeyCommand),
+    Usage(tenant::ShowUsage),
+    Quota(tenant::SetQuota),
+    #[cfg(feature = "embedded")]
+    Audit(audit::AuditCommand),
     Gc(service::gc::Gc),
     Drain(service::drain::Drain),
     #[cfg(feature = "embedded")]
@@ -164,6 +168,10 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Job(command) => runtime.block_on(command.run()),
         Command::Status(command) => runtime.block_on(command.run()),
         Command::Key(command) => runtime.block_on(command.run()),
+        Command::Usage(command) => runtime.block_on(command.run()),
+        Command::Quota(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Audit(command) => runtime.block_on(command.run()),
         Command::Gc(command) => runtime.block_on(command.run()),
         Command::Drain(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

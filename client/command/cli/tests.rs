@@ -51,11 +51,16 @@ fn what_a_newcomer_types_parses() {
         "yoto backup saved --data d",
         "yoto adopt --data d",
         "yoto restore saved --data d --rows-only",
+        "yoto audit verify --data d --noted 1:0000000000000000000000000000000000000000000000000000000000000000",
+        "yoto audit list --database postgres://yoto@db/yoto --newest 9",
         "yoto fsck --data d --objects s3://bucket/prefix --output json",
         "yoto --log-json serve",
     ];
     let everywhere = [
         "yoto capture check a",
+        "yoto usage --all",
+        "yoto usage --tenant lab",
+        "yoto quota lab --people 50 --bytes 500G --open-jobs none --device-hours 1.5 --pictures 1000",
         "yoto capture example --people 3 --frames 40 --size 64 --out c",
         "yoto subject consent ada --for train,render --until 2027-12-31 --by father --note signed",
         "yoto subject revoke-consent ada --for render",

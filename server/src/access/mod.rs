@@ -16,6 +16,7 @@ mod layer;
 mod rules;
 
 pub use layer::AccessLayer;
+pub use rules::{changes_something, page_of};
 
 use crate::error::RequestError;
 use crate::tenant::Tenant;
@@ -57,6 +58,11 @@ impl Caller {
     pub fn of<T>(request: &Request<T>) -> Result<Self, RequestError> {
         let caller = request.extensions().get::<Self>().cloned();
         caller.ok_or(RequestError::NoTenant)
+    }
+
+    /// The id of the caller's tenant.
+    pub fn id(&self) -> &str {
+        self.tenant.id()
     }
 
     /// The id of the caller's key; none if no key is asked for.

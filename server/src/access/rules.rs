@@ -99,9 +99,30 @@ fn of_dashboard(path: &str) -> Option<Rule> {
     found.and_then(|(_, call)| RULES.get(*call).copied())
 }
 
+/// Whether the method at this path is one that people call to change something.
+pub fn changes_something(path: &str) -> bool {
+    let scope = match of(path) {
+        Some(Rule::Scope { scope, .. }) => scope,
+        _ => return false,
+    };
+    matches!(scope, Scope::Write | Scope::Operate) && !looks(path)
+}
+
+/// Whether the method is one that looks at what only operators may see.
+fn looks(path: &str) -> bool {
+    let method = path.rsplit('/').next().unwrap_or_default();
+    method.starts_with("Get") || method.starts_with("List")
+}
+
 /// Whether the path is that of a page for people, into which a browser signs in.
 pub fn is_of_dashboard(path: &str) -> bool {
-    DASHBOARD.iter().any(|(page, _)| matches(page, path))
+    page_of(path).is_some()
+}
+
+/// The pattern of that page, with `*` for ids.
+pub fn page_of(path: &str) -> Option<&'static str> {
+    let found = DASHBOARD.iter().find(|(page, _)| matches(page, path));
+    found.map(|(page, _)| *page)
 }
 
 /// Whether the segments of `path` are those of `pattern`.

@@ -42,6 +42,8 @@ impl From<RequestError> for Status {
             }
             RequestError::CorruptChunk { .. } => status(Reason::CorruptChunk, text, &[]),
             RequestError::Busy(_) => status(Reason::Busy, text, &[]),
+            // The writer has logged why.
+            RequestError::NotAudited => unavailable_for_now(),
             RequestError::ShuttingDown => status(Reason::ShuttingDown, text, &[]),
             RequestError::Stream(status) => status,
             error @ RequestError::NoTenant => internal(&error),
@@ -87,6 +89,14 @@ fn store(error: StoreError) -> Status {
             status(Reason::StaleLease, text, &metadata)
         }
         StoreError::Rule { reason, .. } => status(reason, text, &[]),
+        StoreError::QuotaReached { quota, used, most } => {
+            let metadata = [
+                ("quota", quota.to_owned()),
+                ("used", used.to_string()),
+                ("most", most.to_string()),
+            ];
+            status(Reason::Quota, text, &metadata)
+        }
         StoreError::TooLarge { field, value } => {
             let message = format!("{value} is too large");
             invalid(&FieldFaults::one(field.to_owned(), message))

@@ -52,7 +52,11 @@ pub async fn validate(
 ) -> Result<Job, RequestError> {
     check_spec(context, tenant, &new.spec).await?;
     context.store.check_consent(tenant, &new.spec).await?;
-    let kind = JobKind::of(&new.spec).map(JobKind::to_proto);
+    let kind = JobKind::of(&new.spec);
+    if let Some(kind) = kind {
+        context.store.check_quota(tenant, kind).await?;
+    }
+    let kind = kind.map(JobKind::to_proto);
     Ok(Job {
         state: job::State::Queued.into(),
         kind: kind.unwrap_or_default().into(),

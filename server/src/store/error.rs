@@ -74,6 +74,19 @@ pub enum StoreError {
         /// The token that was refused.
         token: u64,
     },
+    /// The tenant may not use more.
+    #[error(
+        "the quota of {quota} is reached: {used} of {most} are used; `yoto usage` shows all, and the service's operator sets it \
+         (`yoto quota`)"
+    )]
+    QuotaReached {
+        /// The field of `yoto.v1.Quota`.
+        quota: &'static str,
+        /// What is used now.
+        used: f64,
+        /// What may be used.
+        most: f64,
+    },
     /// Not possible in the catalogue's current state.
     #[error("{message}")]
     Rule {

@@ -5,6 +5,7 @@
 //! (`{id}`), since callers have parsed the names.
 
 mod access;
+mod audit_types;
 mod db;
 mod erasure_types;
 mod error;
@@ -17,6 +18,7 @@ pub mod stage;
 mod transaction;
 mod types;
 
+pub use audit_types::{AuditEntry, NewAuditEntry};
 pub use db::{Listener, PostgresUrl, UrlError};
 pub use erasure_types::{
     Counted, Leaving, LeftModel, OpenErasure, SharedWeights, SignedReport, Trace, Work,

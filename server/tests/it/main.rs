@@ -1,6 +1,7 @@
 //! The coordinator as its clients and workers see it.
 
 mod access;
+mod audit;
 mod backups;
 mod captures;
 mod catalogue;
@@ -28,6 +29,7 @@ mod over_http;
 mod pages;
 mod postgres;
 mod queue;
+mod quotas;
 mod results;
 mod retention;
 mod retries;

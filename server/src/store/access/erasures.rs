@@ -1,6 +1,6 @@
 //! Removals of people, step by step.
 
-use crate::store::scripts::{erasures, leaving, removal, traces};
+use crate::store::scripts::{audit, erasures, leaving, removal, traces};
 use crate::store::transaction::transaction;
 use crate::store::{
     Entry, Leaving, OpenErasure, Page, SignedReport, Store, StoreError, Trace, Work,
@@ -99,6 +99,8 @@ impl Store {
 
     /// The columns of all tables, but those of erasures, whose rows have one of these ids, of all tenants.
     pub async fn traces_of_ids(&self, ids: &[String]) -> Result<Vec<Trace>, StoreError> {
+        // Calls that ended since the rows were removed.
+        transaction!(self, |tx| audit::forget(tx, ids))?;
         traces::of_ids(&mut self.db.read().await?, ids).await
     }
 

@@ -1,5 +1,6 @@
 //! The methods of the [`Store`](super::Store), by what they are about.
 
+mod audit;
 mod catalogue;
 mod consents;
 mod erasures;
@@ -7,6 +8,7 @@ mod inspection;
 mod jobs;
 mod keys;
 mod operators;
+mod tenants;
 mod upkeep;
 mod uploads;
 mod workers;

@@ -11,6 +11,10 @@ pub enum Lock<'a> {
     Reaping,
     /// The search for idle uploads and for rows that are older than their horizon.
     Forgetting,
+    /// The end of the audit log.
+    Audit,
+    /// The quota of a tenant, with what the tenant uses of it.
+    Quota(&'a str),
     /// A job, with its attempts, outputs, ranges and pins.
     Job(&'a str),
     /// A model, with its slots, checkpoints and the pins on them.
@@ -37,10 +41,12 @@ impl Locks {
             Lock::ObjectStore => (0, ""),
             Lock::Reaping => (1, ""),
             Lock::Forgetting => (2, ""),
-            Lock::Job(id) => (3, id),
-            Lock::Model(id) => (4, id),
-            Lock::Subject(id) => (5, id),
-            Lock::Capture(id) => (6, id),
+            Lock::Audit => (3, ""),
+            Lock::Quota(tenant) => (4, tenant),
+            Lock::Job(id) => (5, id),
+            Lock::Model(id) => (6, id),
+            Lock::Subject(id) => (7, id),
+            Lock::Capture(id) => (8, id),
         };
         let lock = (kind, id.to_owned());
         let later = self.held.last().filter(|last| **last > lock);

@@ -1,7 +1,7 @@
 //! The history of a job: each of its leases, and its end.
 
-use super::ranges;
 use super::steps::age;
+use super::{ranges, usage};
 use crate::store::db::{Tx, sql, state};
 use crate::store::{LeaseKey, StoreError};
 use prost::Message;
@@ -32,6 +32,7 @@ pub async fn end(
     outcome: Outcome,
     error: Option<&JobError>,
 ) -> Result<(), StoreError> {
+    usage::attempt_ends(tx, lease).await?;
     sql(
         "UPDATE job_attempts SET end_time = $3, outcome = $4, error = $5, lease_deadline = NULL
          WHERE job = $1 AND lease = $2 AND end_time IS NULL",

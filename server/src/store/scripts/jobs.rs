@@ -1,7 +1,7 @@
 //! The users' side of jobs: create, read, list, cancel.
 
 use super::positions::{self, Asked};
-use super::{attempts, consent_rule, models, operators, outcome, pins, requests};
+use super::{attempts, consent_rule, models, operators, outcome, pins, quotas, requests};
 use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{
     Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, new_id,
@@ -86,6 +86,9 @@ pub async fn create(
 ) -> Result<Job, StoreError> {
     if let Some(id) = requests::begin(tx, tenant, request.as_ref()).await? {
         return get(tx, tenant, &id).await;
+    }
+    if let Some(kind) = JobKind::of(&new.spec) {
+        quotas::admit_job(tx, tenant, kind).await?;
     }
     let id = insert(tx, tenant, new).await?;
     // The people are locked: whoever revokes a consent comes before this, or finds the job.

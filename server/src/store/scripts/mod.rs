@@ -5,6 +5,7 @@
 //! that the tenant has the resource.
 
 pub mod attempts;
+pub mod audit;
 pub mod capture_objects;
 pub mod captures;
 pub mod checkpoints;
@@ -34,6 +35,7 @@ pub mod pauses;
 pub mod pins;
 mod positions;
 pub mod queue;
+pub mod quotas;
 pub mod ranges;
 pub mod reaping;
 pub mod removal;
@@ -47,5 +49,6 @@ pub mod ticks;
 pub mod traces;
 pub mod upload_parts;
 pub mod uploads;
+pub mod usage;
 pub mod versions;
 pub mod workers;

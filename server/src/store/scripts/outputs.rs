@@ -1,6 +1,7 @@
 //! Files of renders and exports, committed one by one.
 
 use super::leases::{bound, held};
+use super::usage;
 use crate::store::db::{Row, Tx, integer, sql};
 use crate::store::{LeaseKey, StoreError};
 use yoto_proto::keys;
@@ -32,7 +33,7 @@ pub async fn commit(tx: &mut Tx, lease: &LeaseKey, file: &RenderedFile) -> Resul
     .bind(&object.sha256)
     .execute(tx, "committing a file")
     .await?;
-    Ok(())
+    usage::picture(tx, &lease.job_id).await
 }
 
 /// The committed files of a job, in the order of their commits.

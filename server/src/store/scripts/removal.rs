@@ -1,7 +1,9 @@
 //! Removes the rows of a person, once no job needs them and their models are written anew without them.
 
 use super::leaving::{job_of, knows, models_of, slot_of};
-use super::{captures, checkpoints, consents, deletion, erasures, garbage, models, subjects};
+use super::{
+    audit, captures, checkpoints, consents, deletion, erasures, garbage, models, subjects,
+};
 use crate::store::db::{Lock, Tx, sql};
 use crate::store::{LeftModel, OpenErasure, SharedWeights, StoreError, Work};
 use prost::Message;
@@ -71,6 +73,8 @@ pub async fn rows(tx: &mut Tx, erasure: &OpenErasure) -> Result<Option<Work>, St
         let done = sql(statement).bind(id).execute(tx, "erasing rows").await?;
         work.count(what, done);
     }
+    let forgotten = audit::forget(tx, &work.ids).await?;
+    work.count("names in the audit log", forgotten);
     erasures::note_work(tx, &erasure.id, &work.to_json()?).await?;
     Ok(Some(work))
 }

@@ -1,6 +1,6 @@
 //! Subjects, and the shard of each.
 
-use super::{page, requests};
+use super::{page, quotas, requests};
 use crate::rules::etag;
 use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, new_id};
@@ -42,6 +42,7 @@ pub async fn create(
     if let Some(id) = requests::begin(tx, tenant, request.as_ref()).await? {
         return get(tx, tenant, &id).await;
     }
+    quotas::admit_person(tx, tenant).await?;
     let id = new_id();
     sql("INSERT INTO subjects (id, display_name, consent_note, create_time, tenant) VALUES ($1, $2, $3, $4, $5)")
         .bind(&id)

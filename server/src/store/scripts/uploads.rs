@@ -1,7 +1,7 @@
 //! Uploads: captures that are still arriving. Each file has a number of committed bytes.
 
 use super::steps::age;
-use super::{captures, erasures, garbage, jobs, requests, upload_parts};
+use super::{captures, erasures, garbage, jobs, quotas, requests, upload_parts};
 use crate::store::db::{Lock, Tx, integer, sql};
 use crate::store::{NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id};
 use crate::tenant::Tenant;
@@ -30,6 +30,11 @@ pub async fn create(
     if let Some(id) = requests::begin(tx, tenant, request.as_ref()).await? {
         return Ok(id);
     }
+    let coming = new
+        .files
+        .iter()
+        .fold(0, |sum: u64, it| sum.saturating_add(it.bytes));
+    quotas::admit_upload(tx, tenant, coming).await?;
     tx.lock(Lock::Subject(&new.subject_id)).await?;
     let id = new_id();
     let done = sql("INSERT INTO captures (id, subject, create_time, idle_since)

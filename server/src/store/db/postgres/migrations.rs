@@ -23,6 +23,8 @@ pub fn migrations() -> Migrator {
     let consents =
         include_str!("../../../../../migrations/postgres/0027_consents.sql").into_sql_str();
     let traces = include_str!("../../../../../migrations/postgres/0028_traces.sql").into_sql_str();
+    let quotas = include_str!("../../../../../migrations/postgres/0029_quotas.sql").into_sql_str();
+    let audit = include_str!("../../../../../migrations/postgres/0030_audit.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -35,6 +37,8 @@ pub fn migrations() -> Migrator {
         step(26, "keys", keys),
         step(27, "consents", consents),
         step(28, "traces", traces),
+        step(29, "quotas", quotas),
+        step(30, "audit", audit),
     ])
 }
 

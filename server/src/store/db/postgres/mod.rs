@@ -185,6 +185,11 @@ impl Connection {
             Lock::Reaping => return self.lock_own(1).await.during(action),
             Lock::Forgetting => return self.lock_own(2).await.during(action),
             Lock::ObjectStore => return self.lock_own(3).await.during(action),
+            Lock::Audit => return self.lock_own(4).await.during(action),
+            Lock::Quota(tenant) => (
+                "SELECT 1 FROM quotas WHERE tenant = $1 FOR NO KEY UPDATE",
+                tenant,
+            ),
             Lock::Job(id) => ("SELECT 1 FROM jobs WHERE id = $1 FOR NO KEY UPDATE", id),
             Lock::Model(id) => ("SELECT 1 FROM models WHERE id = $1 FOR NO KEY UPDATE", id),
             Lock::Subject(id) => ("SELECT 1 FROM subjects WHERE id = $1 FOR NO KEY UPDATE", id),

@@ -53,6 +53,8 @@ pub fn migrations() -> Migrator {
     let consents =
         include_str!("../../../../../migrations/sqlite/0027_consents.sql").into_sql_str();
     let traces = include_str!("../../../../../migrations/sqlite/0028_traces.sql").into_sql_str();
+    let quotas = include_str!("../../../../../migrations/sqlite/0029_quotas.sql").into_sql_str();
+    let audit = include_str!("../../../../../migrations/sqlite/0030_audit.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -85,6 +87,8 @@ pub fn migrations() -> Migrator {
         step(26, "keys", keys, false),
         step(27, "consents", consents, false),
         step(28, "traces", traces, false),
+        step(29, "quotas", quotas, false),
+        step(30, "audit", audit, false),
     ])
 }
 

@@ -1,0 +1,68 @@
+//! `yoto quota`: what a tenant may use at most.
+
+use super::amount::{Most, bytes, count, hours};
+use super::usage::show;
+use crate::args::Server;
+use clap::Args;
+use yoto_proto::v1::Quota;
+
+const AFTER_HELP: &str = "\
+What is not named stays as it is; `none` removes a limit. A quota takes nothing away: a tenant that has more
+already gets no more. Device hours and pictures are those of 30 days; once they are used up, no job is
+queued but the reading of uploads, and those that are queued are run.
+
+Examples:
+  yoto quota lab --people 50 --bytes 500G
+  yoto quota lab --open-jobs 20 --device-hours 100 --pictures none";
+
+/// Set what a tenant may use of the service, as its operator.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(crate) struct SetQuota {
+    /// The tenant.
+    tenant: String,
+    /// People.
+    #[arg(long, value_name = "N", value_parser = count)]
+    people: Option<Most<u64>>,
+    /// Bytes of uploads, captures, checkpoints, renders and exports, such as 500G.
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    bytes: Option<Most<u64>>,
+    /// Jobs that wait or run at a time.
+    #[arg(long, value_name = "N", value_parser = count)]
+    open_jobs: Option<Most<u64>>,
+    /// Hours for which workers have jobs, in 30 days.
+    #[arg(long, value_name = "HOURS", value_parser = hours)]
+    device_hours: Option<Most<f64>>,
+    /// Pictures of renders, in 30 days.
+    #[arg(long, value_name = "N", value_parser = count)]
+    pictures: Option<Most<u64>>,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl SetQuota {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let now = client.usage(&self.tenant).await?.quota.unwrap_or_default();
+        let quota = self.changed(now);
+        let usage = match quota == now {
+            true => client.usage(&self.tenant).await?,
+            false => client.set_quota(&self.tenant, quota).await?,
+        };
+        show(&[usage]);
+        Ok(())
+    }
+
+    /// The quota with the numbers that are named.
+    fn changed(&self, now: Quota) -> Quota {
+        let or = |named: Option<Most<u64>>, now| named.map_or(now, Most::field);
+        let seconds = self.device_hours.map(|it| it.field().map(|it| it * 3600.0));
+        Quota {
+            people: or(self.people, now.people),
+            bytes: or(self.bytes, now.bytes),
+            open_jobs: or(self.open_jobs, now.open_jobs),
+            device_seconds: seconds.unwrap_or(now.device_seconds),
+            pictures: or(self.pictures, now.pictures),
+        }
+    }
+}

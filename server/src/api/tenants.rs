@@ -1,0 +1,62 @@
+//! `yoto.v1.TenantService`.
+
+use crate::access::Caller;
+use crate::context::Context;
+use crate::error::RequestError;
+use std::sync::Arc;
+use tonic::{Request, Response, Status};
+use yoto_proto::v1::tenant_service_server::TenantService;
+use yoto_proto::v1::{
+    GetUsageRequest, ListUsageRequest, ListUsageResponse, Quota, SetQuotaRequest, Usage,
+};
+
+/// Usage and quotas of tenants.
+pub struct TenantApi {
+    /// The shared parts.
+    pub context: Arc<Context>,
+}
+
+#[tonic::async_trait]
+impl TenantService for TenantApi {
+    async fn get_usage(
+        &self,
+        request: Request<GetUsageRequest>,
+    ) -> Result<Response<Usage>, Status> {
+        let tenant = Caller::of(&request)?.tenant(&request.get_ref().tenant)?;
+        let usage = self.context.store.usage(&tenant).await;
+        Ok(Response::new(usage.map_err(RequestError::from)?))
+    }
+
+    async fn list_usage(
+        &self,
+        _: Request<ListUsageRequest>,
+    ) -> Result<Response<ListUsageResponse>, Status> {
+        let usage = self.context.store.all_usage().await;
+        let usage = usage.map_err(RequestError::from)?;
+        Ok(Response::new(ListUsageResponse { usage }))
+    }
+
+    async fn set_quota(
+        &self,
+        request: Request<SetQuotaRequest>,
+    ) -> Result<Response<Usage>, Status> {
+        let caller = Caller::of(&request)?;
+        let request = request.into_inner();
+        let tenant = caller.tenant(&request.tenant)?;
+        let quota = checked(request.quota.unwrap_or_default())?;
+        let usage = self.context.store.set_quota(&tenant, &quota).await;
+        let usage = usage.map_err(RequestError::from)?;
+        tracing::info!(%tenant, ?quota, by = caller.key(), "a quota was set");
+        Ok(Response::new(usage))
+    }
+}
+
+/// A quota whose numbers can be compared with.
+fn checked(quota: Quota) -> Result<Quota, RequestError> {
+    let seconds = quota.device_seconds.unwrap_or_default();
+    if !seconds.is_finite() || seconds < 0.0 {
+        let message = format!("{seconds} is not a number of seconds");
+        return Err(RequestError::invalid("quota.device_seconds", message));
+    }
+    Ok(quota)
+}

@@ -1,0 +1,105 @@
+//! The audit log in a service's database, for its operator on its own host.
+
+use super::chain::{Broken, Head};
+use crate::DATABASE_FILE;
+use crate::clock::SystemClock;
+use crate::error::ServerError;
+use crate::store::{AuditEntry, PostgresUrl, Store, StoreError};
+use std::path::Path;
+use std::sync::Arc;
+use thiserror::Error;
+
+/// Entries that are read at a time.
+const PAGE: u32 = 1000;
+
+/// The audit log can't be read, or is not what was written.
+#[derive(Debug, Error)]
+pub enum AuditError {
+    /// The database.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The chain.
+    #[error("the audit log is broken: {0}")]
+    Broken(#[from] Broken),
+    /// The chain is whole, but not the one that was noted.
+    #[error(
+        "the audit log is not the one that was noted: entry {number} has the hash {found}, not {noted}"
+    )]
+    Another {
+        /// The noted entry.
+        number: u64,
+        /// Its hash now; empty: there is no such entry any more.
+        found: String,
+        /// Its hash as noted.
+        noted: String,
+    },
+}
+
+/// The audit log of a service. The service may run.
+pub struct AuditLog {
+    store: Store,
+}
+
+impl AuditLog {
+    /// That in the SQLite database of a data folder.
+    ///
+    /// # Errors
+    /// When no service was in the folder, or one of an earlier version.
+    pub async fn in_folder(folder: &Path) -> Result<Self, ServerError> {
+        let path = folder.join(DATABASE_FILE);
+        let store = Store::open_sqlite_as_it_is(&path, Arc::new(SystemClock)).await?;
+        Ok(Self { store })
+    }
+
+    /// That in a database of PostgreSQL.
+    ///
+    /// # Errors
+    /// When the database can't be reached, or is in use by a coordinator of another version.
+    pub async fn in_postgres(url: &PostgresUrl) -> Result<Self, ServerError> {
+        let store = Store::open_postgres(url, Arc::new(SystemClock)).await?;
+        Ok(Self { store })
+    }
+
+    /// The newest `most` entries, oldest first.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn newest(&self, most: u32) -> Result<Vec<AuditEntry>, AuditError> {
+        Ok(self.store.newest_audit(most).await?)
+    }
+
+    /// Walks the whole chain and returns its end. `noted` is one that was returned before, if somebody has kept it: a chain that
+    /// was cut, or written anew from some entry on, is whole in itself.
+    ///
+    /// # Errors
+    /// When an entry was changed or is missing, or the noted one is another or gone.
+    pub async fn verify(&self, noted: Option<&Head>) -> Result<Head, AuditError> {
+        let mut head = Head::default();
+        let mut found = noted.filter(|it| it.number == 0).map(|_| head.hash.clone());
+        loop {
+            let entries = self.store.audit_after(head.number, PAGE).await?;
+            if entries.is_empty() {
+                break;
+            }
+            for entry in &entries {
+                head = head.then(entry)?;
+                if noted.is_some_and(|it| it.number == head.number) {
+                    found = Some(head.hash.clone());
+                }
+            }
+        }
+        match noted {
+            Some(noted) if found.as_ref() != Some(&noted.hash) => Err(AuditError::Another {
+                number: noted.number,
+                found: found.unwrap_or_default(),
+                noted: noted.hash.clone(),
+            }),
+            _ => Ok(head),
+        }
+    }
+
+    /// Closes the database.
+    pub async fn close(self) {
+        self.store.close().await;
+    }
+}
