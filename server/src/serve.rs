@@ -81,7 +81,7 @@ async fn routes(
     let mut routes = routes;
     let router = std::mem::take(routes.axum_router_mut());
     let calls = http::transcoding::routes(router.clone(), context());
-    let router = router.merge(dashboard::routes(context(), drain()));
+    let router = router.merge(dashboard::routes(context(), drain(), calls.clone()));
     let router = router.merge(calls);
     *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))

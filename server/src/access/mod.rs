@@ -16,6 +16,7 @@ mod layer;
 mod rules;
 
 pub use layer::AccessLayer;
+pub use rules::brings_file;
 
 use crate::error::RequestError;
 use crate::tenant::Tenant;
