@@ -149,12 +149,13 @@ impl Browser {
         }
     }
 
-    /// Opens a page, and waits for its script.
+    /// Opens the page with the form, and waits for its script.
     pub fn open(&mut self, url: &str) {
         self.call("Page.navigate", json!({"url": url}));
         self.until(
             "document.readyState === 'complete' && !document.querySelector('#add form').hidden",
         );
+        self.of("document.getElementById('add').open = true");
     }
 
     /// Drops files and folders of this machine onto the form.

@@ -46,7 +46,7 @@ fn name(answer: &str) -> String {
 /// An upload of `Ada` that is open.
 async fn open(service: &Service) -> (String, Upload) {
     let subject = service.subject("Ada").await.name;
-    let files = [file("poses.json", b"{}"), file("a.png", b"pixels")];
+    let files = ["poses.json", "a.png", "b.png"].map(|it| file(it, b"pixels"));
     let upload = service.open_upload(&subject, &files).await;
     (subject, upload.expect("is opened"))
 }
@@ -148,7 +148,7 @@ async fn somebody_who_is_signed_in_adds_a_person() {
     )
     .await;
     assert!(
-        state.contains(r#"{"bytes":"3","path":"frames/000000.png"}"#),
+        state.contains(r#"{"bytes":3,"path":"frames/000000.png"}"#),
         "{state}"
     );
     let (_, again) = send("PUT", &part, "Content-Range: bytes 0-2/6\r\n", "pix").await;
@@ -307,7 +307,7 @@ async fn a_file_ends_with_the_key_of_its_sender() {
         .nth(1)
         .expect("a token");
     let headers = script(&token[..64]) + &signed;
-    let path = format!("/people/upload/files/{}/a.png", id(&upload.name));
+    let path = format!("/people/upload/files/{}/b.png", id(&upload.name));
     assert_eq!(
         cut_short(address, &service, &path, &headers, &two.name).await,
         401
