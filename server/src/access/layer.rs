@@ -57,6 +57,9 @@ enum Form {
     Json,
     /// A page for people.
     Page,
+    /// A request of a page's script. It is authorized as the page is, but a refusal is told to the script, and no browser asks for a
+    /// key in the midst of it.
+    Script,
     /// Anything else: a page for programs.
     Plain,
 }
@@ -68,6 +71,8 @@ impl Form {
             Self::Grpc
         } else if transcoding::is_request(path) {
             Self::Json
+        } else if rules::is_of_script(path) {
+            Self::Script
         } else if rules::is_of_dashboard(path) {
             Self::Page
         } else {
@@ -208,7 +213,7 @@ where
         let mut inner = std::mem::replace(&mut self.inner, next);
         Box::pin(async move {
             let form = Form::of(&request);
-            let head = Head::of(&mut request, form == Form::Page);
+            let head = Head::of(&mut request, matches!(form, Form::Page | Form::Script));
             let path = request.uri().path();
             let rule = match rules::of_request(request.method(), path) {
                 None => return Ok(form.unknown()),
@@ -218,7 +223,7 @@ where
             let streams = match form {
                 Form::Grpc => !is_unary(path),
                 Form::Json => transcoding::streams(request.method(), path),
-                Form::Page | Form::Plain => rules::streams(request.method(), path),
+                Form::Page | Form::Script | Form::Plain => rules::streams(request.method(), path),
             };
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,

@@ -87,6 +87,8 @@ const DASHBOARD: [(&str, &str); 25] = [
 ];
 /// The page whose answer is a stream.
 const EVENTS: &str = "/events";
+/// The requests of the script that sends a person's files.
+const UPLOADS: &str = "/people/upload/";
 /// Where the script of a page sends bytes of a file.
 const UPLOADED_FILE: &str = "/people/upload/files/*/*";
 /// Script and style of the dashboard, which are the same for everybody.
@@ -122,6 +124,11 @@ fn of_dashboard(path: &str) -> Option<Rule> {
 /// Whether the path is that of a page for people, into which a browser signs in.
 pub fn is_of_dashboard(path: &str) -> bool {
     DASHBOARD.iter().any(|(page, _)| matches(page, path))
+}
+
+/// Whether the path is one that only the script of a page asks for.
+pub fn is_of_script(path: &str) -> bool {
+    path.starts_with(UPLOADS) && is_of_dashboard(path)
 }
 
 /// Whether the request to a page for people, or its answer, lasts until somebody ends it: an answer of events, or a file that comes.

@@ -1,6 +1,8 @@
 //! A page in Chromium without a window, driven over the protocol of its developer tools, which needs no library: messages of JSON
 //! on a pipe, each with a zero behind it.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -158,8 +160,15 @@ impl Browser {
         self.of("document.getElementById('add').open = true");
     }
 
+    /// Sends the key as a browser does whose user has signed in with it.
+    pub fn sign_in(&mut self, key: &str) {
+        let sent = format!("Basic {}", STANDARD.encode(format!("ada:{key}")));
+        let headers = json!({"headers": {"Authorization": sent}});
+        self.call("Network.setExtraHTTPHeaders", headers);
+    }
+
     /// Drops files and folders of this machine onto the form.
-    pub fn drop_onto_form(&mut self, paths: &[String]) {
+    pub fn drop_onto_form(&mut self, paths: &[&str]) {
         let place = "(() => { document.getElementById('add').open = true; const it = document.querySelector('.drop');
             it.scrollIntoView(); const { x, y } = it.getBoundingClientRect(); return [x + 20, y + 20]; })()";
         let place = self.of(place);

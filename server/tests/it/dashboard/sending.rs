@@ -1,10 +1,11 @@
 //! The form that adds a person, in a browser.
 
 use super::browser::Browser;
-use crate::support::{Service, listen};
+use crate::support::{Service, listen, listen_as};
 use std::path::Path;
 use tempfile::TempDir;
-use yoto_proto::v1::{ListSubjectsRequest, capture};
+use yoto_proto::v1::{ListSubjectsRequest, Scope, capture};
+use yoto_server::Admission;
 
 /// Bytes of a picture that takes several parts.
 const LARGE: usize = 5 << 20;
@@ -50,7 +51,7 @@ async fn a_folder_is_dropped_and_goes_on_after_a_lost_connection_and_a_reload() 
     let driven = tokio::task::spawn_blocking(move || {
         browser.open(&format!("http://{address}/people"));
         browser.write("display_name", "<b>Ada</b>");
-        browser.drop_onto_form(&[folder.clone()]);
+        browser.drop_onto_form(&[&folder]);
         browser.until("document.querySelector('#upload-chosen').textContent.startsWith('4 files')");
         browser.network(Some(2 << 20));
         browser.press("Upload");
@@ -77,7 +78,7 @@ async fn a_folder_is_dropped_and_goes_on_after_a_lost_connection_and_a_reload() 
         browser.choose(&[other.display().to_string()]);
         browser.until("document.querySelector('#upload-faults').textContent.includes('is not among these files')");
         browser.network(None);
-        browser.drop_onto_form(&[folder]);
+        browser.drop_onto_form(&[&folder]);
         browser.until(
             "location.pathname.startsWith('/people/') && document.readyState === 'complete'",
         );
@@ -97,7 +98,7 @@ async fn a_folder_is_dropped_and_goes_on_after_a_lost_connection_and_a_reload() 
     };
     let sent: usize = ranges.iter().filter_map(|it| length(&it.1)).sum();
     assert!(
-        sent >= 2 * LARGE && sent < 3 * LARGE,
+        (2 * LARGE..3 * LARGE).contains(&sent),
         "{sent} bytes: {ranges:?}"
     );
     let lease = service.ingest_lease().await;
@@ -147,8 +148,8 @@ async fn what_can_not_be_sent_is_said_before_and_what_the_service_says_is_text()
         told(&many, "481 more");
         // A path that the service refuses is shown with its field, and leaves nobody behind.
         browser.drop_onto_form(&[
-            written(&folder, "b/poses.json", b"{}"),
-            written(&folder, "b/<img src=x onerror=alert(1)>.txt", b"x"),
+            &written(&folder, "b/poses.json", b"{}"),
+            &written(&folder, "b/<img src=x onerror=alert(1)>.txt", b"x"),
         ]);
         browser.until("document.querySelector('#upload-chosen').textContent.startsWith('2 files')");
         browser.write("display_name", "Bob");
@@ -202,7 +203,7 @@ async fn an_upload_is_given_up() {
         browser.open(&format!("http://{address}/people"));
         browser.of("window.confirm = () => true");
         browser.write("display_name", "Ada");
-        browser.drop_onto_form(&[folder]);
+        browser.drop_onto_form(&[&folder]);
         browser.until("document.querySelector('#upload-chosen').textContent.startsWith('4 files')");
         browser.network(Some(1 << 20));
         browser.press("Upload");
@@ -230,5 +231,43 @@ async fn an_upload_is_given_up() {
             .subjects
             .is_empty()
     );
+    serving.abort();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_end_of_a_key_is_told_and_another_one_goes_on() {
+    let Some(mut browser) = Browser::start() else {
+        return;
+    };
+    let service = Service::start().await;
+    let key = async || service.key("default", &[Scope::Read, Scope::Write]).await;
+    let (one, two) = (key().await, key().await);
+    let (address, serving) = listen_as(&service, Admission::Nobody).await;
+    let dir = TempDir::new().expect("a folder");
+    let folder = capture_in(dir.path());
+    let (ending, told) = tokio::sync::oneshot::channel();
+    let driven = tokio::task::spawn_blocking(move || {
+        browser.sign_in(&one.text);
+        browser.open(&format!("http://{address}/people"));
+        browser.write("display_name", "Ada");
+        browser.drop_onto_form(&[&folder]);
+        browser.until("document.querySelector('#upload-chosen').textContent.startsWith('4 files')");
+        browser.network(Some(1 << 20));
+        browser.press("Upload");
+        browser.until(&format!(
+            "document.querySelector('#upload-says').textContent === 'Sending.' && {SENT} > 0"
+        ));
+        ending.send(one.name).expect("is heard");
+        browser.until("document.querySelector('#upload-faults').textContent.includes('revoked')");
+        let words = browser.text("#upload-faults");
+        assert!(words.contains("Reload the page to sign in"), "{words}");
+        browser.sign_in(&two.text);
+        browser.network(None);
+        browser.open(&format!("http://{address}/people"));
+        browser.drop_onto_form(&[&folder]);
+        browser.until("location.pathname.startsWith('/people/')");
+    });
+    service.revoke(&told.await.expect("the page sends")).await;
+    driven.await.expect("the page does its part");
     serving.abort();
 }

@@ -7,7 +7,7 @@ const box = form.parentElement, zone = form.querySelector(".drop");
 
 // Bytes of the first part. Milliseconds: of a good part, of the longest call, and of the longest pause.
 const FIRST = 1 << 20, GOOD = 2000, LONGEST = 120000, PAUSE = 30000;
-let files = new Map(), busy = false, stopped = false, size = FIRST, failures = 0, taken = 0, kept, wake, current;
+let files = new Map(), all = 0, busy = false, stopped = false, size = FIRST, failures = 0, taken = 0, kept, wake, current;
 
 // What others wrote is text, with hidden characters written out.
 const shown = (text) => String(text).replace(/\p{C}/gu, (it) => `\\u{${it.codePointAt(0).toString(16)}}`);
@@ -18,8 +18,8 @@ const list = (lines) => {
 };
 const meter = (done, words) => {
   progress.hidden = false;
-  Object.assign(progress.firstElementChild, { max: total(files), value: done });
-  progress.lastElementChild.textContent = shown(`${mib(done)} of ${mib(total(files))}: ${words}`);
+  Object.assign(progress.firstElementChild, { max: all, value: done });
+  progress.lastElementChild.textContent = shown(`${mib(done)} of ${mib(all)}: ${words}`);
 };
 const keep = (what) => {
   kept = what;
@@ -193,8 +193,9 @@ const fits = () => {
 const take = (found) => {
   if (busy) return;
   files = arranged(found);
+  all = total(files);
   const renamed = [...files].filter(([path, it]) => !path.endsWith(it.name)).map(([path, it]) => `; ${it.name} becomes ${path}`);
-  chosen.textContent = shown(`${files.size} files, ${mib(total(files))}${renamed.join("")}`);
+  chosen.textContent = shown(`${files.size} file${files.size === 1 ? "" : "s"}, ${mib(all)}${renamed.join("")}`);
   if (fits() && kept) run();
 };
 
@@ -212,8 +213,12 @@ drop.addEventListener("click", async () => {
   await giveUp();
   set(false);
 });
-folder.addEventListener("change", () => take([...folder.files].map((it) => [it.webkitRelativePath || it.name, it])));
-several.addEventListener("change", () => take([...several.files].map((it) => [it.name, it])));
+for (const field of [folder, several]) {
+  field.addEventListener("change", () => {
+    (field === folder ? several : folder).value = "";
+    take([...field.files].map((it) => [it.webkitRelativePath || it.name, it]));
+  });
+}
 addEventListener("online", () => wake?.());
 
 const drag = (event) => {
@@ -230,6 +235,7 @@ addEventListener("drop", async (event) => {
   const entries = [...event.dataTransfer.items].map((it) => it.webkitGetAsEntry()), found = [];
   try {
     for (const it of entries) if (it) await walk(it, found);
+    if (!busy) folder.value = several.value = "";
     if (entries.length) take(found);
   } catch (fault) {
     list([`What was dropped can't be read: ${fault.message}`]);
