@@ -2,7 +2,7 @@
 const form = document.querySelector("#add form");
 const rules = JSON.parse(form.dataset.rules);
 const ends = (path, endings) => endings.some((it) => path.toLowerCase().endsWith(it));
-const mib = (bytes) => `${(bytes / 1048576).toFixed(1)} MiB`;
+const mib = (bytes) => (bytes < 1e5 ? `${(bytes / 1024).toFixed(1)} KiB` : `${(bytes / 1048576).toFixed(1)} MiB`);
 const total = (files) => [...files.values()].reduce((sum, it) => sum + it.size, 0);
 
 // All files below an entry that was dropped, with their paths.
