@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn all_services_have_names() {
         let names: Vec<_> = services().collect();
-        assert_eq!(names.len(), 10, "{names:?}");
+        assert_eq!(names.len(), 11, "{names:?}");
         assert!(names.contains(&"yoto.worker.v1.WorkerService"));
     }
 }

@@ -87,7 +87,7 @@ async fn routes(
     let recorded = || axum::middleware::from_fn_with_state(context(), audit::record);
     let router = router.layer(recorded());
     let calls = http::transcoding::routes(router.clone(), context());
-    let pages = dashboard::routes(context(), drain()).layer(recorded());
+    let pages = dashboard::routes(context(), drain(), calls.clone()).layer(recorded());
     let router = router.merge(pages).merge(calls);
     *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))

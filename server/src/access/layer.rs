@@ -3,7 +3,7 @@
 use super::credentials::Head;
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
-use super::rules::{self, EVENTS, Rule};
+use super::rules::{self, Rule};
 use super::{Admission, Caller, browser};
 use crate::context::Context;
 use crate::error::RequestError;
@@ -57,6 +57,9 @@ enum Form {
     Json,
     /// A page for people.
     Page,
+    /// A request of a page's script. It is authorized as the page is, but a refusal is told to the script, and no browser asks for a
+    /// key in the midst of it.
+    Script,
     /// Anything else: a page for programs.
     Plain,
 }
@@ -68,6 +71,8 @@ impl Form {
             Self::Grpc
         } else if transcoding::is_request(path) {
             Self::Json
+        } else if rules::is_of_script(path) {
+            Self::Script
         } else if rules::is_of_dashboard(path) {
             Self::Page
         } else {
@@ -84,11 +89,11 @@ impl Form {
     }
 
     /// The answer to a caller who may not call.
-    fn refusal(self, error: RequestError) -> Response<Body> {
+    fn refusal(self, status: &Status) -> Response<Body> {
         match self {
-            Self::Json => transcoding::refusal(error).map(Body::new),
-            Self::Page => http::sign_in(error),
-            _ => http::refusal(error, self == Self::Grpc),
+            Self::Json => transcoding::refusal(status).map(Body::new),
+            Self::Page => http::sign_in(status),
+            _ => http::refusal(status, self == Self::Grpc),
         }
     }
 }
@@ -208,7 +213,7 @@ where
         let mut inner = std::mem::replace(&mut self.inner, next);
         Box::pin(async move {
             let form = Form::of(&request);
-            let head = Head::of(&mut request, form == Form::Page);
+            let head = Head::of(&mut request, matches!(form, Form::Page | Form::Script));
             let path = request.uri().path();
             let rule = match rules::of_request(request.method(), path) {
                 None => return Ok(form.unknown()),
@@ -218,11 +223,11 @@ where
             let streams = match form {
                 Form::Grpc => !is_unary(path),
                 Form::Json => transcoding::streams(request.method(), path),
-                Form::Page | Form::Plain => path == EVENTS,
+                Form::Page | Form::Script | Form::Plain => rules::streams(request.method(), path),
             };
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,
-                Err(error) => return Ok(form.refusal(error)),
+                Err(error) => return Ok(form.refusal(&error.into())),
             };
             request.extensions_mut().insert(caller.tenant.clone());
             request.extensions_mut().insert(caller);
@@ -230,22 +235,21 @@ where
             if !streams || matches!(access.admission, Admission::Process(_)) {
                 return answer.await;
             }
-            until(
-                answer,
-                guard::ended(access.context, access.admission, sha256),
-            )
-            .await
+            let ended = guard::ended(access.context, access.admission, sha256);
+            until(answer, ended, form).await
         })
     }
 }
 
-/// The answer of a stream, which ends with the caller's right.
+/// The answer of a stream, which ends with the caller's right. A caller whose right ends before there is an answer is refused in
+/// the `form` of the request: over HTTP, the status of gRPC in a header would look like success.
 async fn until<E>(
     answer: impl Future<Output = Result<Response<Body>, E>>,
     mut ended: Ended,
+    form: Form,
 ) -> Result<Response<Body>, E> {
     tokio::select! {
         answer = answer => Ok(answer?.map(|body| Body::new(Guarded::new(body, ended)))),
-        status = &mut ended => Ok(Status::into_http(status)),
+        status = &mut ended => Ok(form.refusal(&status)),
     }
 }

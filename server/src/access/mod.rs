@@ -16,7 +16,7 @@ mod layer;
 mod rules;
 
 pub use layer::AccessLayer;
-pub use rules::{changes_something, page_of};
+pub use rules::{brings_file, changes_something, is_of_script, page_of};
 
 use crate::error::RequestError;
 use crate::tenant::Tenant;

@@ -43,10 +43,28 @@ const PAGES: [(&str, Rule); 3] = [
 ];
 
 /// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 19] = [
+const DASHBOARD: [(&str, &str); 25] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),
     ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
+    (
+        "/people/upload/person",
+        "/yoto.v1.SubjectService/CreateSubject",
+    ),
+    (
+        "/people/upload/files",
+        "/yoto.v1.UploadService/CreateUpload",
+    ),
+    ("/people/upload/files/*", "/yoto.v1.UploadService/GetUpload"),
+    (UPLOADED_FILE, "/yoto.v1.UploadService/WriteUpload"),
+    (
+        "/people/upload/finish/*",
+        "/yoto.v1.UploadService/FinishUpload",
+    ),
+    (
+        "/people/upload/cancel/*",
+        "/yoto.v1.SubjectService/DeleteSubject",
+    ),
     ("/models", "/yoto.v1.ModelService/ListModels"),
     ("/models/*", "/yoto.v1.ModelService/GetModel"),
     ("/models/*/train", "/yoto.v1.JobService/CreateJob"),
@@ -67,8 +85,12 @@ const DASHBOARD: [(&str, &str); 19] = [
     ("/service", "/yoto.v1.StatusService/GetStatus"),
     (EVENTS, "/yoto.v1.JobService/WatchJobs"),
 ];
-/// The page that is a stream.
-pub const EVENTS: &str = "/events";
+/// The page whose answer is a stream.
+const EVENTS: &str = "/events";
+/// The requests of the script that sends a person's files.
+const UPLOADS: &str = "/people/upload/";
+/// Where the script of a page sends bytes of a file.
+const UPLOADED_FILE: &str = "/people/upload/files/*/*";
 /// Script and style of the dashboard, which are the same for everybody.
 const ASSETS: &str = "/assets/*";
 
@@ -123,6 +145,21 @@ pub fn is_of_dashboard(path: &str) -> bool {
 pub fn page_of(path: &str) -> Option<&'static str> {
     let found = DASHBOARD.iter().find(|(page, _)| matches(page, path));
     found.map(|(page, _)| *page)
+}
+
+/// Whether the path is one that only the script of a page asks for.
+pub fn is_of_script(path: &str) -> bool {
+    path.starts_with(UPLOADS) && is_of_dashboard(path)
+}
+
+/// Whether the request to a page for people, or its answer, lasts until somebody ends it: an answer of events, or a file that comes.
+pub fn streams(verb: &http::Method, path: &str) -> bool {
+    path == EVENTS || brings_file(verb, path)
+}
+
+/// Whether a page's script sends bytes of a file by this request. It may be long, so nothing waits for all of it.
+pub fn brings_file(verb: &http::Method, path: &str) -> bool {
+    verb == http::Method::PUT && matches(UPLOADED_FILE, path)
 }
 
 /// Whether the segments of `path` are those of `pattern`.
@@ -247,13 +284,24 @@ mod tests {
             assert!(RULES.contains_key(call), "{page}: {call}");
             assert_eq!(of(&page.replace('*', "x")), of(call), "{page}");
         }
-        let scope = |path| match of(path) {
+        let scope = |path: &str| match of(path) {
             Some(Rule::Scope { scope, .. }) => Some(scope),
             _ => None,
         };
         assert_eq!(scope("/people/ada"), Some(Scope::Read));
         assert_eq!(scope("/jobs/1/cancel"), Some(Scope::Write));
         assert_eq!(scope("/workers/cordon"), Some(Scope::Operate));
+        for part in [
+            "person",
+            "files",
+            "files/7",
+            "files/7/a",
+            "finish/7",
+            "cancel/7",
+        ] {
+            let path = format!("/people/upload/{part}");
+            assert_eq!(scope(&path), Some(Scope::Write), "{path}");
+        }
         assert_eq!(of("/assets/page.js"), Some(Rule::Open));
     }
 
@@ -298,6 +346,8 @@ mod tests {
             "/metrics/",
             "/people/",
             "/people/1/2",
+            "/people/upload/files/7/a/b",
+            "/people/upload/erase/7",
             "/assets/",
             "/models/1/delete",
             "/yoto.v1.JobService/Nothing",

@@ -106,9 +106,12 @@ impl Drop for Begun {
 }
 
 /// What is recorded as the call, if it changes something: the path of a method; or verb and path of a form of the dashboard, and the
-/// resource that its path names.
+/// resource that its path names. Requests of a page's script become calls, which are recorded.
 fn recorded(request: &Request) -> Option<(String, String)> {
     let path = request.uri().path();
+    if access::is_of_script(path) {
+        return None;
+    }
     if let Some(pattern) = access::page_of(path) {
         let named = named(path);
         return (request.method() == Method::POST).then(|| (format!("POST {pattern}"), named));

@@ -4,14 +4,17 @@ use super::token;
 use crate::api::{JobApi, ModelApi, ObjectApi, StatusApi, SubjectApi};
 use crate::context::Context;
 use crate::tenant::Tenant;
+use axum::Router;
 use axum::extract::FromRequestParts;
 use axum::http::Extensions;
 use axum::http::request::Parts;
+use axum::response::Response;
 use std::convert::Infallible;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use tonic::metadata::MetadataMap;
 use tonic::{Request, Status};
+use tower::ServiceExt;
 use uuid::Uuid;
 
 /// What all pages share.
@@ -23,11 +26,12 @@ pub struct Site {
     jobs: JobApi,
     objects: ObjectApi,
     status: StatusApi,
+    calls: Router,
 }
 
 impl Site {
-    /// The services that pages call, over the shared parts. `drain` ends the streams of events.
-    pub fn new(context: Arc<Context>, drain: CancellationToken) -> Self {
+    /// The services that pages call, over the shared parts, and the same `calls` over HTTP. `drain` ends the streams of events.
+    pub fn new(context: Arc<Context>, drain: CancellationToken, calls: Router) -> Self {
         let shared = || Arc::clone(&context);
         Self {
             subjects: SubjectApi { context: shared() },
@@ -40,6 +44,7 @@ impl Site {
             status: StatusApi { context: shared() },
             context,
             drain,
+            calls,
         }
     }
 }
@@ -80,6 +85,14 @@ impl Asker {
     /// Ends the streams of events.
     pub fn drain(&self) -> &CancellationToken {
         &self.site.drain
+    }
+
+    /// Makes a call over HTTP as the asker: `request` has the asker's extensions.
+    pub async fn call(&self, request: axum::extract::Request) -> Response {
+        match self.site.calls.clone().oneshot(request).await {
+            Ok(answer) => answer,
+            Err(never) => match never {},
+        }
     }
 
     /// The token of the asker's forms.

@@ -39,6 +39,16 @@ pub static SCRIPT: LazyLock<Asset> = LazyLock::new(|| {
     let text = include_str!("assets/page.js");
     Asset::new("page.js", "text/javascript; charset=utf-8", text)
 });
+/// The script that sends a person's files.
+pub static UPLOAD: LazyLock<Asset> = LazyLock::new(|| {
+    // One module: what these say is seen by those behind them.
+    let text = concat!(
+        include_str!("assets/upload/sha256.js"),
+        include_str!("assets/upload/capture.js"),
+        include_str!("assets/upload/upload.js"),
+    );
+    Asset::new("upload.js", "text/javascript; charset=utf-8", text)
+});
 /// The icon.
 pub static ICON: LazyLock<Asset> = LazyLock::new(|| {
     let text = include_str!("assets/icon.svg");
@@ -46,14 +56,15 @@ pub static ICON: LazyLock<Asset> = LazyLock::new(|| {
 });
 /// What the pages of this program are made with: a page of another program loads itself anew.
 pub static BUILD: LazyLock<String> = LazyLock::new(|| {
-    let all = format!("{}{}{}", env!("CARGO_PKG_VERSION"), STYLE.path, SCRIPT.path);
+    let version = env!("CARGO_PKG_VERSION");
+    let all = format!("{version}{}{}{}", STYLE.path, SCRIPT.path, UPLOAD.path);
     sha256_hex(all.as_bytes())[..12].to_owned()
 });
 
 /// An asset.
 pub async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
     let path = format!("/assets/{name}");
-    let found = [&*STYLE, &*SCRIPT, &*ICON]
+    let found = [&*STYLE, &*SCRIPT, &*UPLOAD, &*ICON]
         .into_iter()
         .find(|it| it.path == path);
     let Some(asset) = found else {

@@ -6,7 +6,8 @@
 //!
 //! A page reads and changes nothing by itself: [`asker`] makes all calls, with the tenant that the layers of `serve` have put
 //! into the request. So a page has the rights, the limits and the errors of the calls behind it. Pages answer GET and HEAD;
-//! what changes something is a form with a token ([`token`]).
+//! what changes something is a form with a token ([`token`]), or a request of the script that sends a person's files, with the same
+//! token in a header ([`upload`]).
 //!
 //! The document of a page is complete without a script. With it, the page listens to [`events`], asks for its own
 //! document again after a change, and takes over what is different (`assets/page.js`). There is therefore one way from data
@@ -39,6 +40,7 @@ mod query;
 mod service;
 mod token;
 mod tradeoff;
+mod upload;
 mod words;
 mod workers;
 
@@ -47,17 +49,24 @@ pub use files::Kind;
 use crate::context::Context;
 use axum::Router;
 use axum::middleware::map_response;
-use axum::routing::{get, post};
+use axum::routing::{get, post, put};
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// All pages. `drain` ends their streams of events, which would otherwise delay a shutdown.
-pub fn routes(context: Arc<Context>, drain: CancellationToken) -> Router {
-    let site = Arc::new(asker::Site::new(context, drain));
+/// All pages. `drain` ends their streams of events, which would otherwise delay a shutdown. `calls` are the calls over HTTP, of which
+/// the script of a page makes some.
+pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) -> Router {
+    let site = Arc::new(asker::Site::new(context, drain, calls));
     Router::new()
         .route("/", get(overview::page))
         .route("/people", get(people::page))
         .route("/people/{id}", get(person::page))
+        .route("/people/upload/person", post(upload::person))
+        .route("/people/upload/files", post(upload::begin))
+        .route("/people/upload/files/{id}", get(upload::state))
+        .route("/people/upload/files/{id}/{file}", put(upload::write))
+        .route("/people/upload/finish/{id}", post(upload::finish))
+        .route("/people/upload/cancel/{id}", post(upload::cancel))
         .route("/models", get(models::page))
         .route("/models/{id}", get(model::page))
         .route("/models/{id}/train", post(orders::train))

@@ -4,6 +4,7 @@ use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::query::Fields;
+use super::upload;
 use super::words::{count, name, page_of, subject_state};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
@@ -29,6 +30,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     let captures = captures_of(&asker, &list.subjects).await?;
     let body = html! {
         h1 { "People" }
+        (upload::form(&asker, list.subjects.is_empty())?)
         @if list.subjects.is_empty() {
             p .empty {
                 "Nobody yet. " code { "yoto subject add NAME CAPTURE" }

@@ -14,6 +14,8 @@ use yoto_proto::sha256_hex;
 
 /// The field of a form with the token.
 pub const FIELD: &str = "token";
+/// The header of a script's request with the token.
+pub const HEADER: &str = "x-yoto-token";
 /// Maximum length of a form, bytes.
 const LONGEST: usize = 64 << 10;
 /// What a browser says of the site that sends a form.
@@ -22,6 +24,28 @@ const SITE: &str = "sec-fetch-site";
 /// The token of the forms of `tenant`, with the id of the object store.
 pub fn of(store_id: &str, tenant: &Tenant) -> String {
     sha256_hex(format!("form\0{store_id}\0{tenant}").as_bytes())
+}
+
+/// Lets a request pass that a script of one of our own pages makes, with the token in [`HEADER`]. Another site's page does not know the
+/// token, and a browser sends such a header for it only after it has asked this service, which never agrees.
+///
+/// # Errors
+/// When it has no token, or the browser says that another site sends it.
+pub fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> {
+    let refused = |words: &str| Err(Fault::of(StatusCode::FORBIDDEN, words));
+    if headers.get(SITE).is_some_and(|it| it != "same-origin") {
+        return refused("another site's page has sent this");
+    }
+    let sent = headers.get(HEADER).map_or(&b""[..], |it| it.as_bytes());
+    if !is_same(sent, token) {
+        return refused("this has no token of this service: reload the page and try again");
+    }
+    Ok(())
+}
+
+/// Whether `sent` is the token. Digests are compared: the time of it tells nothing that would help to guess the token.
+fn is_same(sent: &[u8], token: &str) -> bool {
+    sha256_hex(sent) == sha256_hex(token.as_bytes())
 }
 
 /// The fields of a form that one of our own pages has sent.
@@ -44,8 +68,7 @@ pub async fn checked(token: &str, headers: &HeaderMap, body: Body) -> Result<Fie
         return refused("the form is too long, or broke off");
     };
     let fields = Fields::read(&body);
-    // Both are digests: comparing them tells nothing of the token by its time that would help to guess it.
-    if sha256_hex(fields.get(FIELD).as_bytes()) != sha256_hex(token.as_bytes()) {
+    if !is_same(fields.get(FIELD).as_bytes(), token) {
         return refused(
             "the form has no token of this service: go back, reload the page and try again",
         );
@@ -87,6 +110,23 @@ mod tests {
             ),
         ] {
             assert!(!sent(&headers, body).await, "{headers:?} {body}");
+        }
+    }
+
+    #[test]
+    fn only_scripts_of_our_own_pages_pass() {
+        let sent = |headers: &[(&'static str, &'static str)]| {
+            let all = headers.iter().map(|(name, value)| {
+                let name = axum::http::HeaderName::from_static(name);
+                (name, axum::http::HeaderValue::from_static(value))
+            });
+            checked_of_script("t", &all.collect()).is_ok()
+        };
+        assert!(sent(&[(HEADER, "t")]));
+        assert!(sent(&[(HEADER, "t"), (SITE, "same-origin")]));
+        assert!(!sent(&[]) && !sent(&[(HEADER, "")]) && !sent(&[(HEADER, "x")]));
+        for site in ["cross-site", "same-site", "none"] {
+            assert!(!sent(&[(HEADER, "t"), (SITE, site)]), "{site}");
         }
     }
 

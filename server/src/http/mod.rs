@@ -10,7 +10,6 @@ mod probes;
 pub mod transcoding;
 
 use crate::context::Context;
-use crate::error::RequestError;
 use axum::Router;
 use axum::http::header::{CONTENT_TYPE, WWW_AUTHENTICATE};
 use axum::http::{HeaderMap, HeaderValue, Response, StatusCode};
@@ -46,18 +45,17 @@ pub fn unknown(grpc: bool) -> Response<Body> {
 }
 
 /// The answer to a caller who may not call.
-pub fn refusal(error: RequestError, grpc: bool) -> Response<Body> {
-    let status = Status::from(error);
+pub fn refusal(status: &Status, grpc: bool) -> Response<Body> {
     match grpc {
-        true => status.into_http(),
-        false => refused(&status, "Bearer"),
+        true => status.clone().into_http(),
+        false => refused(status, "Bearer"),
     }
 }
 
 /// The answer to somebody who may not see a page for people: a browser asks for a key as a password.
-pub fn sign_in(error: RequestError) -> Response<Body> {
+pub fn sign_in(status: &Status) -> Response<Body> {
     refused(
-        &Status::from(error),
+        status,
         "Basic realm=\"yoto: any name, and a key as the password\", charset=\"UTF-8\"",
     )
 }

@@ -3,6 +3,7 @@
 
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
+use crate::access::brings_file;
 use crate::http::{self, is_grpc, transcoding};
 use crate::methods::{self, is_unary};
 use crate::metrics::METRICS;
@@ -107,7 +108,7 @@ where
         // A page is one answer too.
         let unary = match grpc {
             true => is_unary(path),
-            false => !transcoding::streams(verb, path),
+            false => !transcoding::streams(verb, path) && !brings_file(verb, path),
         };
         let held = Arc::<Held>::default();
         let (parts, body) = request.into_parts();

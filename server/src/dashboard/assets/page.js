@@ -32,6 +32,8 @@
       if (old.nodeValue !== fresh.nodeValue) old.nodeValue = fresh.nodeValue;
       return;
     }
+    // A form with a script of its own is that script's.
+    if (old.hasAttribute("data-own")) return;
     // Whether details are open is up to the reader, here and now.
     const own = (name) => name === "open" && old.nodeName === "DETAILS";
     for (const { name } of [...old.attributes]) {
@@ -48,7 +50,8 @@
     before.slice(after.length).forEach((node) => node.remove());
   };
 
-  const written = () => [...document.querySelectorAll("input:not([type=hidden])")].some((it) => it.value !== it.defaultValue);
+  const written = () => document.querySelector("[data-busy]")
+    || [...document.querySelectorAll("input:not([type=hidden]), textarea")].some((it) => it.value !== it.defaultValue);
 
   // A page of another version of the service begins anew, but not again and again where several versions answer in turn.
   const renew = () => {

@@ -95,8 +95,8 @@ pub fn unknown() -> Response<Body> {
 }
 
 /// The answer to a caller who may not call.
-pub fn refusal(error: RequestError) -> Response<Body> {
-    problem::of(error)
+pub fn refusal(status: &Status) -> Response<Body> {
+    problem::answer(status)
 }
 
 async fn answer_to(State(calls): State<Calls>, request: Request) -> Response<Body> {

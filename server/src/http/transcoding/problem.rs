@@ -1,6 +1,5 @@
 //! Errors over HTTP: `application/problem+json` (RFC 9457), with the reason and the fields of the gRPC error.
 
-use crate::error::RequestError;
 use axum::body::Body;
 use axum::http::header::{CONTENT_TYPE, RETRY_AFTER, WWW_AUTHENTICATE};
 use axum::http::{HeaderValue, Response, StatusCode};
@@ -65,11 +64,6 @@ pub fn told(status: &Status) -> Value {
     problem
 }
 
-/// The same for an error of this side.
-pub fn of(error: RequestError) -> Response<Body> {
-    answer(&Status::from(error))
-}
-
 /// The answer to an unknown path.
 pub fn unknown() -> Response<Body> {
     answer(&Status::not_found(
@@ -113,10 +107,11 @@ fn name(code: Code) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::RequestError;
     use yoto_proto::v1::ErrorReason;
 
     async fn told(error: RequestError) -> (StatusCode, Value) {
-        let answer = of(error);
+        let answer = answer(&error.into());
         let code = answer.status();
         let body = axum::body::to_bytes(answer.into_body(), 1 << 20).await;
         let body = body.expect("a body");
@@ -139,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_busy_service_says_when_to_come_again() {
-        let answer = of(RequestError::Busy("calls".to_owned()));
+        let answer = answer(&RequestError::Busy("calls".to_owned()).into());
         assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE);
         assert!(answer.headers().contains_key(RETRY_AFTER));
     }

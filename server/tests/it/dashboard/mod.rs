@@ -1,8 +1,11 @@
 //! The pages for people: what they show, whom they answer, what their forms change, and how they follow changes.
 
+mod browser;
 mod events;
 mod forms;
+mod sending;
 pub mod stage;
+mod upload;
 
 use crate::support::{ask, ask_with, id, listen, listen_for};
 use stage::{HOSTILE, Stage};

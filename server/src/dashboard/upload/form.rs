@@ -1,0 +1,95 @@
+//! The form that adds a person. The script shows it, and owns it from then on (`data-own`): the page's own updates leave it alone.
+
+use super::super::asker::Asker;
+use super::super::assets::UPLOAD;
+use super::super::token;
+use crate::config::UploadLimits;
+use maud::{Markup, html};
+use serde_json::json;
+use tonic::Status;
+use yoto_proto::media_plan::{ARCHIVE_ENDINGS, CAPTURE_ARCHIVES, PICTURE_ENDINGS, VIDEO_ENDINGS};
+use yoto_proto::pose_track;
+
+/// What is said of a film without poses.
+const FILM: &str = "A film alone has no poses, and the service makes none: `yoto avatar FILM` makes a person of it, and \
+     `yoto import` a capture of what a pose tool wrote.";
+
+/// What the script has to know of a capture before it sends one: it has no such lists of its own.
+fn rules(limits: &UploadLimits) -> String {
+    let dotted = |endings: &[&str]| -> Vec<String> {
+        let all = endings.iter().map(|it| format!(".{it}"));
+        all.collect()
+    };
+    let (tracks, archives) = (pose_track::FILES.join(", "), ARCHIVE_ENDINGS.join(", "));
+    json!({
+        "tracks": pose_track::FILES,
+        "archives": CAPTURE_ARCHIVES,
+        "packed": ARCHIVE_ENDINGS,
+        "videos": dotted(&VIDEO_ENDINGS),
+        "pictures": dotted(&PICTURE_ENDINGS),
+        "files": limits.files,
+        "bytes": limits.capture_bytes,
+        "film": FILM,
+        "none": format!("None of {tracks} is among the files, nor one archive of all ({archives})."),
+    })
+    .to_string()
+}
+
+/// The form; `open` where there is nobody yet.
+///
+/// # Errors
+/// When no layer has told who asks.
+pub fn form(asker: &Asker, open: bool) -> Result<Markup, Status> {
+    let rules = rules(&asker.context().config.upload);
+    Ok(html! {
+        details #add open[open] {
+            summary { "Add a person…" }
+            noscript { p .message {
+                "Without JavaScript this page can't send files. " code { "yoto subject add NAME CAPTURE" } " does."
+            } }
+            form .panel .upload data-own data-rules=(rules) hidden {
+                input type="hidden" name=(token::FIELD) value=(asker.token()?);
+                label { "Name" input name="display_name" required autocomplete="off"; }
+                label { "Consent, as it was given (optional)"
+                    textarea name="consent_note" rows="2" {}
+                }
+                fieldset .drop {
+                    legend { "Capture" }
+                    p { "Drop a folder, its files, or an archive here, or choose:" }
+                    label { "a folder" input type="file" name="folder" webkitdirectory; }
+                    label { "or files" input type="file" name="files" multiple; }
+                    p .detail {
+                        "A capture has " code { "poses.json" } ", pictures in " code { "frames/" } " or a " code { "video.mp4" }
+                        ", and masks. Of a film alone, " code { "yoto avatar" } " makes a person."
+                    }
+                }
+                p #upload-chosen .detail {}
+                p #upload-says role="status" {}
+                ul #upload-faults .faults role="alert" {}
+                div #upload-sent .progress hidden { progress aria-label="Upload" {} p .detail {} }
+                div .buttons { button { "Upload" } button .bad type="button" hidden { "Give it up" } }
+            }
+            script type="module" src=(UPLOAD.path) {}
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::ServerConfig;
+    use serde_json::Value;
+    use std::path::PathBuf;
+
+    #[test]
+    fn the_script_knows_the_rules_of_the_service() {
+        let limits = ServerConfig::new(PathBuf::new()).upload;
+        let rules: Value = serde_json::from_str(&rules(&limits)).expect("JSON");
+        assert_eq!(rules["tracks"][0], "poses.json");
+        assert_eq!(rules["videos"][0], ".mp4");
+        assert_eq!(rules["packed"][0], ".zip");
+        assert_eq!(rules["bytes"], limits.capture_bytes);
+        let named = ["yoto avatar", "yoto import"].map(|it| FILM.contains(it));
+        assert_eq!(named, [true, true]);
+    }
+}
