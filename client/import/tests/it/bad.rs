@@ -94,6 +94,29 @@ fn missing_and_truncated_files_of_people_snapshot_are_named() {
     }
 }
 
+#[cfg(feature = "hdf5")]
+#[test]
+fn a_chunk_beyond_its_file_takes_no_memory() {
+    let text = fault(
+        Format::PeopleSnapshot,
+        "people_snapshot/x-1-test",
+        &smpl(),
+        |dir| {
+            let path = dir.join("masks.hdf5");
+            let mut bytes = std::fs::read(&path).expect("reads");
+            // The tree of chunks: a header of 24 bytes, then the first chunk's size.
+            let tree = bytes.windows(5).position(|at| at == b"TREE\x01");
+            let size = tree.expect("a tree of chunks") + 24;
+            bytes[size..size + 4].copy_from_slice(&0xffff_fe00_u32.to_le_bytes());
+            std::fs::write(path, bytes).expect("writes");
+        },
+    );
+    assert!(
+        text.contains("masks.hdf5") && text.contains("ends after the file"),
+        "{text}"
+    );
+}
+
 #[test]
 fn missing_and_truncated_files_are_named_with_their_frame() {
     let zju = |break_it: &dyn Fn(&Path)| fault(Format::Zju, "CoreView_377", &smpl(), break_it);
