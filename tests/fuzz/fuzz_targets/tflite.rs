@@ -95,6 +95,7 @@ pub enum Par {
 }
 
 /// Numbers row after row, and their columns.
+#[derive(Clone, Copy)]
 pub struct MatRef<'a>(&'a [f32], usize);
 
 impl<'a> MatRef<'a> {

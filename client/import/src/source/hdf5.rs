@@ -39,19 +39,25 @@ impl<'a> Hdf5<'a> {
         };
         let dataset = self.file.dataset(field).map_err(unreadable)?;
         let shape = dataset.shape().map_err(unreadable)?;
-        self.check_chunks(field, &dataset)?;
+        self.check_chunks(field, &dataset, &shape)?;
         Ok((dataset, shape))
     }
 
-    /// Refuses chunks that are larger than the file or than [`MAX_CHUNK`]: their reader takes the memory that they declare.
-    fn check_chunks(&self, field: &str, dataset: &Dataset) -> Result<(), ClientError> {
+    /// Refuses chunks that are larger than the file or than [`MAX_CHUNK`], since their reader takes the memory that they
+    /// declare, and chunks outside of the dataset, whose positions it adds up.
+    fn check_chunks(
+        &self,
+        field: &str,
+        dataset: &Dataset,
+        shape: &[u64],
+    ) -> Result<(), ClientError> {
         let size = dataset.element_size().unwrap_or(1);
-        let shape = dataset.chunk_shape().ok().flatten().unwrap_or_default();
-        let unpacked = shape
+        let sides = dataset.chunk_shape().ok().flatten().unwrap_or_default();
+        let unpacked = sides
             .iter()
             .try_fold(size, |all, side| all.checked_mul(*side));
         if unpacked.is_none_or(|bytes| bytes > MAX_CHUNK) {
-            let message = format!("chunks of shape {shape:?}: {MAX_CHUNK} bytes are allowed");
+            let message = format!("chunks of shape {sides:?}: {MAX_CHUNK} bytes are allowed");
             return Err(self.fault("TOO_LARGE", field, message));
         }
         let path = self.source.path(self.name);
@@ -60,10 +66,12 @@ impl<'a> Hdf5<'a> {
         for chunk in dataset.chunks().unwrap_or_default() {
             let end = chunk.address.checked_add(chunk.storage_size);
             if end.is_none_or(|end| end > length) {
-                let message = format!(
-                    "a chunk of {} bytes ends after the file",
-                    chunk.storage_size
-                );
+                let bytes = chunk.storage_size;
+                let message = format!("a chunk of {bytes} bytes ends after the file");
+                return Err(self.fault("UNREADABLE", field, message));
+            }
+            if chunk.offset.iter().zip(shape).any(|(at, side)| at >= side) {
+                let message = format!("a chunk is at {:?} of {shape:?}", chunk.offset);
                 return Err(self.fault("UNREADABLE", field, message));
             }
         }

@@ -96,25 +96,35 @@ fn missing_and_truncated_files_of_people_snapshot_are_named() {
 
 #[cfg(feature = "hdf5")]
 #[test]
-fn a_chunk_beyond_its_file_takes_no_memory() {
-    let text = fault(
-        Format::PeopleSnapshot,
-        "people_snapshot/x-1-test",
-        &smpl(),
-        |dir| {
-            let path = dir.join("masks.hdf5");
-            let mut bytes = std::fs::read(&path).expect("reads");
-            // The tree of chunks: a header of 24 bytes, then the first chunk's size.
-            let tree = bytes.windows(5).position(|at| at == b"TREE\x01");
-            let size = tree.expect("a tree of chunks") + 24;
-            bytes[size..size + 4].copy_from_slice(&0xffff_fe00_u32.to_le_bytes());
-            std::fs::write(path, bytes).expect("writes");
-        },
-    );
-    assert!(
-        text.contains("masks.hdf5") && text.contains("ends after the file"),
-        "{text}"
-    );
+fn chunks_beyond_their_file_or_dataset_are_refused() {
+    // The tree of chunks: a header of 24 bytes, then the first chunk's size, its filters, and its offsets.
+    let cases: [(usize, &[u8], &str); 2] = [
+        (24, &[0, 0xfe, 0xff, 0xff], "ends after the file"),
+        (
+            24 + 8 + 8,
+            &[0xff; 8],
+            "a chunk is at [0, 18446744073709551615, 0]",
+        ),
+    ];
+    for (at, forged, reason) in cases {
+        let text = fault(
+            Format::PeopleSnapshot,
+            "people_snapshot/x-1-test",
+            &smpl(),
+            |dir| {
+                let path = dir.join("masks.hdf5");
+                let mut bytes = std::fs::read(&path).expect("reads");
+                let tree = bytes.windows(5).position(|it| it == b"TREE\x01");
+                let start = tree.expect("a tree of chunks") + at;
+                bytes[start..start + forged.len()].copy_from_slice(forged);
+                std::fs::write(path, bytes).expect("writes");
+            },
+        );
+        assert!(
+            text.contains("masks.hdf5") && text.contains(reason),
+            "{text}"
+        );
+    }
 }
 
 #[test]
