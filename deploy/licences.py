@@ -33,33 +33,31 @@ def cargo(*arguments):
     return done.stdout
 
 
-def compiled(target, features):
-    """(name, version) of every package that the program is linked from."""
+def tree(target, features):
+    """Depth, and (name, version), of each line of the tree of packages that the program is linked from."""
     options = ["--features", features] if features else []
-    tree = cargo(
+    lines = cargo(
         "tree", "--locked", "-p", "yoto", "-e", "normal", "--target", target,
-        "--prefix", "none", "--format", "{p}", *options,
+        "--prefix", "depth", "--format", " {p}", *options,
     )
-    found = set()
-    for line in tree.splitlines():
+    for line in lines.splitlines():
         words = line.split()
-        if len(words) >= 2:
-            found.add((words[0], words[1].removeprefix("v")))
-    return found
+        if len(words) >= 3:
+            yield int(words[0]), (words[1], words[2].removeprefix("v"))
 
 
-def packages(target, features):
-    """The compiled packages of other people, as `cargo metadata` describes them."""
+def packages(target, features, own=False):
+    """The compiled packages, as `cargo metadata` describes them: those of other people, and with `own` also this repository's."""
     options = ["--features", features] if features else []
     metadata = cargo("metadata", "--locked", "--format-version", "1", "--filter-platform", target, *options)
-    wanted = compiled(target, features)
+    wanted = {key for _, key in tree(target, features)}
     found = {}
     for package in json.loads(metadata)["packages"]:
         key = (package["name"], package["version"])
         if key in wanted:
             wanted.discard(key)
             # Packages without a source are those of this repository.
-            if package["source"] is not None:
+            if own or package["source"] is not None:
                 found[key] = package
     if wanted:
         names = ", ".join(f"{name} {version}" for name, version in sorted(wanted))

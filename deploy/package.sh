@@ -67,6 +67,7 @@ mkdir "$folder"
 
 # Before the build, which takes much longer.
 python3 deploy/licences.py --target "$target" --features "$features" --out "$folder/THIRD-PARTY-LICENSES.txt"
+python3 deploy/sbom.py --target "$target" --features "$features" --out "$folder/yoto.cdx.json"
 
 options=(--target-dir "$build")
 program="$build/release/yoto"

@@ -26,7 +26,7 @@ def seconds(text):
 
 
 def containerfile():
-    """One Rust, no root at the end, a health check in the form that needs no shell, and no secret among the arguments."""
+    """One Rust, no root at the end, a health check in the form that needs no shell, licences and bill of materials."""
     text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
     toolchain = re.search(r'channel = "(.+)"', (ROOT / "rust-toolchain.toml").read_text(encoding="utf-8")).group(1)
     rust = re.search(r"^ARG RUST=(\S+)", text, re.M).group(1)
@@ -35,11 +35,15 @@ def containerfile():
     user = re.findall(r"^USER (\S+)", last, re.M)
     must(user and re.fullmatch(r"[1-9]\d*(:[1-9]\d*)?", user[-1]), f"Containerfile: the last user is {user or 'root'}, not a number")
     must(re.search(r"^HEALTHCHECK .*\bCMD \[", last, re.M | re.S), "Containerfile: no HEALTHCHECK without a shell")
+    for name in ("THIRD-PARTY-LICENSES.txt", "yoto.cdx.json"):
+        must(f"--out /out/{name}" in text and f"/out/{name} " in last, f"Containerfile: {name} is not in the image")
     debian = {"bookworm": "12", "trixie": "13"}[re.search(r"^ARG DEBIAN=(\S+)", text, re.M).group(1)]
     must(f"distroless/cc-debian{debian}:" in text, "Containerfile: the images of build and run are not of the same Debian")
     workspace = (ROOT / "Cargo.toml").read_text(encoding="utf-8")
     members = re.findall(r'"([^"]+)"', re.search(r"members = \[(.*?)\]", workspace, re.S).group(1))
     kept = {it[1:] for it in (ROOT / ".dockerignore").read_text(encoding="utf-8").split() if it.startswith("!")}
+    for script in re.findall(r"python3 (deploy/\S+)", text):
+        must(script in kept, f".dockerignore leaves out {script}, which the build runs")
     for member in members:
         must(member.split("/")[0] in kept, f".dockerignore leaves out {member}, a member of the workspace")
 

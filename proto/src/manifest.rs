@@ -34,10 +34,11 @@ pub mod files {
         refined_by(file).is_some()
     }
 
-    /// The slot of the person whose [`refined_poses`] the `file` has.
+    /// The slot of the person whose [`refined_poses`] the `file` has. A slot has one name: `poses-07.pb` is of none.
     pub fn refined_by(file: &str) -> Option<usize> {
         let slot = file.strip_prefix("poses-")?.strip_suffix(".pb")?;
-        slot.parse().ok()
+        let slot = slot.parse().ok()?;
+        (refined_poses(slot) == file).then_some(slot)
     }
 
     /// A held-out frame of each person beside its render, for people; a checkpoint of an interrupted
@@ -99,8 +100,42 @@ impl Manifest {
         self.objects.iter().find(|object| object.file == file)
     }
 
-    /// Bytes of all data objects.
+    /// Bytes of all data objects. Sizes that a manifest only claims may be beyond any sum.
     pub fn bytes(&self) -> u64 {
-        self.objects.iter().map(|object| object.bytes).sum()
+        let sizes = self.objects.iter().map(|object| object.bytes);
+        sizes.fold(0, u64::saturating_add)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slot_has_one_name() {
+        assert_eq!(files::refined_by(&files::refined_poses(12)), Some(12));
+        for other in ["poses-+7.pb", "poses-07.pb", "poses-.pb", "poses-7.json"] {
+            assert_eq!(files::refined_by(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn sizes_beyond_any_sum_are_the_largest() {
+        let object = |bytes| ManifestObject {
+            file: files::WEIGHTS.into(),
+            key: String::new(),
+            bytes,
+            sha256: String::new(),
+        };
+        let manifest = Manifest {
+            version: VERSION,
+            model: String::new(),
+            step: 0,
+            job: String::new(),
+            job_seconds: 0.0,
+            job_steps: 0,
+            objects: vec![object(u64::MAX), object(1)],
+        };
+        assert_eq!(manifest.bytes(), u64::MAX);
     }
 }

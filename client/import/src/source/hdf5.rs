@@ -9,6 +9,8 @@ use yoto_proto::pose_track::MAX_SIDE;
 
 /// Most numbers per read; masks are read one frame at a time.
 const MAX_NUMBERS: u64 = 1 << 24;
+/// Most bytes of a chunk, which is read and unpacked as a whole. Writers choose about a megabyte.
+const MAX_CHUNK: u64 = 1 << 28;
 
 /// An open file.
 pub(crate) struct Hdf5<'a> {
@@ -37,7 +39,43 @@ impl<'a> Hdf5<'a> {
         };
         let dataset = self.file.dataset(field).map_err(unreadable)?;
         let shape = dataset.shape().map_err(unreadable)?;
+        self.check_chunks(field, &dataset, &shape)?;
         Ok((dataset, shape))
+    }
+
+    /// Refuses chunks that are larger than the file or than [`MAX_CHUNK`], since their reader takes the memory that they
+    /// declare, and chunks outside of the dataset, whose positions it adds up.
+    fn check_chunks(
+        &self,
+        field: &str,
+        dataset: &Dataset,
+        shape: &[u64],
+    ) -> Result<(), ClientError> {
+        let size = dataset.element_size().unwrap_or(1);
+        let sides = dataset.chunk_shape().ok().flatten().unwrap_or_default();
+        let unpacked = sides
+            .iter()
+            .try_fold(size, |all, side| all.checked_mul(*side));
+        if unpacked.is_none_or(|bytes| bytes > MAX_CHUNK) {
+            let message = format!("chunks of shape {sides:?}: {MAX_CHUNK} bytes are allowed");
+            return Err(self.fault("TOO_LARGE", field, message));
+        }
+        let path = self.source.path(self.name);
+        let length = std::fs::metadata(path).map_or(0, |file| file.len());
+        // Chunks that can't be listed are the reader's to refuse.
+        for chunk in dataset.chunks().unwrap_or_default() {
+            let end = chunk.address.checked_add(chunk.storage_size);
+            if end.is_none_or(|end| end > length) {
+                let bytes = chunk.storage_size;
+                let message = format!("a chunk of {bytes} bytes ends after the file");
+                return Err(self.fault("UNREADABLE", field, message));
+            }
+            if chunk.offset.iter().zip(shape).any(|(at, side)| at >= side) {
+                let message = format!("a chunk is at {:?} of {shape:?}", chunk.offset);
+                return Err(self.fault("UNREADABLE", field, message));
+            }
+        }
+        Ok(())
     }
 
     /// Extents and numbers of a dataset, finite or not.

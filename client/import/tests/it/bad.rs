@@ -94,6 +94,39 @@ fn missing_and_truncated_files_of_people_snapshot_are_named() {
     }
 }
 
+#[cfg(feature = "hdf5")]
+#[test]
+fn chunks_beyond_their_file_or_dataset_are_refused() {
+    // The tree of chunks: a header of 24 bytes, then the first chunk's size, its filters, and its offsets.
+    let cases: [(usize, &[u8], &str); 2] = [
+        (24, &[0, 0xfe, 0xff, 0xff], "ends after the file"),
+        (
+            24 + 8 + 8,
+            &[0xff; 8],
+            "a chunk is at [0, 18446744073709551615, 0]",
+        ),
+    ];
+    for (at, forged, reason) in cases {
+        let text = fault(
+            Format::PeopleSnapshot,
+            "people_snapshot/x-1-test",
+            &smpl(),
+            |dir| {
+                let path = dir.join("masks.hdf5");
+                let mut bytes = std::fs::read(&path).expect("reads");
+                let tree = bytes.windows(5).position(|it| it == b"TREE\x01");
+                let start = tree.expect("a tree of chunks") + at;
+                bytes[start..start + forged.len()].copy_from_slice(forged);
+                std::fs::write(path, bytes).expect("writes");
+            },
+        );
+        assert!(
+            text.contains("masks.hdf5") && text.contains(reason),
+            "{text}"
+        );
+    }
+}
+
 #[test]
 fn missing_and_truncated_files_are_named_with_their_frame() {
     let zju = |break_it: &dyn Fn(&Path)| fault(Format::Zju, "CoreView_377", &smpl(), break_it);
