@@ -56,7 +56,7 @@ pub async fn record(State(context): State<Arc<Context>>, request: Request, next:
                 ..entry
             }),
         },
-        Err(error) => return refusal(error, grpc).map(axum::body::Body::new),
+        Err(error) => return refusal(&Status::from(error), grpc).map(axum::body::Body::new),
     };
     let answer = next.run(request).await;
     let outcome = outcome(&answer, grpc);

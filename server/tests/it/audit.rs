@@ -219,10 +219,11 @@ async fn what_was_changed_or_taken_away_is_found() {
 #[tokio::test]
 async fn a_call_that_cant_be_recorded_is_not_carried_out() {
     let service = Service::start().await;
-    service
-        .database
-        .run("ALTER TABLE audit RENAME TO away")
-        .await;
+    // No number comes after this one.
+    let last =
+        "INSERT INTO audit (number, time, tenant, key, call, names, names_sha256, outcome, hash)
+         VALUES (9223372036854775807, 0, '', '', '', '', '', '', '')";
+    service.database.run(last).await;
     let request = CreateSubjectRequest {
         display_name: "Ada".into(),
         ..<_>::default()
@@ -232,10 +233,7 @@ async fn a_call_that_cant_be_recorded_is_not_carried_out() {
     let list = ListSubjectsRequest::default();
     let listed = service.subjects().list_subjects(list).await;
     assert!(listed.expect("reads").into_inner().subjects.is_empty());
-    service
-        .database
-        .run("ALTER TABLE away RENAME TO audit")
-        .await;
+    service.database.run("DELETE FROM audit").await;
     service.person("Ada").await;
     service.entries(2).await;
 }

@@ -49,6 +49,14 @@ impl Service {
     }
 }
 
+/// A model whose training has ended.
+async fn ended(service: &Service) -> Trained {
+    let trained = service.trained().await;
+    let training = service.complete_training(&trained.training, &trained.checkpoint);
+    training.await;
+    trained
+}
+
 fn training(trained: &Trained) -> job_spec::Kind {
     job_spec::Kind::Train(TrainSpec {
         model: trained.model.name.clone(),
@@ -82,7 +90,7 @@ fn assert_reached<T: std::fmt::Debug>(answer: Result<T, Status>, quota: &str) {
 #[tokio::test]
 async fn people_bytes_and_open_jobs_have_a_most() {
     let service = Service::start().await;
-    let trained = service.trained().await;
+    let trained = ended(&service).await;
     let before = service.usage().await;
     assert_eq!((before.people, before.open_jobs), (1, 0));
     assert!(before.bytes > 0, "the capture and the checkpoint");
@@ -144,7 +152,7 @@ async fn work_counts_for_thirty_days_also_without_its_job() {
         config.lease_seconds = 1000.0;
     })
     .await;
-    let trained = service.trained().await;
+    let trained = ended(&service).await;
     let before = service.usage().await;
     let order = service.create_job(render(&trained)).await;
     let order = order.expect("is queued");

@@ -11,13 +11,21 @@ pub async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec<u64>, 
     let mut head = head(tx).await?;
     let mut numbers = Vec::with_capacity(entries.len());
     for new in entries {
+        let forgotten = match new.began {
+            Some(number) => is_forgotten(tx, number).await?,
+            None => false,
+        };
         let mut entry = AuditEntry {
             number: head.number + 1,
             time: tx.now(),
             tenant: new.tenant.clone(),
             key: new.key.clone(),
             call: new.call.clone(),
-            names: new.names.clone(),
+            names: if forgotten {
+                String::new()
+            } else {
+                new.names.clone()
+            },
             names_sha256: sha256_hex(new.names.as_bytes()),
             began: new.began,
             outcome: new.outcome.clone(),
@@ -32,6 +40,16 @@ pub async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec<u64>, 
         };
     }
     Ok(numbers)
+}
+
+/// Whether an erasure has taken the names out of this entry: the end of its call must not bring them back.
+async fn is_forgotten(tx: &mut Tx, number: u64) -> Result<bool, StoreError> {
+    let row = sql("SELECT names, names_sha256 FROM audit WHERE number = $1")
+        .bind(integer("began", number)?)
+        .row(tx, "reading the audit log")
+        .await?;
+    let Some(row) = row else { return Ok(false) };
+    Ok(row.text("names")?.is_empty() && row.text("names_sha256")? != sha256_hex(b""))
 }
 
 async fn insert(tx: &mut Tx, entry: &AuditEntry) -> Result<(), StoreError> {
