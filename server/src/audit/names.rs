@@ -1,5 +1,6 @@
 //! The resources that a call of gRPC names, and the one that it made.
 
+use crate::tenant::Tenant;
 use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::response::Response;
@@ -95,8 +96,14 @@ fn decoded(kind: &str, read: &[u8]) -> Option<DynamicMessage> {
 }
 
 fn collect(message: &DynamicMessage, names: &mut BTreeSet<String>) {
-    for (_, value) in message.fields() {
-        of_value(value, names);
+    for (field, value) in message.fields() {
+        // A tenant has no resource of its own. What can't be the id of one is a text of the caller.
+        match (field.name(), value.as_str().and_then(Tenant::new)) {
+            ("tenant", Some(tenant)) => {
+                names.insert(format!("tenants/{tenant}"));
+            }
+            _ => of_value(value, names),
+        }
     }
 }
 
@@ -115,7 +122,9 @@ fn of_value(value: &Value, names: &mut BTreeSet<String>) {
 mod tests {
     use super::*;
     use prost::Message;
-    use yoto_proto::v1::{CreateJobRequest, CreateKeyResponse, JobSpec, Key, RenderSpec, job_spec};
+    use yoto_proto::v1::{
+        CreateJobRequest, CreateKeyResponse, JobSpec, Key, RenderSpec, SetQuotaRequest, job_spec,
+    };
 
     fn framed(message: &impl Message) -> Vec<u8> {
         let bytes = message.encode_to_vec();
@@ -158,6 +167,18 @@ mod tests {
         let (names, whole) = named(&bytes, MESSAGE).await;
         assert_eq!(names, "models/m1 subjects/s1");
         assert_eq!(whole, bytes);
+    }
+
+    #[tokio::test]
+    async fn the_tenant_of_a_request_is_named() {
+        let ask = |tenant: &str| SetQuotaRequest {
+            tenant: tenant.into(),
+            ..SetQuotaRequest::default()
+        };
+        let (names, _) = named(&framed(&ask("lab")), ".yoto.v1.SetQuotaRequest").await;
+        assert_eq!(names, "tenants/lab");
+        let (names, _) = named(&framed(&ask("Ada Lovelace")), ".yoto.v1.SetQuotaRequest").await;
+        assert_eq!(names, "");
     }
 
     #[tokio::test]

@@ -1,7 +1,7 @@
 //! Who asks for a page, and the calls made for them.
 
 use super::token;
-use crate::api::{JobApi, ModelApi, ObjectApi, StatusApi, SubjectApi};
+use crate::api::{JobApi, ModelApi, ObjectApi, StatusApi, SubjectApi, TenantApi};
 use crate::context::Context;
 use crate::tenant::Tenant;
 use axum::Router;
@@ -26,6 +26,7 @@ pub struct Site {
     jobs: JobApi,
     objects: ObjectApi,
     status: StatusApi,
+    tenants: TenantApi,
     calls: Router,
 }
 
@@ -42,6 +43,7 @@ impl Site {
             },
             objects: ObjectApi { context: shared() },
             status: StatusApi { context: shared() },
+            tenants: TenantApi { context: shared() },
             context,
             drain,
             calls,
@@ -127,6 +129,11 @@ impl Asker {
     /// Files.
     pub fn objects(&self) -> &ObjectApi {
         &self.site.objects
+    }
+
+    /// Usage of tenants.
+    pub fn tenants(&self) -> &TenantApi {
+        &self.site.tenants
     }
 
     /// The service and its workers.

@@ -41,6 +41,7 @@ mod service;
 mod token;
 mod tradeoff;
 mod upload;
+mod usage;
 mod words;
 mod workers;
 

@@ -1,13 +1,17 @@
-//! The service itself: version, health, queue, storage and limits.
+//! The service itself: version, health, queue, storage, usage and limits.
 
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
+use super::usage;
 use super::words::{ago, badge, bytes, kind_word, name, span, told, whole};
 use crate::metrics::METRICS;
 use maud::{Markup, html};
 use yoto_proto::v1::status_service_server::StatusService;
-use yoto_proto::v1::{GetLimitsRequest, GetStatusRequest, ServiceLimits, ServiceStatus};
+use yoto_proto::v1::tenant_service_server::TenantService;
+use yoto_proto::v1::{
+    GetLimitsRequest, GetStatusRequest, GetUsageRequest, ServiceLimits, ServiceStatus,
+};
 
 /// `/service`
 pub async fn page(asker: Asker) -> Result<Page, Fault> {
@@ -19,6 +23,10 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
         .status()
         .get_limits(asker.request(GetLimitsRequest {}));
     let limits = limits.await?.into_inner();
+    let usage = asker
+        .tenants()
+        .get_usage(asker.request(GetUsageRequest::default()));
+    let usage = usage.await?.into_inner();
     let faults = asker.context().health.borrow().faults();
     let now = asker.now();
     let body = html! {
@@ -37,6 +45,7 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
         }
         h2 { "Storage" }
         (storage(&asker, &status, &limits, now))
+        (usage::table(&usage))
         h2 { "Limits" }
         (limits_table(&limits))
     };

@@ -1,0 +1,63 @@
+//! What the asker's tenant uses, beside what it may use.
+
+use super::words::{bytes, span, told, whole};
+use maud::{Markup, html};
+use yoto_proto::v1::Usage;
+
+/// A table of the tenant's usage; a quota that is reached is marked.
+pub fn table(usage: &Usage) -> Markup {
+    let quota = usage.quota.unwrap_or_default();
+    let seconds = |it: u64| span(it as f64);
+    let most_seconds = quota.device_seconds.map(|it| it as u64);
+    // What is used, what may be, and how both are written.
+    type Row = (&'static str, u64, Option<u64>, fn(u64) -> String);
+    let rows: [Row; 5] = [
+        ("People", usage.people, quota.people, whole),
+        ("Stored", usage.bytes, quota.bytes, bytes),
+        ("Open jobs", usage.open_jobs, quota.open_jobs, whole),
+        (
+            "Device time, 30 days",
+            usage.device_seconds as u64,
+            most_seconds,
+            seconds,
+        ),
+        ("Pictures, 30 days", usage.pictures, quota.pictures, whole),
+    ];
+    html! {
+        h2 #usage { "Used by " (told(&usage.tenant)) }
+        div .scroll { table {
+            thead { tr { th scope="col" { "" } th scope="col" { "used" } th scope="col" { "at most" } } }
+            tbody { @for (what, used, most, written) in rows { tr {
+                th scope="row" { (what) }
+                td .bad[most.is_some_and(|most| used >= most)] { (written(used)) }
+                td { @match most { Some(most) => (written(most)), None => "–" } }
+            } } }
+        } }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yoto_proto::v1::Quota;
+
+    #[test]
+    fn a_quota_that_is_reached_is_marked() {
+        let usage = Usage {
+            tenant: "lab".into(),
+            people: 3,
+            open_jobs: 1,
+            quota: Some(Quota {
+                people: Some(3),
+                open_jobs: Some(2),
+                ..Quota::default()
+            }),
+            ..Usage::default()
+        };
+        let page = table(&usage).into_string();
+        let marked = "<td class=\"bad\">3</td><td>3</td>";
+        assert!(page.contains(marked), "{page}");
+        assert!(page.contains("<td>1</td><td>2</td>"), "{page}");
+        assert_eq!(page.matches("class=\"bad\"").count(), 1, "{page}");
+    }
+}
