@@ -3,16 +3,18 @@
 //! before it ([`chain`]): one that was changed, or taken out of the middle, is found.
 //!
 //! ```text
-//! AccessLayer ─► layer: a call that changes something ─► writer: BEGUN ─► the call ─► writer: ENDED
+//! AccessLayer ─► layer: a call that changes something ─► task: BEGUN ─► the call ─► task: ENDED
 //! ```
 
 mod chain;
 mod layer;
 mod names;
 mod on_disk;
+mod task;
 mod writer;
 
 pub use chain::{Broken, Head, hash};
 pub use layer::record;
 pub use on_disk::{AuditError, AuditLog};
-pub use writer::{Audit, run};
+pub use task::run;
+pub use writer::Audit;

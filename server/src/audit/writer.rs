@@ -1,20 +1,17 @@
-//! Writes entries in batches: calls at the same time share a transaction, so that a busy service does not wait for the disk once
-//! for each.
+//! The way of entries from calls to the task that writes them.
 
-use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::NewAuditEntry;
-use std::sync::Arc;
 use tokio::sync::{mpsc, oneshot};
 
 /// Most entries of one transaction, and most that wait.
-const BATCH: usize = 256;
+pub(super) const BATCH: usize = 256;
 
 /// An entry to write, and who waits for it.
-struct Wanted {
-    entry: NewAuditEntry,
+pub(super) struct Wanted {
+    pub(super) entry: NewAuditEntry,
     /// Gets the entry's number. Without it the entry was not written.
-    written: Option<oneshot::Sender<u64>>,
+    pub(super) written: Option<oneshot::Sender<u64>>,
 }
 
 /// The way to the writer.
@@ -41,6 +38,11 @@ impl Default for Audit {
 }
 
 impl Audit {
+    /// The end at which entries arrive, once.
+    pub(super) async fn receiver(&self) -> Option<mpsc::Receiver<Wanted>> {
+        self.receiver.lock().await.take()
+    }
+
     /// Writes that a call begins, and returns the entry's number.
     ///
     /// # Errors
@@ -75,48 +77,6 @@ impl Audit {
         };
         if self.sender.try_send(wanted).is_err() {
             tracing::warn!("the end of a call that was cut off is not in the audit log");
-        }
-    }
-}
-
-/// Writes what comes until the service ends, and then what waits.
-pub async fn run(context: Arc<Context>) {
-    let Some(mut receiver) = context.audit.receiver.lock().await.take() else {
-        return;
-    };
-    let mut batch = Vec::new();
-    loop {
-        let got = tokio::select! {
-            biased;
-            got = receiver.recv_many(&mut batch, BATCH) => got,
-            () = context.stop.cancelled() => break,
-        };
-        if got == 0 {
-            return;
-        }
-        write(&context, &mut batch).await;
-    }
-    receiver.close();
-    while receiver.recv_many(&mut batch, BATCH).await > 0 {
-        write(&context, &mut batch).await;
-    }
-}
-
-/// Writes the batch and empties it. If that fails, those who wait learn of it by the end of their channels.
-async fn write(context: &Context, batch: &mut Vec<Wanted>) {
-    let (entries, waiting): (Vec<_>, Vec<_>) =
-        batch.drain(..).map(|it| (it.entry, it.written)).unzip();
-    match context.store.append_audit(&entries).await {
-        Ok(numbers) => {
-            for (number, written) in numbers.into_iter().zip(waiting) {
-                if let Some(written) = written {
-                    // The caller may have gone.
-                    let _ = written.send(number);
-                }
-            }
-        }
-        Err(error) => {
-            tracing::error!(%error, entries = entries.len(), "the audit log can't be written");
         }
     }
 }
