@@ -58,6 +58,6 @@ mod tests {
         let marked = format!("<td>{}</td><td>3</td>", badge("bad", "3").into_string());
         assert!(page.contains(&marked), "{page}");
         assert!(page.contains("<td>1</td><td>2</td>"), "{page}");
-        assert_eq!(page.matches("bad").count(), 1, "{page}");
+        assert_eq!(page.matches("badge").count(), 1, "{page}");
     }
 }
