@@ -1,14 +1,11 @@
-//! Keys in a service's database, for its operator on its own host. Whoever can open the database can do everything anyway, so
-//! no key is asked for: so the first key is made, and a lost one replaced.
+//! Keys in a service's database, for its operator on its own host: so the first key is made, and a lost one replaced.
 
-use crate::DATABASE_FILE;
 use crate::api::new_key;
-use crate::clock::SystemClock;
 use crate::error::{RequestError, ServerError};
+use crate::on_host;
 use crate::store::{NewAuditEntry, Page, PostgresUrl, Store};
 use crate::tenant::Tenant;
 use std::path::Path;
-use std::sync::Arc;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{CreateKeyRequest, CreateKeyResponse, Key};
 
@@ -27,8 +24,7 @@ impl KeyStore {
     /// # Errors
     /// When no service was in the folder, or one of an earlier version.
     pub async fn in_folder(folder: &Path) -> Result<Self, ServerError> {
-        let path = folder.join(DATABASE_FILE);
-        let store = Store::open_sqlite_as_it_is(&path, Arc::new(SystemClock)).await?;
+        let store = on_host::in_folder(folder).await?;
         Ok(Self { store })
     }
 
@@ -37,7 +33,7 @@ impl KeyStore {
     /// # Errors
     /// When the database can't be reached, or is in use by a coordinator of another version.
     pub async fn in_postgres(url: &PostgresUrl) -> Result<Self, ServerError> {
-        let store = Store::open_postgres(url, Arc::new(SystemClock)).await?;
+        let store = on_host::in_postgres(url).await?;
         Ok(Self { store })
     }
 

@@ -33,6 +33,7 @@ mod lock;
 mod methods;
 mod metrics;
 mod objects;
+mod on_host;
 mod otlp;
 mod private;
 mod rules;

@@ -2,12 +2,16 @@
 //! layers that treat streams differently.
 
 use prost::Message;
+use prost_reflect::DescriptorPool;
 use prost_types::{
     FileDescriptorProto, FileDescriptorSet, MethodDescriptorProto, ServiceDescriptorProto,
 };
 use std::collections::{HashMap, HashSet};
 use std::sync::LazyLock;
 
+/// The contract's messages and calls, to be read and written without their types.
+pub static POOL: LazyLock<DescriptorPool> =
+    LazyLock::new(|| DescriptorPool::decode(yoto_proto::DESCRIPTORS).unwrap_or_default());
 /// All services of the contract by their full names.
 static SERVICES: LazyLock<Vec<(String, ServiceDescriptorProto)>> = LazyLock::new(described);
 /// Paths of all unary methods.

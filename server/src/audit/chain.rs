@@ -9,10 +9,10 @@ use yoto_proto::{hex, sha256_hex};
 /// What the first entry has as the hash before it.
 pub const BEFORE_THE_FIRST: &str = "";
 
-/// The end of a chain: whoever notes it finds later whether entries up to there were changed or taken away.
+/// The end of a chain. Kept elsewhere, it shows later whether entries up to there were changed or removed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Head {
-    /// Number of the last entry; 0: there is none.
+    /// Number of the last entry; 0 for an empty chain.
     pub number: u64,
     /// Its hash.
     pub hash: String,

@@ -1,13 +1,13 @@
 //! The resources that a call of gRPC names, and the one that it made.
 
+use crate::methods::POOL;
 use crate::tenant::Tenant;
 use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::response::Response;
 use http_body_util::BodyExt;
-use prost_reflect::{DescriptorPool, DynamicMessage, Value};
+use prost_reflect::{DynamicMessage, Value};
 use std::collections::BTreeSet;
-use std::sync::LazyLock;
 use yoto_proto::names::is_name;
 
 /// Longest message that is read for its names. That of an order with all poses of a motion is longer, and has no others.
@@ -16,9 +16,6 @@ const READ_BYTES: usize = 64 << 10;
 const MOST: usize = 16;
 /// Before a message: whether it is compressed, and its length.
 const PREFIX: usize = 5;
-
-static POOL: LazyLock<DescriptorPool> =
-    LazyLock::new(|| DescriptorPool::decode(yoto_proto::DESCRIPTORS).unwrap_or_default());
 
 /// The names in the message of a unary call, with spaces between them, and the call as it was. Texts that are not names of
 /// resources are left out: they may name people.

@@ -1,12 +1,10 @@
 //! The audit log in a service's database, for its operator on its own host.
 
 use super::chain::{Broken, Head};
-use crate::DATABASE_FILE;
-use crate::clock::SystemClock;
 use crate::error::ServerError;
+use crate::on_host;
 use crate::store::{AuditEntry, PostgresUrl, Store, StoreError};
 use std::path::Path;
-use std::sync::Arc;
 use thiserror::Error;
 
 /// Entries that are read at a time.
@@ -46,8 +44,7 @@ impl AuditLog {
     /// # Errors
     /// When no service was in the folder, or one of an earlier version.
     pub async fn in_folder(folder: &Path) -> Result<Self, ServerError> {
-        let path = folder.join(DATABASE_FILE);
-        let store = Store::open_sqlite_as_it_is(&path, Arc::new(SystemClock)).await?;
+        let store = on_host::in_folder(folder).await?;
         Ok(Self { store })
     }
 
@@ -56,7 +53,7 @@ impl AuditLog {
     /// # Errors
     /// When the database can't be reached, or is in use by a coordinator of another version.
     pub async fn in_postgres(url: &PostgresUrl) -> Result<Self, ServerError> {
-        let store = Store::open_postgres(url, Arc::new(SystemClock)).await?;
+        let store = on_host::in_postgres(url).await?;
         Ok(Self { store })
     }
 

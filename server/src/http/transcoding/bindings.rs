@@ -1,8 +1,9 @@
 //! Which call each HTTP request is: the option `google.api.http` beside the calls of the contract.
 
 use super::template::Template;
+use crate::methods::POOL;
 use axum::http::Method;
-use prost_reflect::{DescriptorPool, DynamicMessage, MethodDescriptor, Value};
+use prost_reflect::{DynamicMessage, MethodDescriptor, Value};
 use std::sync::LazyLock;
 
 /// Name of the option.
@@ -13,9 +14,6 @@ pub const PREFIX: &str = "/v1/";
 /// The call whose answer is the bytes of a file.
 pub const DOWNLOAD: &str = "/yoto.v1.ObjectService/DownloadObject";
 
-/// The contract.
-pub static POOL: LazyLock<DescriptorPool> =
-    LazyLock::new(|| DescriptorPool::decode(yoto_proto::DESCRIPTORS).unwrap_or_default());
 static BINDINGS: LazyLock<Vec<Binding>> = LazyLock::new(all);
 
 /// An HTTP request for a call.

@@ -95,8 +95,8 @@ fn sequence(message: &DynamicMessage) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bindings::POOL;
     use super::*;
+    use crate::methods::POOL;
     use prost::Message;
     use yoto_proto::v1::{Job, WatchJobResponse};
 

@@ -1,10 +1,10 @@
 //! Bytes of an uploaded file over HTTP: `PUT /v1/uploads/{id}/files/{path}`, with `Content-Range` for a part of it. A client
 //! needs no library for checksums: TLS or loopback keep the bytes, and FinishUpload compares the SHA-256 of each file.
 
-use super::bindings::POOL;
 use super::call::{call, framed};
 use super::{Calls, json, problem};
 use crate::error::RequestError;
+use crate::methods::POOL;
 use axum::body::Body;
 use axum::http::header::{CONTENT_LENGTH, CONTENT_RANGE};
 use axum::http::request::Parts;

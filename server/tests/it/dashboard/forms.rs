@@ -12,10 +12,13 @@ pub const FORM: &str =
 /// The value of the first field of this name in a page; empty without one.
 async fn field(address: SocketAddr, path: &str, name: &str) -> String {
     let (_, _, page) = ask(address, "GET", path).await;
+    field_in(&page, name).to_owned()
+}
+
+/// The value of a form's field in a page; empty without the field.
+pub fn field_in<'a>(page: &'a str, name: &str) -> &'a str {
     let rest = page.split(&format!("name=\"{name}\" value=\"")).nth(1);
-    rest.and_then(|it| it.split('"').next())
-        .unwrap_or_default()
-        .to_owned()
+    rest.and_then(|it| it.split('"').next()).unwrap_or_default()
 }
 
 /// The token of the forms of a page; empty without a form.

@@ -1,6 +1,6 @@
 //! The requests of the script that sends a person's files: whom they answer, and what they can't do.
 
-use super::forms::token;
+use super::forms::{field_in, token};
 use crate::support::{Service, ask, ask_with, file, id, listen, listen_as, listen_for};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -113,11 +113,8 @@ async fn somebody_who_is_signed_in_adds_a_person() {
     let (address, serving) = listen_as(&service, Admission::Nobody).await;
     let signed = signed_in(&key.text);
     let (_, _, page) = ask_with(address, "GET", "/people", &signed, "").await;
-    let token = page
-        .split("name=\"token\" value=\"")
-        .nth(1)
-        .expect("a token");
-    let headers = script(&token[..64]) + &signed;
+    let token = field_in(&page, "token");
+    let headers = script(token) + &signed;
     let send = async |verb: &str, path: &str, more: &str, body: &str| {
         let path = format!("/people/upload/{path}");
         let (status, _, text) =
@@ -226,11 +223,8 @@ async fn a_key_without_write_or_of_another_tenant_can_send_nothing() {
     let (address, serving) = listen_as(&service, Admission::Nobody).await;
     let signed = signed_in(&reader.text);
     let (_, _, page) = ask_with(address, "GET", "/people", &signed, "").await;
-    let token = page
-        .split("name=\"token\" value=\"")
-        .nth(1)
-        .expect("a token");
-    let headers = script(&token[..64]);
+    let token = field_in(&page, "token");
+    let headers = script(token);
     for (verb, path, body) in requests(&upload.name, &subject) {
         let (status, _, text) =
             ask_with(address, verb, &path, &(headers.clone() + &signed), &body).await;
@@ -306,11 +300,8 @@ async fn a_file_ends_with_the_key_of_its_sender() {
     let two = key().await;
     let signed = signed_in(&two.text);
     let (_, _, page) = ask_with(address, "GET", "/people", &signed, "").await;
-    let token = page
-        .split("name=\"token\" value=\"")
-        .nth(1)
-        .expect("a token");
-    let headers = script(&token[..64]) + &signed;
+    let token = field_in(&page, "token");
+    let headers = script(token) + &signed;
     let path = format!("/people/upload/files/{}/b.png", id(&upload.name));
     assert_eq!(
         cut_short(address, &service, &path, &headers, &two.name).await,

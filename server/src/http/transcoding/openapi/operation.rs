@@ -1,8 +1,9 @@
 //! Calls as operations of OpenAPI.
 
-use super::super::bindings::{Binding, BodyOf, DOWNLOAD, POOL};
+use super::super::bindings::{Binding, BodyOf, DOWNLOAD};
 use super::super::template::Piece;
 use super::schema::{Schemas, of_method};
+use crate::methods::POOL;
 use prost_reflect::{FieldDescriptor, Kind};
 use serde_json::{Value, json};
 

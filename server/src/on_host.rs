@@ -1,0 +1,26 @@
+//! A service's database, opened on its own host beside the service: for what its operator does without a key, since whoever can open the
+//! database can do everything anyway.
+
+use crate::DATABASE_FILE;
+use crate::clock::SystemClock;
+use crate::error::ServerError;
+use crate::store::{PostgresUrl, Store};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The SQLite database in a data folder.
+///
+/// # Errors
+/// When no service was in the folder, or one of an earlier version.
+pub async fn in_folder(folder: &Path) -> Result<Store, ServerError> {
+    let path = folder.join(DATABASE_FILE);
+    Ok(Store::open_sqlite_as_it_is(&path, Arc::new(SystemClock)).await?)
+}
+
+/// A database of PostgreSQL.
+///
+/// # Errors
+/// When the database can't be reached, or is in use by a coordinator of another version.
+pub async fn in_postgres(url: &PostgresUrl) -> Result<Store, ServerError> {
+    Ok(Store::open_postgres(url, Arc::new(SystemClock)).await?)
+}
