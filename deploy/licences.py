@@ -111,6 +111,13 @@ def standard_library():
             yield name, (folder / name).read_text(encoding="utf-8").strip("\n")
 
 
+def weights():
+    """Licence texts of weights that the program's own sources hold, each beside its file."""
+    root = pathlib.Path(__file__).resolve().parent.parent
+    for path in sorted(root.glob("worker/*/src/**/LICENSE-*")):
+        yield path.relative_to(root), path.read_text(encoding="utf-8").strip("\n")
+
+
 def collect(listed):
     """Texts with the packages that have each, and the packages without a text."""
     grouped, bare, faults = {}, [], []
@@ -129,6 +136,8 @@ def collect(listed):
         sys.exit("licences.py: neither a licence text nor an SPDX field: " + ", ".join(faults))
     for name, text in standard_library():
         grouped.setdefault(text, []).append(f"Rust's standard library ({name})")
+    for path, text in weights():
+        grouped.setdefault(text, []).append(f"weights in yoto ({path})")
     return grouped, bare
 
 

@@ -1,7 +1,7 @@
 //! Options of trainings, and the one conversion to what the service trains by.
 
 use clap::{Args, ValueEnum};
-use yoto_proto::v1::{ExposureLearning, PoseRefinement, TrainSpec};
+use yoto_proto::v1::{AppearancePrior, ExposureLearning, PoseRefinement, TrainSpec};
 
 /// What a training may learn beside the people themselves.
 #[derive(Debug, Clone, Args)]
@@ -25,6 +25,9 @@ pub(crate) struct TrainArgs {
     /// Keep the trained colours of parts that no frame shows, instead of guessing them from visible parts.
     #[arg(long)]
     pub leave_unseen: bool,
+    /// What people look like where no frame shows them.
+    #[arg(long, value_enum, value_name = "WHO", default_value = "people")]
+    pub init: Init,
 }
 
 impl TrainArgs {
@@ -36,6 +39,7 @@ impl TrainArgs {
             exposure: self.exposure.map_or(0, |when| when.message().into()),
             harmonics: self.harmonics,
             leave_unseen: self.leave_unseen,
+            prior: self.init.message().into(),
             ..TrainSpec::default()
         }
     }
@@ -59,6 +63,25 @@ impl RefinePoses {
             Self::Always => PoseRefinement::Always,
             Self::Never => PoseRefinement::Never,
             Self::Auto => PoseRefinement::Auto,
+        }
+    }
+}
+
+/// `--init`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Init {
+    /// As many real-looking people do, of whom the program knows.
+    People,
+    /// Like their visible parts alone.
+    None,
+}
+
+impl Init {
+    /// The choice as the service's message has it; the service's own is no choice.
+    pub fn message(self) -> AppearancePrior {
+        match self {
+            Self::People => AppearancePrior::Unspecified,
+            Self::None => AppearancePrior::None,
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::{Fault, Faults};
 use crate::pose_track::MAX_SIDE;
 use crate::tiers::SPLATS;
-use crate::v1::{ExposureLearning, PoseRefinement, TrainSpec};
+use crate::v1::{AppearancePrior, ExposureLearning, PoseRefinement, TrainSpec};
 use std::ops::RangeInclusive;
 
 /// Longest training budget, seconds: 90 days. Anything longer is a unit error.
@@ -53,6 +53,12 @@ pub fn faults(train: &TrainSpec) -> Vec<Fault> {
             train.exposure,
             ExposureLearning::try_from(train.exposure).is_ok(),
             "ExposureLearning",
+        ),
+        (
+            "prior",
+            train.prior,
+            AppearancePrior::try_from(train.prior).is_ok(),
+            "AppearancePrior",
         ),
     ] {
         found.unless(known, field, || {
@@ -104,7 +110,7 @@ mod tests {
     #[test]
     fn each_bad_number_is_named() {
         type Change = fn(&mut TrainSpec);
-        let cases: [(Change, &str); 11] = [
+        let cases: [(Change, &str); 12] = [
             (|it| it.seconds = f64::NAN, "seconds"),
             (|it| it.seconds = f64::INFINITY, "seconds"),
             (|it| it.seconds = -1.0, "seconds"),
@@ -119,6 +125,7 @@ mod tests {
             (|it| it.refine_poses = 9, "refine_poses"),
             (|it| it.exposure = 9, "exposure"),
             (|it| it.harmonics = Some(3), "harmonics"),
+            (|it| it.prior = 9, "prior"),
         ];
         for (change, field) in cases {
             assert_eq!(fields(change), [field]);

@@ -9,6 +9,7 @@
 
 pub mod avatar;
 pub mod config;
+pub mod decoder;
 pub mod distill;
 pub mod evaluate;
 pub mod field;

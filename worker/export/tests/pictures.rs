@@ -3,6 +3,7 @@
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, SkinnedSplats};
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
@@ -47,6 +48,7 @@ fn trainer() -> (Trainer, Person) {
         exposure: None,
         harmonics: None,
         leave_unseen: false,
+        prior: Prior::People,
         learn: Learn::Everything,
         budget: Budget::Steps(STEPS),
         used_seconds: 0.0,

@@ -15,8 +15,10 @@ use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
+use anyhow::Context;
 use std::path::PathBuf;
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums, SplitScores, SubjectScore};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, TrainOptions, Trainer};
@@ -60,6 +62,10 @@ pub struct QualityOptions {
     pub seed: u64,
     /// Folder for truth and render of each held-out picture side by side.
     pub pictures: Option<PathBuf>,
+    /// What is known of people before.
+    pub prior: Prior,
+    /// Folder for the trained model.
+    pub save: Option<PathBuf>,
     /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
     pub lpips: Option<LpipsWeights>,
 }
@@ -89,6 +95,7 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     let train_options = TrainOptions {
         refine_poses: options.refine_poses,
         exposure: options.exposure,
+        prior: options.prior.clone(),
         ..training::options(
             options.budget,
             options.size,
@@ -104,6 +111,13 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         options.curve_pictures,
         screen,
     )?;
+    if let Some(folder) = &options.save {
+        let save = || -> anyhow::Result<()> {
+            std::fs::create_dir_all(folder)?;
+            Ok(trainer.save(folder)?)
+        };
+        save().with_context(|| format!("writing the model to {}", folder.display()))?;
+    }
     follow(&mut recordings, &trainer);
     finish(
         options,

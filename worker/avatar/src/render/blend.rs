@@ -11,8 +11,8 @@ impl Renderer {
     /// new slots, all of which belong into the picture. `share` 0 gives `from`, 1 gives `to`.
     ///
     /// In models with a field, there is one: identity code, motion weights, tables and rest joints are
-    /// interpolated linearly. The splats of two people do not correspond, so both people are added, on the
-    /// interpolated bones, each with an opacity equal to their share.
+    /// interpolated linearly. Of splats, both people are added, on the interpolated bones, each with an opacity equal to
+    /// their share, once their outlines and colours are those in between (`render/between.rs`).
     ///
     /// # Errors
     /// If a slot is empty, or `share` is not between 0 and 1.
@@ -35,14 +35,17 @@ impl Renderer {
             return Ok((renderer, vec![slot]));
         }
         let (mut renderer, mut slots) = (self, Vec::new());
-        for (slot, part) in [(from, 1.0 - share), (to, share)] {
-            if part > 0.0 {
-                let (grown, new) = renderer.with_bones(slot, &bones)?;
-                renderer = grown;
-                if part < 1.0 {
-                    renderer.avatar.fade(new, part);
-                }
-                slots.push(new);
+        let parts = [(from, 1.0 - share), (to, share)];
+        for (slot, _) in parts.iter().filter(|(_, part)| *part > 0.0) {
+            let (grown, new) = renderer.with_bones(*slot, &bones)?;
+            renderer = grown;
+            slots.push(new);
+        }
+        // All of one of them is that person, bit for bit.
+        if let [first, second] = slots[..] {
+            renderer.meet([first, second], share)?;
+            for (slot, (_, part)) in slots.iter().zip(parts) {
+                renderer.avatar.fade(*slot, part);
             }
         }
         Ok((renderer, slots))

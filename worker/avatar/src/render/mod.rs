@@ -1,6 +1,7 @@
 //! From a camera to pixels: rays through the body's box, samples along them, fields at the
 //! samples that can contribute, and compositing (paper eq. 9).
 
+mod between;
 mod blend;
 mod carried;
 pub mod composite;

@@ -70,7 +70,10 @@ impl Trainer {
         grow(&mut self.model, subject, now)?;
         match self.run.options().leave_unseen {
             true => release(&mut self.model, self.data.subjects())?,
-            false => settle(&mut self.model, self.data.subjects(), now)?,
+            false => {
+                let prior = self.run.options().prior.decoder();
+                settle(&mut self.model, self.data.subjects(), prior, now)?;
+            }
         }
         let pose = pose(&self.model.state, subject, frame);
         let weight = self.model.state.weight(slot, frame);
@@ -115,7 +118,8 @@ impl Trainer {
             return Ok(Vec::new());
         }
         let opened = self.run.opened();
-        guess_unseen(&mut self.model, self.data.subjects(), opened)
+        let prior = self.run.options().prior.decoder();
+        guess_unseen(&mut self.model, self.data.subjects(), prior, opened)
     }
 
     /// The loss of a whole frame, of which the model has the `picture` `[H W, 4]`.

@@ -6,7 +6,7 @@ use yoto_avatar::render::{Actor, Light, Rendered, Renderer, SceneView};
 use yoto_avatar::train::Person;
 use yoto_capture::camera::{Camera, Pose};
 
-/// Splats of two people do not correspond: a mixture of them is both, on the same bones.
+/// Splats of two people do not correspond: a mixture of them is both, on the same bones, with the colours in between.
 #[test]
 fn a_mixture_of_two_people_of_splats_is_both() {
     let trainer = trainer(&[0, 1], 6);
@@ -40,6 +40,26 @@ fn a_mixture_of_two_people_of_splats_is_both() {
         "each is half as opaque"
     );
     assert!(both.rgb != own.rgb);
+    // The mean colour of a person, over black.
+    let colour = |picture: &Rendered| -> [f32; 3] {
+        let pixels = picture.rgb.as_chunks::<3>().0;
+        std::array::from_fn(|c| pixels.iter().map(|it| it[c]).sum::<f32>() / sum(&picture.alpha))
+    };
+    let off = |a: [f32; 3], b: [f32; 3]| {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum::<f32>()
+            .sqrt()
+    };
+    let (all, slots) = renderer().with_blend(0, 1, 1.0).expect("blends");
+    let (first, second) = (colour(&own), colour(&picture(&all, &slots)));
+    let (apart, here) = (off(first, second), off(colour(&alone), second));
+    assert!(apart > 0.02, "two people in other clothes: {apart}");
+    assert!(
+        here < 0.8 * apart,
+        "{here} of {apart}: the first alone looks as both do"
+    );
     assert!(renderer().with_blend(0, 1, 1.5).is_err());
     assert!(renderer().with_blend(0, 2, 0.5).is_err());
 }

@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use yoto_avatar::config::{ModelConfig, Precision, Setting};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
@@ -223,6 +224,7 @@ fn training(options: &BenchOptions) -> TrainOptions {
         exposure: None,
         harmonics: None,
         leave_unseen: false,
+        prior: Prior::People,
         learn: Learn::Everything,
         budget: Budget::Steps(options.settle + options.steps),
         used_seconds: 0.0,

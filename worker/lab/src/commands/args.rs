@@ -1,6 +1,8 @@
 //! Values of options that several commands have.
 
+use std::sync::Arc;
 use yoto_avatar::config::{LearnExposure, Refine};
+use yoto_avatar::decoder::{Decoder, Prior};
 use yoto_proto::protocols::PROTOCOLS;
 use yoto_proto::tiers::{self, TIERS, VARIANTS};
 
@@ -40,6 +42,19 @@ pub(super) fn compared_size(text: &str) -> Result<u32, String> {
         Ok(size @ (0 | 16..=4096)) => Ok(size),
         _ => Err("0, or 16 to 4096 pixels".to_owned()),
     }
+}
+
+/// Parses what is known of people before a training: a word, or a decoder's file.
+pub(super) fn prior(text: &str) -> Result<Prior, String> {
+    match text {
+        "none" => return Ok(Prior::None),
+        "people" => return Ok(Prior::People),
+        _ => {}
+    }
+    let bytes = std::fs::read(text)
+        .map_err(|error| format!("neither people nor none, nor a decoder's file: {error}"))?;
+    let decoder = Decoder::from_bytes(&bytes).map_err(|error| error.to_string())?;
+    Ok(Prior::Own(Arc::new(decoder)))
 }
 
 /// Parses whose poses are refined.

@@ -6,6 +6,7 @@
 mod ablation;
 mod args;
 mod bench;
+mod decoder;
 mod distill;
 mod evaluate;
 mod frames;
@@ -58,6 +59,7 @@ enum Command {
     Quality(Box<quality::Quality>),
     Real(Box<real::Real>),
     Ablation(ablation::AblationCommand),
+    Decoder(decoder::DecoderCommand),
     Tradeoff(tradeoff::TradeoffCommand),
     Evaluate(evaluate::Evaluate),
     Distill(distill::Distill),
@@ -95,6 +97,7 @@ impl Command {
             Self::Quality(command) => command.run(),
             Self::Real(command) => command.run(),
             Self::Ablation(command) => command.run(),
+            Self::Decoder(command) => command.run(),
             Self::Tradeoff(command) => command.run(),
             Self::Evaluate(command) => command.run(),
             Self::Distill(command) => command.run(),

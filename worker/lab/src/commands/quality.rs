@@ -10,6 +10,7 @@ use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
 use yoto_import::FfmpegArg;
@@ -97,6 +98,13 @@ pub(super) struct Quality {
     /// difference, white from a quarter of the data range.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
+    /// What people look like where no frame shows them: people, the decoder that the program has; none; or the file of a
+    /// decoder (`yoto-lab decoder`).
+    #[arg(long, default_value = "people", value_name = "DECODER", value_parser = args::prior)]
+    init: Prior,
+    /// Also write the trained model, for `yoto-lab evaluate` and `yoto export`.
+    #[arg(long, value_name = "DIR")]
+    save: Option<PathBuf>,
     #[command(flatten)]
     ffmpeg: FfmpegArg,
     #[command(flatten)]
@@ -128,6 +136,8 @@ impl Quality {
             fit_poses: self.fit_poses,
             seed: self.seed,
             pictures: self.pictures,
+            save: self.save,
+            prior: self.init,
             lpips: self.lpips.weights()?,
         };
         let report = run(&options, &Terminal)?;

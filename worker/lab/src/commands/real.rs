@@ -9,6 +9,7 @@ use crate::real::{RealOptions, run, table};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::train::Budget;
 use yoto_import::{FfmpegArg, Options};
 use yoto_terminal::output;
@@ -89,6 +90,8 @@ impl Real {
                 captures: Vec::new(),
                 held_out: HeldOut::Every(10),
                 pictures: None,
+                save: None,
+                prior: Prior::People,
                 size: self.size,
                 budget: match self.steps {
                     Some(steps) => Budget::Steps(steps),

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use yoto_avatar::config::{LearnExposure, Refine};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Validation};
 use yoto_proto::{
@@ -105,6 +106,7 @@ impl Plan {
             exposure: LearnExposure::ordered(self.spec.exposure()),
             harmonics: self.spec.harmonics.map(|degree| degree as usize),
             leave_unseen: self.spec.leave_unseen,
+            prior: Prior::ordered(self.spec.prior()),
             lpips,
             used_seconds: own.map_or(0.0, |manifest| manifest.job_seconds),
             used_steps: own.map_or(0, |manifest| manifest.job_steps),

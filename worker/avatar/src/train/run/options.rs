@@ -1,6 +1,7 @@
 //! Budget and data of a training.
 
 use crate::config::{LearnExposure, Refine};
+use crate::decoder::Prior;
 use crate::loss::lpips::LpipsWeights;
 use crate::train::Learn;
 use std::collections::BTreeSet;
@@ -65,6 +66,8 @@ pub struct TrainOptions {
     pub harmonics: Option<usize>,
     /// Whether what no frame shows keeps the colours that training left there, whatever the configuration says.
     pub leave_unseen: bool,
+    /// What people look like where no frame shows them.
+    pub prior: Prior,
     /// Weights of the networks of LPIPS; without them the objective has none.
     pub lpips: Option<LpipsWeights>,
 }
@@ -85,6 +88,7 @@ impl Default for TrainOptions {
             exposure: None,
             harmonics: None,
             leave_unseen: false,
+            prior: Prior::People,
             lpips: None,
         }
     }

@@ -6,6 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use std::sync::Arc;
 use yoto_avatar::avatar::{Avatar, AvatarAppearance};
 use yoto_avatar::config::ModelConfig;
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
 use yoto_capture::camera::Pose;
@@ -193,6 +194,7 @@ fn masks_and_rates() {
             exposure: None,
             harmonics: None,
             leave_unseen: false,
+            prior: Prior::People,
             learn: Learn::Everything,
             budget: Budget::Steps(60),
             used_seconds: 0.0,

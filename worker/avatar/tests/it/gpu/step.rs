@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{ModelConfig, Refine};
+use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::PatchObjective;
 use yoto_avatar::motion::body::Body;
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
@@ -184,6 +185,7 @@ fn trained(config: ModelConfig, steps: u64, device: &Device) -> Trainer {
         exposure: None,
         harmonics: None,
         leave_unseen: false,
+        prior: Prior::People,
         learn: Learn::Everything,
         lpips: None,
     };

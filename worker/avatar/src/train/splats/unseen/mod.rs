@@ -6,6 +6,8 @@ mod settle;
 mod sighted;
 
 use crate::avatar::{Avatar, AvatarAppearance, AvatarSplats};
+use crate::decoder::Decoder;
+use crate::decoder::parts::Parts;
 use crate::host::read;
 use crate::motion::posed;
 use crate::train::TrainError;
@@ -14,7 +16,7 @@ use crate::train::people::{TrainFrame, TrainSubject};
 use burn::module::Module;
 use guess::{Guessed, Surface};
 pub(crate) use settle::{release, settle};
-use sighted::sighted;
+use sighted::{Sight, sighted};
 use std::cmp::Ordering;
 use tracing::trace_span;
 use yoto_capture::camera::Pose;
@@ -25,12 +27,15 @@ use yoto_proto::correction::other_sides;
 
 /// Smallest share of the surface that is worth a note, percent.
 const NOTED: f64 = 2.0;
+/// Opacity from which a splat tells what the surface looks like.
+const SOLID: f32 = 0.3;
 
 /// Guesses the colours of each person's splats that no training frame shows, in a model after the completed
 /// fraction `opened` of its run, and holds them. Returns notes for people.
 pub(crate) fn guess_unseen(
     model: &mut Model,
     subjects: &[TrainSubject],
+    prior: Option<&Decoder>,
     opened: f64,
 ) -> Result<Vec<String>, TrainError> {
     let _span = trace_span!("unseen").entered();
@@ -44,7 +49,7 @@ pub(crate) fn guess_unseen(
         let own = Avatar::own_slot(&model.config, subject.slot);
         // What was held did not learn: it is a guess still, even where a frame shows it by now.
         let held = avatar.held_splats(own)?;
-        let guessed = guess(model, subject, splats, opened, held)?;
+        let guessed = guess(model, subject, splats, prior, opened, held)?;
         let avatar = model.state.avatar_mut();
         avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
         avatar.hold_splats(own, Some(&guessed.anew))?;
@@ -53,12 +58,13 @@ pub(crate) fn guess_unseen(
     Ok(notes)
 }
 
-/// The colours of a person's splats, with guesses where no frame shows them, or of the splats that are `held`. Splats hardly
-/// move after the first guess, and to look at frames again would take as long as ten steps.
+/// The colours of a person's splats, with guesses where no frame shows them, or of the splats that are `held`, and with what
+/// is likely where frames hardly show them.
 fn guess(
     model: &Model,
     subject: &TrainSubject,
     avatar: AvatarSplats<'_>,
+    prior: Option<&Decoder>,
     opened: f64,
     held: Option<Vec<bool>>,
 ) -> Result<Guessed, TrainError> {
@@ -66,9 +72,12 @@ fn guess(
         Some(poses) => poses.refined(frame.position, &frame.pose),
         None => frame.pose.clone(),
     };
+    let Sight { seen, evidence } = sighted(subject, avatar, opened, pose)?;
+    // What frames hardly show learns again after the first guess, and what it has at the end is right for those frames.
+    let first = held.is_none();
     let seen = match held {
         Some(held) => held.into_iter().map(|held| !held).collect(),
-        None => sighted(subject, avatar, opened, pose)?,
+        None => seen,
     };
     let skeleton = &subject.body.skeleton;
     let rest = Pose::rest(skeleton.joints());
@@ -85,20 +94,36 @@ fn guess(
         let most = shares.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b));
         most.map_or(0, |(bone, _)| bone)
     };
-    let shown = |row: &[f32; ROW]| 1.0 / (1.0 + (-row[10]).exp()) > MIN_ALPHA;
+    let opacity = |row: &[f32; ROW]| 1.0 / (1.0 + (-row[10]).exp());
+    // That of a splat that lies flat.
+    let area = |row: &[f32; ROW]| {
+        let mut widths = [row[7], row[8], row[9]].map(f32::exp);
+        widths.sort_unstable_by(f32::total_cmp);
+        widths[1] * widths[2]
+    };
+    let points: Vec<[f32; 3]> = rows.iter().map(|row| [row[0], row[1], row[2]]).collect();
+    let bones: Vec<usize> = rows.iter().map(strongest).collect();
     let other = other_sides(&subject.track.skeleton).ok();
-    let surface = Surface {
-        points: rows.iter().map(|row| [row[0], row[1], row[2]]).collect(),
+    let mut surface = Surface {
         colours: rows.iter().map(|row| [row[11], row[12], row[13]]).collect(),
-        bones: rows.iter().map(strongest).collect(),
-        shown: rows.iter().map(shown).collect(),
+        shown: rows.iter().map(|row| opacity(row) > MIN_ALPHA).collect(),
+        opaque: rows.iter().map(|row| opacity(row) * area(row)).collect(),
+        solid: rows.iter().map(|row| opacity(row) > SOLID).collect(),
         seen,
+        drawn: first,
+        evidence,
         axes: axes(skeleton),
         mirror: other.map(|other| guess::Mirror {
             middle: middle(skeleton, &other),
             other,
         }),
+        parts: bones.clone(),
+        points,
+        expected: None,
     };
+    if let (Some(decoder), Some(parts)) = (prior, Parts::of(skeleton)) {
+        surface.by_parts(decoder, &parts, &bones);
+    }
     Ok(surface.guessed())
 }
 
@@ -108,9 +133,10 @@ impl Guessed {
         let all = 100.0 * all;
         let mirrored = 100.0 * self.mirrored as f64 / self.shown.max(1) as f64;
         (all.total_cmp(&NOTED) != Ordering::Less).then(|| {
+            let others = if self.decoded { ", and from what people have there" } else { "" };
             let from = match mirrored.total_cmp(&NOTED) {
-                Ordering::Less => String::from("what is seen around it"),
-                _ => format!("the other side ({mirrored:.0} %) and what is seen around it"),
+                Ordering::Less => format!("what is seen around it{others}"),
+                _ => format!("the other side ({mirrored:.0} %) and what is seen around it{others}"),
             };
             format!("{name}: {all:.0} % of the surface is in no frame: its colours are guessed, from {from}")
         })

@@ -5,6 +5,7 @@
 
 use super::guess_unseen;
 use crate::avatar::Avatar;
+use crate::decoder::Decoder;
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
@@ -18,6 +19,7 @@ const FROM: f64 = 0.6;
 pub(crate) fn settle(
     model: &mut Model,
     subjects: &[TrainSubject],
+    prior: Option<&Decoder>,
     now: Moment,
 ) -> Result<(), TrainError> {
     let own = |subject: &TrainSubject| Avatar::own_slot(&model.config, subject.slot);
@@ -27,7 +29,7 @@ pub(crate) fn settle(
         return release(model, subjects);
     }
     if !slots.iter().all(held) {
-        guess_unseen(model, subjects, now.opened)?;
+        guess_unseen(model, subjects, prior, now.opened)?;
     }
     Ok(())
 }

@@ -1,0 +1,36 @@
+//! What is known of people before a training.
+
+use super::Decoder;
+use std::sync::Arc;
+use yoto_proto::v1::AppearancePrior;
+
+/// What a training knows of people before it sees any.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Prior {
+    /// Nothing.
+    None,
+    /// The decoder that the program has.
+    #[default]
+    People,
+    /// A decoder of one's own.
+    Own(Arc<Decoder>),
+}
+
+impl Prior {
+    /// What an order asks for.
+    pub fn ordered(order: AppearancePrior) -> Self {
+        match order {
+            AppearancePrior::None => Self::None,
+            AppearancePrior::Unspecified | AppearancePrior::People => Self::People,
+        }
+    }
+
+    /// Its decoder.
+    pub(crate) fn decoder(&self) -> Option<&Decoder> {
+        match self {
+            Self::None => None,
+            Self::People => Some(Decoder::people()),
+            Self::Own(decoder) => Some(decoder),
+        }
+    }
+}
