@@ -70,9 +70,9 @@ impl RefinePoses {
 /// `--init`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Init {
-    /// As many real-looking people do, of whom the program knows.
+    /// Like the people that the program's decoder was learned from.
     People,
-    /// Like their visible parts alone.
+    /// Like their own visible parts alone.
     None,
 }
 

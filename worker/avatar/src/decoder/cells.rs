@@ -2,52 +2,41 @@
 
 use super::parts::{PARTS, Parts, Place};
 
-/// Rings and steps of each part's grid.
-const SIZE: [[usize; 2]; PARTS] = {
-    let (limb, end) = ([8, 12], [6, 10]);
-    [
-        [20, 24],
-        [14, 20],
-        limb,
-        limb,
-        limb,
-        limb,
-        end,
-        end,
-        limb,
-        limb,
-        limb,
-        limb,
-        end,
-        end,
-    ]
-};
-/// Where the grid of each part begins and ends along it.
-const RANGE: [[f32; 2]; PARTS] = {
-    let (limb, end) = ([-0.1, 1.1], [-0.5, 2.0]);
-    [
-        [-0.25, 1.1],
-        [-0.1, 1.3],
-        limb,
-        limb,
-        limb,
-        limb,
-        end,
-        end,
-        limb,
-        limb,
-        limb,
-        limb,
-        end,
-        end,
-    ]
+/// The grid of one part.
+#[derive(Clone, Copy)]
+struct Grid {
+    rings: usize,
+    /// Steps around each ring.
+    steps: usize,
+    /// Where the rings begin and end along the part.
+    range: [f32; 2],
+}
+
+const fn grid(rings: usize, steps: usize, range: [f32; 2]) -> Grid {
+    Grid {
+        rings,
+        steps,
+        range,
+    }
+}
+
+/// The grid of each part.
+const GRIDS: [Grid; PARTS] = {
+    let limb = grid(8, 12, [-0.1, 1.1]);
+    let end = grid(6, 10, [-0.5, 2.0]);
+    let mut grids = [limb; PARTS];
+    grids[0] = grid(20, 24, [-0.25, 1.1]);
+    grids[1] = grid(14, 20, [-0.1, 1.3]);
+    // Hands and feet.
+    [grids[6], grids[7], grids[12], grids[13]] = [end; 4];
+    grids
 };
 /// Index of the first cell of each part, and the number of cells last.
 const FIRST: [usize; PARTS + 1] = {
     let mut first = [0; PARTS + 1];
     let mut part = 0;
     while part < PARTS {
-        first[part + 1] = first[part] + SIZE[part][0] * SIZE[part][1];
+        first[part + 1] = first[part] + GRIDS[part].rings * GRIDS[part].steps;
         part += 1;
     }
     first
@@ -57,7 +46,11 @@ pub(crate) const CELLS: usize = FIRST[PARTS];
 
 /// The four cells around a place, with their bilinear weights, which sum to 1.
 pub(crate) fn around(place: Place) -> [(usize, f32); 4] {
-    let ([rings, steps], [low, high]) = (SIZE[place.part], RANGE[place.part]);
+    let Grid {
+        rings,
+        steps,
+        range: [low, high],
+    } = GRIDS[place.part];
     let ring = (place.along - low) / (high - low) * rings as f32 - 0.5;
     // A NaN is at the start.
     let ring = ring.clamp(0.0, (rings - 1) as f32).max(0.0);
@@ -79,7 +72,8 @@ pub(crate) fn around(place: Place) -> [(usize, f32); 4] {
 /// The cell on the other side of the body, of each cell.
 pub(crate) fn mirrored() -> Vec<usize> {
     let mut mirrored = Vec::with_capacity(CELLS);
-    for (part, [rings, steps]) in SIZE.into_iter().enumerate() {
+    for (part, grid) in GRIDS.into_iter().enumerate() {
+        let Grid { rings, steps, .. } = grid;
         let other = Parts::other(part);
         for ring in 0..rings {
             for step in 0..steps {
@@ -104,7 +98,7 @@ pub(crate) struct Means {
 }
 
 impl Means {
-    /// The mean at a place, of the cells around it that have any; `None` if there is none.
+    /// The mean at a place, of the cells around it that have a weight; `None` if none has.
     pub fn at(&self, place: Place) -> Option<[f32; 3]> {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for (cell, share) in around(place) {

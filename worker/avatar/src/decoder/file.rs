@@ -49,7 +49,7 @@ impl Decoder {
     /// Reads a decoder's file.
     ///
     /// # Errors
-    /// If it is none.
+    /// If the bytes are not a decoder's file.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
         let format = |error: safetensors::SafeTensorError| FileError::Format(error.to_string());
         let file = SafeTensors::deserialize(bytes).map_err(format)?;

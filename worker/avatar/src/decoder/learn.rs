@@ -1,4 +1,4 @@
-//! A decoder from people of whom every side was filmed. People count twice, once with left and right changed about. What a
+//! Learns a decoder from people who were filmed from every side. People count twice, once with left and right changed about. What a
 //! person lacks is filled in by the decoder itself, again and again, as in iterated principal component analysis.
 
 use super::cells::{CELLS, Means, mirrored};

@@ -8,7 +8,7 @@
 //! - [`parts`]: places on the body that correspond between people.
 //! - [`cells`]: the grid of places at which the decoder has values.
 //! - [`linear`]: the decoder itself.
-//! - [`learn`]: from people of whom every side was filmed to a decoder.
+//! - [`learn`]: learns a decoder from people who were filmed from every side.
 //! - [`file`]: its file, and the one that the program has.
 //! - `prior`: which decoder a training takes.
 

@@ -1,4 +1,4 @@
-//! People made up of two numbers each, of whom a decoder is learned.
+//! A decoder is learned from made-up people, who differ by two numbers.
 
 use super::cells::Means;
 use super::file::FileError;

@@ -44,6 +44,15 @@ pub(crate) struct FirstSplats {
     pub colours: Vec<f32>,
 }
 
+/// Opacity from which a splat tells what the surface looks like.
+pub(crate) const SOLID: f32 = 0.3;
+
+/// Opacity times area, m², of a splat that lies flat, by its deviations, metres.
+pub fn opaque_area(opacity: f32, mut deviations: [f32; 3]) -> f32 {
+    deviations.sort_unstable_by(f32::total_cmp);
+    opacity * deviations[1] * deviations[2]
+}
+
 /// Logit of the opacity of splats that are not drawn.
 pub(crate) const HIDDEN: f32 = -20.0;
 

@@ -9,6 +9,14 @@ use crate::init::Initial;
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use yoto_ops::bone_softmax::bone_softmax;
+use yoto_ops::warp::inverse::solve::Skinning;
+
+/// The bone that moves most of a canonical point.
+pub(crate) fn strongest(skinning: &Skinning<'_>, point: [f32; 3]) -> usize {
+    let weights = skinning.skinning_weights(point).into_iter();
+    let most = weights.max_by(|(_, a), (_, b)| a.total_cmp(b));
+    most.map_or(0, |(bone, _)| bone)
+}
 
 /// Logits of the motion weights. The direct form starts with 0, which gives the prior.
 #[derive(Module, Debug)]

@@ -7,14 +7,11 @@ use super::frame::{RenderError, Renderer};
 use crate::avatar::{Avatar, AvatarAppearance};
 use crate::decoder::cells::Means;
 use crate::decoder::parts::{Parts, Place};
-use crate::field::splats::FirstSplats;
+use crate::field::splats::{FirstSplats, SOLID, opaque_area};
 use crate::host::read;
+use crate::motion::weights::strongest;
 use yoto_capture::camera::Pose;
-use yoto_ops::splat::MIN_ALPHA;
 use yoto_ops::warp::inverse::solve::Skinning;
-
-/// Opacity from which a splat tells what the surface looks like.
-const SOLID: f32 = 0.3;
 
 /// What a person looks like by places on the body.
 struct Looks {
@@ -66,19 +63,16 @@ impl Renderer {
             .splat_values(Avatar::own_slot(&self.config, slot))?;
         let places: Vec<(Place, f32, [f32; 3])> = (values.means.as_chunks::<3>().0.iter())
             .map(|at| {
-                let shares = skinning.skinning_weights(*at).into_iter();
-                let most = shares.max_by(|(_, a), (_, b)| a.total_cmp(b));
-                let joint = most.map_or(0, |(joint, _)| joint);
+                let joint = strongest(&skinning, *at);
                 let (width, out) = parts.across(*at, joint);
                 (parts.place(*at, joint), width, out)
             })
             .collect();
         let weight = |index: usize| {
             let opacity = 1.0 / (1.0 + (-values.opacities[index]).exp());
-            let mut widths: [f32; 3] = std::array::from_fn(|a| values.scales[3 * index + a].exp());
-            widths.sort_unstable_by(f32::total_cmp);
-            match opacity > SOLID.max(MIN_ALPHA) {
-                true => opacity * widths[1] * widths[2],
+            let deviations = std::array::from_fn(|a| values.scales[3 * index + a].exp());
+            match opacity > SOLID {
+                true => opaque_area(opacity, deviations),
                 false => 0.0,
             }
         };

@@ -5,6 +5,7 @@ use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::decoder::Decoder;
 use yoto_avatar::decoder::learn::Person;
+use yoto_avatar::field::splats::opaque_area;
 use yoto_avatar::render::Renderer;
 use yoto_terminal::output;
 
@@ -50,9 +51,7 @@ impl DecoderCommand {
             let splats = renderer.skinned_splats(slot).with_context(model)?;
             let splats = splats.with_context(|| format!("{} has no splats", model()))?;
             let points = splats.splats.iter().map(|splat| {
-                let mut widths = splat.deviations;
-                widths.sort_unstable_by(f32::total_cmp);
-                let area = splat.opacity * widths[1] * widths[2];
+                let area = opaque_area(splat.opacity, splat.deviations);
                 // A guess tells nothing.
                 let area = if splat.guessed { 0.0 } else { area };
                 (

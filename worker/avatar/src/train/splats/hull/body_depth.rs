@@ -6,6 +6,7 @@ use super::Film;
 use crate::host::read;
 use crate::motion::posed;
 use crate::motion::prior::is_torso;
+use crate::motion::weights::strongest;
 use crate::render::RenderError;
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
@@ -94,12 +95,8 @@ impl Film<'_> {
         let rest = Pose::rest(body.skeleton.joints());
         let rest = read(posed::transforms(body, &rest).inner())?;
         let skinning = Skinning::new(&self.weights, &rest, &body.grid);
-        let bone = |point: &[f32; 3]| {
-            let weights = skinning.skinning_weights(*point).into_iter();
-            let most = weights.max_by(|(_, a), (_, b)| a.total_cmp(b));
-            most.map_or(0, |(bone, _)| bone)
-        };
-        Ok(points.par_iter().map(bone).collect())
+        let bones = points.par_iter().map(|point| strongest(&skinning, *point));
+        Ok(bones.collect())
     }
 }
 

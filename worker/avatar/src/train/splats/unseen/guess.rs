@@ -218,11 +218,11 @@ mod tests {
     fn arms(seen: impl Fn([f32; 3]) -> bool) -> Surface {
         let (mut points, mut colours, mut bones) = (Vec::new(), Vec::new(), Vec::new());
         for (bone, side) in [(1, 1.0f32), (2, -1.0)] {
-            for step in 0..20 {
+            for step in 0..80 {
                 for [y, z] in [[0.04, 0.0], [-0.04, 0.0], [0.0, 0.04], [0.0, -0.04]] {
-                    points.push([side * (0.2 + 0.02 * step as f32), y, z]);
+                    points.push([side * (0.2 + 0.005 * step as f32), y, z]);
                     // Sleeves to half of the arm, in the colour of their side.
-                    let sleeve = if step < 10 { 1.0 } else { 0.0 };
+                    let sleeve = if step < 40 { 1.0 } else { 0.0 };
                     colours.push([sleeve, if bone == 1 { 0.5 } else { 0.7 }, 0.2]);
                     bones.push(bone);
                 }
@@ -257,7 +257,7 @@ mod tests {
         let guessed = arms.guessed();
         assert_eq!(
             (guessed.shown, guessed.mirrored, count(&guessed)),
-            (160, 80, 80)
+            (640, 320, 320)
         );
         let colours = guessed.colours.as_chunks::<3>().0;
         for (index, point) in arms.points.iter().enumerate() {
@@ -265,7 +265,7 @@ mod tests {
             assert!((side - 0.5).abs() < 1e-5, "as on the left side");
             let expected = if point[0].abs() < 0.37 { 1.0 } else { 0.0 };
             if (point[0].abs() - 0.39).abs() > 0.08 {
-                assert!((sleeve - expected).abs() < 0.02, "{point:?}: {sleeve}");
+                assert!((sleeve - expected).abs() < 1e-5, "{point:?}: {sleeve}");
             }
         }
     }
@@ -274,7 +274,7 @@ mod tests {
     fn an_unseen_back_has_the_colours_of_the_ring_around() {
         let arms = arms(|[_, _, z]| z > 0.0);
         let guessed = arms.guessed();
-        assert_eq!((guessed.mirrored, count(&guessed)), (0, 120));
+        assert_eq!((guessed.mirrored, count(&guessed)), (0, 480));
         for (point, colour) in arms.points.iter().zip(guessed.colours.as_chunks::<3>().0) {
             let off = point[0].abs() - 0.39;
             if off.abs() > 0.08 {
@@ -287,10 +287,10 @@ mod tests {
     #[test]
     fn what_is_seen_stays_and_what_is_not_drawn_is_left() {
         let mut arms = arms(|[x, ..]| x > 0.0);
-        arms.shown[159] = false;
+        arms.shown[639] = false;
         let guessed = arms.guessed();
         let colours = guessed.colours.as_chunks::<3>().0;
-        assert_eq!(colours[..80], arms.colours[..80]);
+        assert_eq!(colours[..320], arms.colours[..320]);
         assert_eq!(colours[159], arms.colours[159]);
         arms.seen.fill(false);
         let nothing = arms.guessed();
@@ -300,16 +300,17 @@ mod tests {
     #[test]
     fn what_is_hardly_seen_tells_nothing_and_is_drawn_to_what_is_likely() {
         let mut arms = arms(|[_, _, z]| z > 0.0);
-        // A point of the front and one of the back, in a colour that no other has.
+        // A stripe of the front in a colour that nothing else has.
         let (front, back) = (2, 3);
         assert!(arms.seen[front] && !arms.seen[back]);
-        arms.colours[front] = [0.0, 0.0, 1.0];
+        let stripe = || (0..10).map(|ring| 4 * ring + front);
+        stripe().for_each(|index| arms.colours[index] = [0.0, 0.0, 1.0]);
         let blue = |arms: &Surface, index: usize| arms.guessed().colours[3 * index + 2];
         assert!(
             blue(&arms, back) > 0.25,
             "a firm colour is carried to the back"
         );
-        arms.evidence[front] = 0.5;
+        stripe().for_each(|index| arms.evidence[index] = 0.5);
         assert!((blue(&arms, back) - 0.2).abs() < 1e-5, "another is not");
         let drawn = blue(&arms, front);
         assert!((0.3..0.7).contains(&drawn), "between 1 and 0.2: {drawn}");

@@ -8,8 +8,10 @@ mod sighted;
 use crate::avatar::{Avatar, AvatarAppearance, AvatarSplats};
 use crate::decoder::Decoder;
 use crate::decoder::parts::Parts;
+use crate::field::splats::{SOLID, opaque_area};
 use crate::host::read;
 use crate::motion::posed;
+use crate::motion::weights::strongest;
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
@@ -27,8 +29,6 @@ use yoto_proto::correction::other_sides;
 
 /// Smallest share of the surface that is worth a note, percent.
 const NOTED: f64 = 2.0;
-/// Opacity from which a splat tells what the surface looks like.
-const SOLID: f32 = 0.3;
 
 /// Guesses the colours of each person's splats that no training frame shows, in a model after the completed
 /// fraction `opened` of its run, and holds them. Returns notes for people.
@@ -89,25 +89,15 @@ fn guess(
     );
     let skinning = Skinning::new(&weights, &transforms, &subject.body.grid);
     let rows = rows.as_chunks::<ROW>().0;
-    let strongest = |row: &[f32; ROW]| {
-        let shares = skinning.skinning_weights([row[0], row[1], row[2]]);
-        let most = shares.into_iter().max_by(|(_, a), (_, b)| a.total_cmp(b));
-        most.map_or(0, |(bone, _)| bone)
-    };
     let opacity = |row: &[f32; ROW]| 1.0 / (1.0 + (-row[10]).exp());
-    // That of a splat that lies flat.
-    let area = |row: &[f32; ROW]| {
-        let mut widths = [row[7], row[8], row[9]].map(f32::exp);
-        widths.sort_unstable_by(f32::total_cmp);
-        widths[1] * widths[2]
-    };
+    let area = |row: &[f32; ROW]| opaque_area(opacity(row), [row[7], row[8], row[9]].map(f32::exp));
     let points: Vec<[f32; 3]> = rows.iter().map(|row| [row[0], row[1], row[2]]).collect();
-    let bones: Vec<usize> = rows.iter().map(strongest).collect();
+    let bones: Vec<usize> = points.iter().map(|at| strongest(&skinning, *at)).collect();
     let other = other_sides(&subject.track.skeleton).ok();
     let mut surface = Surface {
         colours: rows.iter().map(|row| [row[11], row[12], row[13]]).collect(),
         shown: rows.iter().map(|row| opacity(row) > MIN_ALPHA).collect(),
-        opaque: rows.iter().map(|row| opacity(row) * area(row)).collect(),
+        opaque: rows.iter().map(area).collect(),
         solid: rows.iter().map(|row| opacity(row) > SOLID).collect(),
         seen,
         drawn: first,
