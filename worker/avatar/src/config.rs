@@ -126,12 +126,22 @@ pub enum Numerics {
 pub struct MotionConfig {
     /// Grid nodes along the axes.
     pub resolution: Resolution,
+    /// Grid nodes of what each person has beyond the shared logits in the `direct` form; none: as many as `resolution`.
+    #[serde(default)]
+    pub own: Option<Resolution>,
     /// Source of the logits on the grid.
     #[serde(default)]
     pub form: MotionForm,
     /// The way from a posed body's points to canonical ones.
     #[serde(default)]
     pub unposing: Unposing,
+}
+
+impl MotionConfig {
+    /// The grid of what each person has beyond the shared logits.
+    pub(crate) fn own(&self) -> Resolution {
+        self.own.unwrap_or(self.resolution)
+    }
 }
 
 /// The way from a posed body's points to canonical ones.

@@ -59,6 +59,13 @@ impl ModelConfig {
         if nodes.iter().any(|count| !(2..=256).contains(count)) {
             return fail("motion.resolution", "must be 2 to 256 along each axis");
         }
+        let own = self.motion.own().nodes();
+        if own.iter().zip(nodes).any(|(own, all)| !(2..=all).contains(own)) {
+            return fail(
+                "motion.own",
+                "must be 2 to motion.resolution along each axis",
+            );
+        }
         if let MotionForm::Deconv {
             embedding,
             hidden,

@@ -55,6 +55,7 @@ fn grid_tier(
         motion: MotionConfig {
             // As many as in a cube of 16, 24 and 32 nodes, in cells that are about as wide as deep.
             resolution: Resolution::Axes(nodes),
+            own: None,
             form: MotionForm::Direct,
             // Chosen by experiment (docs/quality.md).
             unposing: Unposing::Inverse,
@@ -166,6 +167,7 @@ fn paper(variant: Variant) -> ModelConfig {
         code_width: 256,
         motion: MotionConfig {
             resolution: 32.into(),
+            own: None,
             form: MotionForm::humannerf(),
             unposing: Unposing::Blend,
         },

@@ -8,4 +8,5 @@ pub mod posed;
 pub mod prior;
 pub(crate) mod released;
 pub mod rotation;
+mod upsample;
 pub(crate) mod weights;

@@ -1,9 +1,10 @@
 //! Learned motion weights: logits on the canonical grid, added to the logarithm of the prior.
 //! In the `direct` form the logits are parameters: a base shared by all identities and a residual
-//! per identity. In the `deconv` form a decoder computes them (`motion/deconv.rs`).
+//! per identity, which may be on a coarser grid. In the `deconv` form a decoder computes them (`motion/deconv.rs`).
 
 use super::deconv::Decoder;
-use crate::config::{MotionConfig, MotionForm};
+use super::upsample::upsampled;
+use crate::config::{MotionConfig, MotionForm, Resolution};
 use crate::identity::blend::Blend;
 use crate::init::Initial;
 use burn::module::{Module, Param};
@@ -23,8 +24,11 @@ pub(crate) fn strongest(skinning: &Skinning<'_>, point: [f32; 3]) -> usize {
 pub struct MotionWeights {
     /// `[K + 1, V]`; only in the direct form.
     base: Option<Param<Tensor<2>>>,
-    /// One `[K + 1, V]` per identity; only in the direct form.
+    /// One `[K + 1, W]` per identity; only in the direct form.
     residuals: Vec<Param<Tensor<2>>>,
+    /// Grids of the base and of the residuals.
+    #[module(skip)]
+    grids: [Resolution; 2],
     /// Only in the deconv form.
     decoder: Option<Decoder>,
 }
@@ -36,13 +40,15 @@ impl MotionWeights {
         slots: usize,
         channels: usize,
     ) -> Self {
-        let shape = [channels, config.resolution.voxels()];
+        let grids = [config.resolution, config.own()];
+        let [base, own] = grids.map(|grid| [channels, grid.voxels()]);
         match &config.form {
             MotionForm::Direct => Self {
-                base: Some(init.zeros("motion.base", shape)),
+                base: Some(init.zeros("motion.base", base)),
                 residuals: (0..slots)
-                    .map(|slot| init.zeros(&format!("motion.residuals.{slot}"), shape))
+                    .map(|slot| init.zeros(&format!("motion.residuals.{slot}"), own))
                     .collect(),
+                grids,
                 decoder: None,
             },
             MotionForm::Deconv {
@@ -52,6 +58,7 @@ impl MotionWeights {
             } => Self {
                 base: None,
                 residuals: Vec::new(),
+                grids,
                 decoder: Some(Decoder::new(
                     init, *embedding, *hidden, widths, slots, channels,
                 )),
@@ -75,7 +82,10 @@ impl MotionWeights {
     pub fn volume(&self, slot: usize, log_prior: Tensor<2>) -> Tensor<2> {
         let logits = match (&self.decoder, &self.base) {
             (Some(decoder), _) => decoder.forward(slot),
-            (None, Some(base)) => base.val() + self.residuals[slot].val(),
+            (None, Some(base)) => {
+                let [shared, own] = self.grids;
+                base.val() + upsampled(self.residuals[slot].val(), own, shared)
+            }
             (None, None) => unreachable!("motion weights with neither decoder nor base"),
         };
         bone_softmax(logits, log_prior)
