@@ -5,7 +5,7 @@
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
 //! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, pauses between attempts, text that is safe to
-//! print, and the names of tiers, variants and evaluation protocols.
+//! print, the names of tiers, variants and evaluation protocols, and the figures of the paper that reports show.
 
 pub mod backoff;
 pub mod checks;
@@ -23,6 +23,7 @@ pub mod orders;
 pub mod pose_track;
 pub mod progress;
 pub mod protocols;
+pub mod published;
 pub mod reasons;
 pub mod render_needs;
 mod signed;

@@ -84,6 +84,19 @@ fn the_service_measures_frames_that_training_leaves_out() -> anyhow::Result<()> 
     assert_eq!(row[row.len() - 3..], ["30.51", "0.9588", "30.20"]);
     assert_eq!(cells(&said, "humannerf")?[1], "-");
 
+    // The same figures in one page.
+    let page = dir.path().join("duo.html");
+    yoto(&format!("report duo --out {}", text(&page)?))?;
+    let page = std::fs::read_to_string(page)?;
+    let measured = [format!("<td>{:.2}</td>", mean[1]), "30.51".to_owned()];
+    for part in measured
+        .iter()
+        .map(String::as_str)
+        .chain(["ada", "bob", "data:image/png;base64,"])
+    {
+        assert!(page.contains(part), "no {part}");
+    }
+
     let said = yoto("evaluate duo --subjects bob --size 24")?;
     check_row(&said, "bob", 2)?;
     assert!(cells(&said, "ada").is_err(), "ada was not requested");

@@ -13,6 +13,7 @@ mod jobs;
 mod keys;
 mod models;
 mod objects;
+mod pages;
 mod renders;
 mod resolve;
 mod retry;

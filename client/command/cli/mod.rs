@@ -95,6 +95,7 @@ enum Command {
     Scene(scene::SceneCommand),
     Export(Box<export::Export>),
     Evaluate(model::evaluate::Evaluate),
+    Report(model::report::Report),
     #[cfg(feature = "embedded")]
     Tradeoff(model::tradeoff::TradeoffCommand),
     Completions(completions::Completions),
@@ -187,6 +188,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Render(command) => runtime.block_on(command.run()),
         Command::Export(command) => runtime.block_on(command.run()),
         Command::Evaluate(command) => runtime.block_on(command.run()),
+        Command::Report(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Tradeoff(command) => runtime.block_on(command.run()),
         Command::Completions(command) => command.run(),

@@ -8,6 +8,7 @@ mod export;
 mod keep;
 mod person;
 pub(crate) mod preview;
+pub(crate) mod report;
 #[cfg(feature = "embedded")]
 pub(crate) mod tradeoff;
 pub(crate) mod train;

@@ -27,6 +27,11 @@ impl Asset {
             content,
         }
     }
+
+    /// The text of the file.
+    pub fn content(&self) -> &'static str {
+        self.content
+    }
 }
 
 /// The style sheet.

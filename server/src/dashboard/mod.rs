@@ -37,6 +37,7 @@ mod people;
 mod person;
 mod progress;
 mod query;
+mod report;
 mod service;
 mod token;
 mod tradeoff;
@@ -70,6 +71,7 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) ->
         .route("/people/upload/cancel/{id}", post(upload::cancel))
         .route("/models", get(models::page))
         .route("/models/{id}", get(model::page))
+        .route("/models/{id}/report.html", get(report::page))
         .route("/models/{id}/train", post(orders::train))
         .route("/models/{id}/player", post(orders::player))
         .route("/compare", get(compare::page))

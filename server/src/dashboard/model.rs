@@ -87,6 +87,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
             }
             div { dt { "Id" } dd { code { (id) } } }
         }
+        p { a href={ "/models/" (id) "/report.html" } { "Report in one file" } }
         div #orders { (orders) }
         div #curves { @if curves::any(&curve) { h2 { "Curves" } (curves::curves(&curve)) } }
         h2 { "People" }
@@ -144,7 +145,7 @@ pub(super) async fn of_model(
 }
 
 /// The people of a model, and whether its newest checkpoint knows them.
-async fn people(asker: &Asker, model: &Model) -> Result<Vec<(Subject, bool)>, Status> {
+pub(super) async fn people(asker: &Asker, model: &Model) -> Result<Vec<(Subject, bool)>, Status> {
     let mut found = Vec::new();
     for slot in model.slots.iter().take(PEOPLE) {
         let request = GetSubjectRequest {
@@ -229,7 +230,8 @@ pub(super) async fn newest_pictures(asker: &Asker, model: &str) -> Result<Markup
     })
 }
 
-fn table(checkpoints: &[Checkpoint], now: f64) -> Markup {
+/// Checkpoints, one per row.
+pub(super) fn table(checkpoints: &[Checkpoint], now: f64) -> Markup {
     html! {
         @if checkpoints.is_empty() { p .empty { "None yet." } }
         @else {

@@ -127,11 +127,17 @@ fn train(it: &TrainResult) -> Markup {
             div { dt { "Objective" } dd { (told(&it.objective)) } }
             div { dt { "Device" } dd { (told(&it.device)) } }
         }
-        (notes(it.notes.iter().chain(&it.active_parts)))
+        (train_notes(it))
     }
 }
 
-fn evaluate(it: &EvaluateResult) -> Markup {
+/// What was noted in a training, and what was active at its end.
+pub fn train_notes(it: &TrainResult) -> Markup {
+    notes(it.notes.iter().chain(&it.active_parts))
+}
+
+/// Figures of each person.
+pub fn evaluate(it: &EvaluateResult) -> Markup {
     html! {
         div .scroll { table {
             caption { (told(&it.protocol)) " pictures of the checkpoint at step " (short_step(&it.checkpoint)) ", on " (told(&it.device)) }

@@ -37,13 +37,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let captures = asker.subjects().list_captures(asker.request(request));
     let captures = captures.await?.into_inner().captures;
     let models = models_with(&asker, &resource).await?;
-    let request = ListConsentsRequest {
-        parent: resource.clone(),
-        page_size: LONGEST_PAGE_ENTRIES as i32,
-        ..ListConsentsRequest::default()
-    };
-    let consents = asker.subjects().list_consents(asker.request(request));
-    let consents = consents.await?.into_inner().consents;
+    let consents = consents_of(&asker, &resource).await?;
     let now = asker.now();
     let mut shown = Vec::new();
     for capture in captures.iter().rev() {
@@ -77,8 +71,22 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     Ok(document::live(&title, "/people", "", body))
 }
 
+/// What a person agrees to.
+///
+/// # Errors
+/// When the service can't tell.
+pub async fn consents_of(asker: &Asker, subject: &str) -> Result<Vec<Consent>, Status> {
+    let request = ListConsentsRequest {
+        parent: subject.to_owned(),
+        page_size: LONGEST_PAGE_ENTRIES as i32,
+        ..ListConsentsRequest::default()
+    };
+    let consents = asker.subjects().list_consents(asker.request(request));
+    Ok(consents.await?.into_inner().consents)
+}
+
 /// A record of what the person agrees to.
-fn agreed(now: f64, consent: &Consent) -> Markup {
+pub fn agreed(now: f64, consent: &Consent) -> Markup {
     html! {
         @for item in &consent.items {
             (purpose(item.purpose())) " "

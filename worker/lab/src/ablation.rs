@@ -42,7 +42,9 @@ pub struct AblationOptions {
     pub seed: u64,
     /// At most this many held-out pictures of each kind and person are measured.
     pub pictures: usize,
-    /// Folder for `ablation.json` and the models.
+    /// Whether each held-out picture is written beside its render and a map of their difference.
+    pub pairs: bool,
+    /// Folder for `ablation.json`, the models and the pairs.
     pub out: PathBuf,
     /// Variants in place of all; each is named in [`VARIANTS`].
     pub variants: Vec<String>,
@@ -244,10 +246,16 @@ impl Session<'_> {
             self.protocol,
             lpips(weights, &self.picked)?,
         );
+        let pairs = self
+            .options
+            .pairs
+            .then(|| self.options.out.join("pairs").join(folder));
         for (slot, &index) in group.iter().enumerate() {
             let recording = &self.recordings[index];
             let pictures = self.options.pictures;
-            let subject = measure::subject(&examiner, slot, recording, pictures, &mut *display)?;
+            let pairs = pairs.as_deref();
+            let subject =
+                measure::subject(&examiner, slot, recording, pictures, pairs, &mut *display)?;
             scores.subjects.push(subject);
         }
         display.finish(&format!("{} steps", progress.step));

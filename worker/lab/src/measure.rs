@@ -49,18 +49,22 @@ pub(super) fn person(
 }
 
 /// One person's figures of both splits, at most `pictures` pictures of each, by a model that has
-/// them in `slot`.
+/// them in `slot`; each picture is written beside its render in the folder `pairs`.
 pub(super) fn subject(
     examiner: &Examiner,
     slot: usize,
     recording: &Recording,
     pictures: usize,
+    pairs: Option<&Path>,
     display: &mut dyn Display,
 ) -> anyhow::Result<SubjectScore> {
     let mut score = |split: Split| -> anyhow::Result<Score> {
         let of = recording.subset(split, pictures).count();
         let mut done = 0;
-        person(examiner, slot, recording, split, pictures, |_, _| {
+        person(examiner, slot, recording, split, pictures, |view, it| {
+            if let Some(folder) = pairs {
+                write_pair(folder, recording, split, view, it)?;
+            }
             done += 1;
             display.progress(&Progress {
                 phase: format!("{}, {}, {done} of {of}", recording.name, split.title()),

@@ -3,6 +3,7 @@
 mod browser;
 mod events;
 mod forms;
+mod report;
 mod sending;
 pub mod stage;
 mod upload;
@@ -29,7 +30,9 @@ async fn reached(address: SocketAddr) -> BTreeMap<String, (String, String)> {
     let mut known = BTreeMap::new();
     let mut waiting = vec!["/".to_owned()];
     while let Some(path) = waiting.pop() {
-        if path.starts_with('#') || known.contains_key(&path) {
+        // What a page has in itself needs no request.
+        let own = path.starts_with('#') || path.starts_with("data:");
+        if own || known.contains_key(&path) {
             continue;
         }
         assert!(

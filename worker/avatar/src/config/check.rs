@@ -60,7 +60,11 @@ impl ModelConfig {
             return fail("motion.resolution", "must be 2 to 256 along each axis");
         }
         let own = self.motion.own().nodes();
-        if own.iter().zip(nodes).any(|(own, all)| !(2..=all).contains(own)) {
+        if own
+            .iter()
+            .zip(nodes)
+            .any(|(own, all)| !(2..=all).contains(own))
+        {
             return fail(
                 "motion.own",
                 "must be 2 to motion.resolution along each axis",

@@ -59,6 +59,23 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
 }
 
 #[test]
+fn a_persons_own_motion_weights_are_at_most_as_fine_as_the_shared_ones() {
+    let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+    let own = |config: &ModelConfig| config.motion.own().voxels();
+    assert!(own(&config) < config.motion.resolution.voxels() / 10);
+    let mut json = serde_json::to_value(&config).expect("serialises");
+    let motion = json["motion"].as_object_mut().expect("an object");
+    motion.remove("own").expect("the setting");
+    let old: ModelConfig = serde_json::from_value(json).expect("reads");
+    assert_eq!(own(&old), old.motion.resolution.voxels());
+    for nodes in [[45, 44, 17], [1, 17, 7]] {
+        config.motion.own = Some(Resolution::Axes(nodes));
+        let error = config.check().expect_err("out of range").to_string();
+        assert!(error.starts_with("motion.own"), "{error}");
+    }
+}
+
+#[test]
 fn a_configuration_survives_json() {
     let config = ModelConfig::named("fast", "no-identity").expect("named");
     let json = serde_json::to_string(&config).expect("serialises");

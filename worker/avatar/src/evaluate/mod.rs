@@ -2,15 +2,13 @@
 //!
 //! [`psnr`], [`ssim`] and [`LpipsMetric`] compare two images; [`Mean`] and [`Score`] average their
 //! figures over pictures and people; an [`Examiner`] renders the view of a picture and scores it by
-//! the rules of a [`Protocol`]; [`published`] holds the figures of the paper, and [`paper_table`] shows them
-//! beside measured ones.
+//! the rules of a [`Protocol`]; [`paper_table`] shows measured figures beside those of the paper.
 
 mod examine;
 mod lpips;
 pub mod metrics;
 mod paper_table;
 pub mod protocol;
-pub mod published;
 mod regions;
 pub(crate) mod score;
 mod splits;

@@ -1,6 +1,6 @@
 //! The paper's table of variants, measured beside published figures.
 
-use super::published::{MEASURED_ON, TABLE};
+use yoto_proto::published::{MEASURED_ON, TABLE};
 use yoto_proto::v1::Scores;
 
 /// Measured figures of one variant.

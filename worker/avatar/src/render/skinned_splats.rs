@@ -4,7 +4,7 @@
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, groups, merged};
 use crate::avatar::{Avatar, AvatarAppearance};
-use crate::field::pose_shapes::{Filmed, HostShapes, Nearness, mixed};
+use crate::field::pose_shapes::{HostShapes, Limits, Nearness, mixed};
 use crate::host::read;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ pub struct SkinnedSplats {
 }
 
 /// Pose blend shapes: before its bones carry it, a splat at x moves by Σᵣ hᵣ Σₖ aₖ(x) Bᵣₖ φ(Ωₖ). φ(Ωₖ) = R(Ωₖ) − I of the
-/// joint k, row-major, within the range that was filmed, and 0 for the root; aₖ(x) = exp(−d²/2r²) of the distance d of x to
+/// joint k, row-major, within limits about the range that was filmed, and 0 for the root; aₖ(x) = exp(−d²/2r²) of the distance d of x to
 /// the joint and the bones to its children, in the rest pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkinnedShapes {
@@ -44,8 +44,8 @@ pub struct SkinnedShapes {
     pub reach: f32,
     /// B `[K, 9, 3, R]`, metres.
     pub basis: Vec<f32>,
-    /// `[2, 9 K]`: least and greatest features of the filmed poses.
-    pub filmed: Vec<f32>,
+    /// `[2, 9 K]`: the least and the greatest values with which features take part.
+    pub limits: Vec<f32>,
     /// h `[N, R]`, of the splats in their order.
     pub weights: Vec<f32>,
 }
@@ -121,7 +121,7 @@ impl Renderer {
                 SkinnedShapes {
                     count: it.count,
                     reach: it.reach,
-                    filmed: it.bounds().to_vec(),
+                    limits: it.limits().to_vec(),
                     weights: splats.iter().flat_map(own).copied().collect(),
                     basis: it.basis,
                 }
@@ -142,9 +142,9 @@ impl SkinnedSplats {
         };
         let mut places: Vec<[f32; 3]> = self.splats.iter().map(|splat| splat.mean).collect();
         let near = Nearness::new(&self.skeleton, &self.skeleton.rest, shapes.reach);
-        let filmed = Filmed::from_bounds(shapes.filmed.clone());
+        let limits = Limits::of(shapes.limits.clone());
         let (basis, weights) = (shapes.basis.clone(), shapes.weights.clone());
-        let shapes = HostShapes::new(&near, basis, filmed, weights, places.as_flattened());
+        let shapes = HostShapes::new(&near, basis, limits, weights, places.as_flattened());
         shapes.add(&mut places, pose);
         let moved = self.splats.iter().zip(places);
         let splats = moved.map(|(splat, mean)| SkinnedSplat { mean, ..*splat });

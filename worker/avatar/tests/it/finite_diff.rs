@@ -139,6 +139,7 @@ fn config(encoding: Encoding, unposing: Unposing) -> ModelConfig {
     config.motion.unposing = unposing;
     if unposing == Unposing::Inverse {
         config.motion.resolution = Resolution::Axes([9, 8, 10]);
+        config.motion.own = Some(Resolution::Axes([5, 4, 10]));
         config.optimise.mask_weight = 0.3;
     }
     config.correction.width = 12;

@@ -45,7 +45,7 @@ struct PackedShapes {
     /// `[K, 9, 3, R]`, f32, little-endian.
     basis: String,
     /// `[2, 9 K]`, f32, little-endian.
-    filmed: String,
+    limits: String,
     /// `[N, R]` in 8 bits; 128 means 0.
     weights: String,
     /// Largest size of a weight.
@@ -113,7 +113,7 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
                 count: shapes.count,
                 reach: shapes.reach,
                 basis: STANDARD.encode(packed::floats(&shapes.basis)),
-                filmed: STANDARD.encode(packed::floats(&shapes.filmed)),
+                limits: STANDARD.encode(packed::floats(&shapes.limits)),
                 weights: STANDARD.encode(weights),
                 most,
             }

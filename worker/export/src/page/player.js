@@ -56,7 +56,7 @@
   const shapes = person.shapes && {
     ...person.shapes,
     basis: new Float32Array(bytes(person.shapes.basis).buffer),
-    filmed: new Float32Array(bytes(person.shapes.filmed).buffer),
+    limits: new Float32Array(bytes(person.shapes.limits).buffer),
     weights: Float32Array.from(bytes(person.shapes.weights), (b) => ((b - 128) / 127) * person.shapes.most),
     ...nearness(person.shapes.reach),
   };
@@ -98,8 +98,8 @@
     for (let joint = 1; joint < joints; joint++) {
       for (let f = 0; f < 9; f++) {
         const at = 9 * joint + f;
-        const least = shapes.filmed[at];
-        const greatest = shapes.filmed[9 * joints + at];
+        const least = shapes.limits[at];
+        const greatest = shapes.limits[9 * joints + at];
         const value = turns[joint][f] - (f % 4 === 0 ? 1 : 0);
         const feature = Math.max(Math.min(value, greatest), least);
         for (let k = 0; k < width; k++) given[width * joint + k] += feature * shapes.basis[width * at + k];

@@ -34,7 +34,7 @@ fn person() -> SkinnedSplats {
             basis: (0..54)
                 .map(|i| f32::from(u8::from(i == 28)) * -0.2)
                 .collect(),
-            filmed: [vec![-2.0; 18], vec![2.0; 18]].concat(),
+            limits: [vec![-2.0; 18], vec![2.0; 18]].concat(),
             weights: vec![0.5, -1.0],
         }),
         light: [[0.0; 8]; 3],
@@ -99,7 +99,7 @@ fn a_page_is_whole_and_nothing_in_it_ends_its_scripts() {
     let basis = bytes("basis").expect("base64");
     assert_eq!(basis.len(), 2 * 9 * 3 * 4);
     assert_eq!(basis[4 * 28..4 * 29], (-0.2f32).to_le_bytes());
-    assert_eq!(bytes("filmed").expect("base64").len(), 2 * 9 * 2 * 4);
+    assert_eq!(bytes("limits").expect("base64").len(), 2 * 9 * 2 * 4);
     let poses = STANDARD.decode(data["clips"][0]["poses"].as_str().expect("text"));
     assert_eq!(poses.expect("base64").len(), 12 + 2 * 8);
 }

@@ -60,6 +60,9 @@ pub(super) struct AblationCommand {
     /// Measure at most this many pictures of each kind and person [default: all].
     #[arg(long = "measure", alias = "pictures", value_name = "N")]
     pictures: Option<NonZeroUsize>,
+    /// Write each held-out picture beside its render and a map of their difference, in DIR/pairs.
+    #[arg(long)]
+    pairs: bool,
     /// Only this variant; may be repeated [default: all].
     #[arg(long = "variant", value_name = "NAME", value_parser = args::variant)]
     variants: Vec<String>,
@@ -97,6 +100,7 @@ impl AblationCommand {
                 tier: self.tier.clone(),
                 seed,
                 pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
+                pairs: self.pairs,
                 out: out.clone(),
                 variants: self.variants.clone(),
                 settings: self.settings.clone(),

@@ -60,7 +60,8 @@ impl Session<'_> {
         let mut subjects = Vec::new();
         for (slot, recording) in recordings.iter().enumerate() {
             let pictures = self.options.pictures;
-            let subject = measure::subject(&examiner, slot, recording, pictures, &mut *display)?;
+            let subject =
+                measure::subject(&examiner, slot, recording, pictures, None, &mut *display)?;
             subjects.push(subject);
         }
         let scores = SplitScores::mean(&subjects);

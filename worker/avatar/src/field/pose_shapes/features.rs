@@ -6,6 +6,9 @@ use yoto_capture::skeleton::transform::rodrigues;
 /// Numbers per joint: R − I, row-major.
 pub(super) const FEATURES: usize = 9;
 
+/// How far beyond its filmed range a feature still takes part, as a share of the range (docs/splats.md, "Pose blend shapes").
+const BEYOND: f32 = 3.0;
+
 /// `[9 K]`: R − I of each joint; 0 for the root, since clothes do not move when a person turns.
 pub(super) fn features(pose: &Pose) -> Vec<f32> {
     let mut all = vec![0.0; FEATURES];
@@ -54,10 +57,35 @@ impl Filmed {
         &self.bounds
     }
 
-    /// `features` `[9 K]`, those beyond the filmed ones at the last that was filmed. Nothing is known of clothes there, and
-    /// a line through filmed poses leads far off.
-    pub fn clamp(&self, mut features: Vec<f32>) -> Vec<f32> {
+    /// The limits of poses of a person of whom this was filmed: [`BEYOND`] it.
+    pub fn limits(&self) -> Limits {
         let (least, greatest) = self.bounds.split_at(self.bounds.len() / 2);
+        let beyond = |(from, to): (&f32, &f32)| to + BEYOND * (to - from);
+        let below = greatest.iter().zip(least).map(beyond);
+        let above = least.iter().zip(greatest).map(beyond);
+        Limits(below.chain(above).collect())
+    }
+}
+
+/// The values between which features take part. Nothing is known of clothes far from filmed poses, and a line through these
+/// leads far off.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Limits(Vec<f32>);
+
+impl Limits {
+    /// As [`Self::numbers`] gives them.
+    pub fn of(numbers: Vec<f32>) -> Self {
+        Self(numbers)
+    }
+
+    /// `[2, 9 K]`: the least of each feature, then the greatest.
+    pub fn numbers(&self) -> &[f32] {
+        &self.0
+    }
+
+    /// `features` `[9 K]` within the limits.
+    pub fn clamp(&self, mut features: Vec<f32>) -> Vec<f32> {
+        let (least, greatest) = self.0.split_at(self.0.len() / 2);
         for (value, (least, greatest)) in features.iter_mut().zip(least.iter().zip(greatest)) {
             // Mixtures of people may have bounds that cross by a rounding error.
             *value = value.min(*greatest).max(*least);

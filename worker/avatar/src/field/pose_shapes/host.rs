@@ -2,7 +2,7 @@
 //! computed once.
 
 use super::PoseShapes;
-use super::features::{FEATURES, Filmed, features};
+use super::features::{FEATURES, Limits, features};
 use super::nearness::Nearness;
 use crate::config::PoseShapesConfig;
 use crate::host::{ReadError, read};
@@ -25,7 +25,7 @@ pub(crate) struct HostShapes {
     pub reach: f32,
     /// `[K, 9, 3, R]`.
     pub basis: Vec<f32>,
-    filmed: Filmed,
+    limits: Limits,
     /// `[N + 1]`: the near joints of splat i are entries `starts[i]..starts[i + 1]`.
     starts: Vec<u32>,
     near: Vec<(u32, f32)>,
@@ -51,16 +51,16 @@ impl HostShapes {
         );
         let weights = read(shapes.weights(config, body, places, code).detach())?;
         let basis = read((shapes.basis.val() + shapes.own[slot].val()).detach())?;
-        let filmed = shapes.filmed(slot)?;
+        let limits = shapes.filmed(slot)?.limits();
         let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
-        Ok(Self::new(&near, basis, filmed, weights, means))
+        Ok(Self::new(&near, basis, limits, weights, means))
     }
 
     /// Those of splats at `means` `[N, 3]` with these `weights` `[N, R]`.
     pub fn new(
         near: &Nearness,
         basis: Vec<f32>,
-        filmed: Filmed,
+        limits: Limits,
         weights: Vec<f32>,
         means: &[f32],
     ) -> Self {
@@ -78,7 +78,7 @@ impl HostShapes {
             weights,
             reach,
             basis,
-            filmed,
+            limits,
             starts,
             near,
         }
@@ -90,19 +90,19 @@ impl HostShapes {
         let mixed =
             |group: &Vec<(usize, f32)>| mixed(&self.weights, self.count, group.iter().copied());
         let weights = groups.iter().flat_map(mixed).collect();
-        let (basis, filmed) = (self.basis.clone(), self.filmed.clone());
+        let (basis, limits) = (self.basis.clone(), self.limits.clone());
         let near = Nearness::new(&body.skeleton, &body.rest, self.reach);
-        Self::new(&near, basis, filmed, weights, means)
+        Self::new(&near, basis, limits, weights, means)
     }
 
-    /// `[2, 9 K]`: least and greatest features of the filmed poses.
-    pub fn bounds(&self) -> &[f32] {
-        self.filmed.bounds()
+    /// `[2, 9 K]`: the least and the greatest values with which features take part.
+    pub fn limits(&self) -> &[f32] {
+        self.limits.numbers()
     }
 
     /// `[K, 3 R]`: what each joint's turn gives each shape.
     fn by_joint(&self, pose: &Pose) -> Vec<f32> {
-        let features = self.filmed.clamp(features(pose));
+        let features = self.limits.clamp(features(pose));
         let width = 3 * self.count;
         let joints = self.basis.chunks_exact(FEATURES * width);
         let mut all = Vec::with_capacity(self.basis.len() / FEATURES);

@@ -5,13 +5,13 @@
 //! shapes (SMPL, eq. 9), aₖ(x) says how near the joint k is, and a network h chooses among R shapes by place
 //! and person: it is the attention of the paper's pose condition (eq. 3 to 5), with places as queries and joints
 //! as keys. Δ is linear in the features, so that a pose between filmed ones gets an offset between theirs; beyond them,
-//! features stay at the last that was filmed (docs/splats.md).
+//! features go on for three times their filmed range, and stay there (docs/splats.md).
 
 mod features;
 mod host;
 mod nearness;
 
-pub(crate) use features::Filmed;
+pub(crate) use features::{Filmed, Limits};
 pub(crate) use host::{HostShapes, mixed};
 pub(crate) use nearness::Nearness;
 
@@ -132,7 +132,7 @@ impl PoseShapes {
         let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
         let near = TensorData::new(near.dense(&read(means.clone())?), [n, joints]);
         let near = Tensor::<2>::from_data(near, &device);
-        let features = self.filmed(slot)?.clamp(features(pose));
+        let features = self.filmed(slot)?.limits().clamp(features(pose));
         let features = TensorData::new(features, [joints, 1, FEATURES]);
         let features = Tensor::<3>::from_data(features, &device);
         let basis = self.basis.val() + self.own[slot].val();

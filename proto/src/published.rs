@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn every_variant_has_a_row() {
-        for (variant, _) in yoto_proto::tiers::VARIANTS {
+        for (variant, _) in crate::tiers::VARIANTS {
             assert!(of(variant).is_some(), "{variant}");
         }
         assert_eq!(of("nerf"), None);
