@@ -4,7 +4,7 @@ use super::amount::Bytes;
 use crate::args::Server;
 use crate::show;
 use clap::Args;
-use yoto_proto::v1::Usage;
+use yoto_proto::v1::{StoredBytes, Usage};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -55,6 +55,22 @@ pub(super) fn show(usage: &[Usage]) {
         "PICTURES",
     ];
     say!("{}", show::table(&header, &rows));
+    if let [one] = usage
+        && let Some(stored) = &one.stored
+    {
+        say!("{}", kinds(stored));
+    }
+}
+
+/// What is stored, by kind.
+fn kinds(stored: &StoredBytes) -> String {
+    format!(
+        "stored: {} of uploads, {} of captures, {} of checkpoints, {} of renders, evaluations and exports",
+        Bytes(stored.uploads),
+        Bytes(stored.captures),
+        Bytes(stored.checkpoints),
+        Bytes(stored.results)
+    )
 }
 
 fn row(usage: &Usage) -> Vec<String> {
@@ -95,6 +111,7 @@ mod tests {
                 device_seconds: Some(36_000.0),
                 ..Quota::default()
             }),
+            stored: None,
         };
         assert_eq!(
             row(&usage),

@@ -2,7 +2,7 @@
 
 use super::words::{badge, bytes, span, told, whole};
 use maud::{Markup, html};
-use yoto_proto::v1::Usage;
+use yoto_proto::v1::{StoredBytes, Usage};
 
 /// A table of the tenant's usage; a quota that is reached is marked.
 pub fn table(usage: &Usage) -> Markup {
@@ -33,6 +33,31 @@ pub fn table(usage: &Usage) -> Markup {
                 td { @match most { Some(most) => (written(most)), None => "–" } }
             } } }
         } }
+        @if let Some(stored) = &usage.stored { (kinds(stored)) }
+    }
+}
+
+/// What is stored, by kind.
+fn kinds(stored: &StoredBytes) -> Markup {
+    let rows = [
+        ("Uploads", stored.uploads),
+        ("Frames, checks and pictures of captures", stored.captures),
+        ("Checkpoints", stored.checkpoints),
+        ("Renders, evaluations and exports", stored.results),
+    ];
+    let all: u64 = rows.iter().map(|it| it.1).sum();
+    html! {
+        div .scroll { table {
+            thead { tr { th scope="col" { "Stored" } th scope="col" { "bytes" } th scope="col" { "share" } } }
+            tbody { @for (what, number) in rows {
+                @let percent = 100 * u128::from(number) / u128::from(all.max(1));
+                tr {
+                    th scope="row" { (what) }
+                    td { (bytes(number)) }
+                    td { meter min="0" max="100" value=(percent) aria-label={ "share of " (what) } { (percent) " %" } }
+                }
+            } }
+        } }
     }
 }
 
@@ -59,5 +84,22 @@ mod tests {
         assert!(page.contains(&marked), "{page}");
         assert!(page.contains("<td>1</td><td>2</td>"), "{page}");
         assert_eq!(page.matches("badge").count(), 1, "{page}");
+    }
+    #[test]
+    fn what_is_stored_is_told_by_kind() {
+        let usage = Usage {
+            stored: Some(StoredBytes {
+                uploads: 1024,
+                checkpoints: 3072,
+                ..StoredBytes::default()
+            }),
+            ..Usage::default()
+        };
+        let page = table(&usage).into_string();
+        assert!(page.contains("<td>3.0 KiB</td>"), "{page}");
+        assert!(
+            page.contains("value=\"75\"") && page.contains("value=\"25\""),
+            "{page}"
+        );
     }
 }

@@ -93,7 +93,10 @@ async fn people_bytes_and_open_jobs_have_a_most() {
     let trained = ended(&service).await;
     let before = service.usage().await;
     assert_eq!((before.people, before.open_jobs), (1, 0));
-    assert!(before.bytes > 0, "the capture and the checkpoint");
+    let stored = before.stored.expect("by kind");
+    assert!(stored.captures > 0 && stored.checkpoints > 0, "{stored:?}");
+    let all = stored.uploads + stored.captures + stored.checkpoints + stored.results;
+    assert_eq!(all, before.bytes);
     assert_eq!(before.quota, Some(Quota::default()));
 
     service

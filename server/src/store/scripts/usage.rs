@@ -3,7 +3,7 @@
 use crate::store::db::{Row, Tx, sql};
 use crate::store::{LeaseKey, StoreError};
 use crate::tenant::Tenant;
-use yoto_proto::v1::{Quota, Usage};
+use yoto_proto::v1::{Quota, StoredBytes, Usage};
 
 /// Seconds of a day.
 const DAY: f64 = 86_400.0;
@@ -13,14 +13,16 @@ const PAST_DAYS: i64 = 30;
 /// What a tenant uses, with its quota.
 pub async fn of(tx: &mut Tx, tenant: &Tenant) -> Result<Usage, StoreError> {
     let work = work(tx, tenant).await?;
+    let stored = stored(tx, tenant).await?;
     Ok(Usage {
         tenant: tenant.id().to_owned(),
         people: people(tx, tenant).await?,
-        bytes: bytes(tx, tenant).await?,
+        bytes: total(&stored),
         open_jobs: open_jobs(tx, tenant).await?,
         device_seconds: work.device_seconds,
         pictures: work.pictures,
         quota: Some(quota(tx, tenant).await?),
+        stored: Some(stored),
     })
 }
 
@@ -77,24 +79,41 @@ pub async fn open_jobs(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> 
 
 /// Bytes of all files that rows of the tenant name. Files of an upload count as announced.
 pub async fn bytes(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
-    sql("SELECT CAST(
+    Ok(total(&stored(tx, tenant).await?))
+}
+
+fn total(stored: &StoredBytes) -> u64 {
+    stored.uploads + stored.captures + stored.checkpoints + stored.results
+}
+
+/// The same bytes by what they are.
+async fn stored(tx: &mut Tx, tenant: &Tenant) -> Result<StoredBytes, StoreError> {
+    let row = sql("SELECT CAST(
              (SELECT coalesce(sum(f.bytes), 0) FROM capture_files f
               JOIN captures c ON c.id = f.capture JOIN subjects s ON s.id = c.subject
               WHERE s.tenant = $1 AND c.files_removed = 0)
-           + (SELECT coalesce(sum(c.shard_bytes), 0) FROM captures c JOIN subjects s ON s.id = c.subject
+         AS BIGINT) AS uploads, CAST(
+             (SELECT coalesce(sum(c.shard_bytes), 0) FROM captures c JOIN subjects s ON s.id = c.subject
               WHERE s.tenant = $1)
            + (SELECT coalesce(sum(o.bytes), 0) FROM capture_objects o
               JOIN captures c ON c.id = o.capture JOIN subjects s ON s.id = c.subject
               WHERE s.tenant = $1)
-           + (SELECT coalesce(sum(p.bytes + p.manifest_bytes), 0) FROM checkpoints p
+         AS BIGINT) AS captures, CAST(
+             (SELECT coalesce(sum(p.bytes + p.manifest_bytes), 0) FROM checkpoints p
               JOIN models m ON m.id = p.model WHERE m.tenant = $1)
-           + (SELECT coalesce(sum(o.bytes), 0) FROM job_outputs o JOIN jobs j ON j.id = o.job
+         AS BIGINT) AS checkpoints, CAST(
+             (SELECT coalesce(sum(o.bytes), 0) FROM job_outputs o JOIN jobs j ON j.id = o.job
               WHERE j.tenant = $1)
-         AS BIGINT) AS bytes")
+         AS BIGINT) AS results")
     .bind(tenant.id())
     .one(tx, "adding up the bytes of a tenant")
-    .await?
-    .number("bytes")
+    .await?;
+    Ok(StoredBytes {
+        uploads: row.number("uploads")?,
+        captures: row.number("captures")?,
+        checkpoints: row.number("checkpoints")?,
+        results: row.number("results")?,
+    })
 }
 
 /// What workers have done.

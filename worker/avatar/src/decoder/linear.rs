@@ -4,6 +4,7 @@ use super::cells::{CELLS, Means, around};
 use super::parts::Place;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
+use yoto_proto::sha256_hex;
 
 /// Variance of what a person has beyond the decoder, summed over the cells as the basis is: the code's prior is a
 /// standard normal distribution (docs/splats.md, "What people share").
@@ -12,6 +13,9 @@ const NOISE: f64 = 1.0;
 const HALF: f32 = 1e-5;
 /// Weight below which a cell does not count.
 const NOTHING: f32 = 1e-7;
+
+/// Hexadecimal digits of a digest.
+const DIGEST: usize = 16;
 
 /// A linear decoder of colours by places on the body and a person's code.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +33,14 @@ pub(crate) struct Decoded {
 }
 
 impl Decoder {
+    /// The beginning of the SHA-256 of its numbers, by which a model says what its guesses are from.
+    pub(super) fn digest(&self) -> String {
+        let all = std::iter::once(&self.mean).chain(&self.basis);
+        let numbers = all.flat_map(|colours| colours.as_flattened());
+        let bytes: Vec<u8> = numbers.flat_map(|number| number.to_le_bytes()).collect();
+        sha256_hex(&bytes)[..DIGEST].to_owned()
+    }
+
     /// The most likely appearance of a person who has `means` where frames show them.
     pub(crate) fn of_person(&self, means: &Means) -> Decoded {
         let seen: Vec<(usize, f64)> = (means.weights.iter().enumerate())

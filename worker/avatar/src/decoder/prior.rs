@@ -25,6 +25,17 @@ impl Prior {
         }
     }
 
+    /// The name of its decoder for a model's state: whose it is, and its digest. `None` without a decoder.
+    pub(crate) fn name(&self) -> Option<String> {
+        let whose = match self {
+            Self::None => return None,
+            Self::People => "people",
+            Self::Own(_) => "own",
+        };
+        self.decoder()
+            .map(|decoder| format!("{whose} {}", decoder.digest()))
+    }
+
     /// Its decoder.
     pub(crate) fn decoder(&self) -> Option<&Decoder> {
         match self {

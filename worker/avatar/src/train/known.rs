@@ -2,7 +2,7 @@
 
 use crate::train::frames::order::Practice;
 use crate::train::run::checkpoint::ModelState;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use yoto_capture::skeleton::Skeleton;
 
 /// What a checkpoint keeps of people.
@@ -14,6 +14,8 @@ pub(crate) struct Known {
     practice: Vec<Practice>,
     /// Slots of people who were removed.
     erased: BTreeSet<usize>,
+    /// The decoder by which guesses of the person in a slot are made.
+    priors: BTreeMap<usize, String>,
     /// Refined pose tracks of people who do not take part: their slots and files.
     kept_tracks: Vec<(usize, Vec<u8>)>,
 }
@@ -28,6 +30,7 @@ impl Known {
             own_only: saved.own_only.clone(),
             practice,
             erased: saved.erased.clone(),
+            priors: saved.priors.clone(),
             kept_tracks,
         }
     }
@@ -50,6 +53,14 @@ impl Known {
     /// Makes the person in `slot` known.
     pub fn meet(&mut self, slot: usize, skeleton: Skeleton) {
         self.slots[slot] = Some(skeleton);
+    }
+
+    /// Notes by which decoder guesses of the person in `slot` are made.
+    pub fn note_prior(&mut self, slot: usize, prior: Option<String>) {
+        match prior {
+            Some(prior) => _ = self.priors.insert(slot, prior),
+            None => _ = self.priors.remove(&slot),
+        }
     }
 
     /// The steps with the person in `slot`.
@@ -78,5 +89,6 @@ impl Known {
         state.own_only.clone_from(&self.own_only);
         state.practice.clone_from(&self.practice);
         state.erased.clone_from(&self.erased);
+        state.priors.clone_from(&self.priors);
     }
 }

@@ -4,6 +4,7 @@ use crate::avatar::Avatar;
 use crate::config::{
     Appearance, ConfigError, LearnExposure, ModelConfig, Numerics, Refine, Variant,
 };
+use crate::decoder::parts::Parts;
 use crate::identity::own;
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
@@ -160,6 +161,7 @@ impl Trainer {
             let own = Avatar::own_slot(&saved.config, person.slot);
             state.avatar_mut().film(own, poses)?;
             known.meet(person.slot, subject.body.skeleton.clone());
+            known.note_prior(person.slot, prior_of(&saved.config, &options, &subject));
             subjects.push(subject);
         }
         let (patches, objective) = match saved.config.appearance {
@@ -278,4 +280,17 @@ fn goes_on(saved: &ModelState, options: &TrainOptions, people: &[Person]) -> boo
     }
     let known = |person: &Person| saved.slots.get(person.slot).is_some_and(Option::is_some);
     saved.step > 0 && people.iter().all(known)
+}
+
+/// The decoder by which guesses of `subject` are made in this training.
+fn prior_of(
+    config: &ModelConfig,
+    options: &TrainOptions,
+    subject: &TrainSubject,
+) -> Option<String> {
+    let splats = config.appearance.splats()?;
+    let guesses = splats.guess_unseen && !options.leave_unseen;
+    // Other skeletons have no places that correspond to those of people.
+    let places = Parts::of(&subject.body.skeleton).is_some();
+    options.prior.name().filter(|_| guesses && places)
 }

@@ -2,10 +2,11 @@
 
 use crate::support::{options, run};
 use burn::tensor::Device;
+use std::path::Path;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{Actor, Light, SceneView, SkinnedSplat};
-use yoto_avatar::train::{Person, TrainOptions, Trainer};
+use yoto_avatar::train::{ModelState, Person, TrainOptions, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::pose_track::PoseTrack;
@@ -201,6 +202,8 @@ fn flags_of_guesses_are_kept_with_a_model_and_dropped_by_a_training_that_leaves_
     assert!(kept.contains(&true));
     let dir = tempfile::tempdir().expect("a folder");
     trainer.save(dir.path()).expect("saves");
+    let priors = |dir: &Path| ModelState::read(dir).expect("a state").priors;
+    assert!(priors(dir.path())[&0].starts_with("people "));
     let resumed = |leave_unseen: bool| {
         let options = TrainOptions {
             leave_unseen,
@@ -217,4 +220,7 @@ fn flags_of_guesses_are_kept_with_a_model_and_dropped_by_a_training_that_leaves_
     let mut left = resumed(true);
     run(&mut left, 1);
     assert_eq!(left.guessed().expect("reads"), None);
+    let dir = tempfile::tempdir().expect("a folder");
+    left.save(dir.path()).expect("saves");
+    assert!(priors(dir.path()).is_empty(), "no decoder takes part");
 }

@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use clap::Args;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use yoto_avatar::avatar::PartCount;
 use yoto_avatar::config::{Appearance, ModelConfig};
@@ -33,6 +34,10 @@ impl Info {
         about(&state.config, state.slots.iter().flatten().count());
         say!("joints      {}", state.joints);
         say!("steps       {}", state.step);
+        let priors: BTreeSet<&String> = state.priors.values().collect();
+        for prior in priors {
+            say!("guesses by  the decoder of {prior}");
+        }
         for entry in std::fs::read_dir(path).with_context(|| format!("{}", path.display()))? {
             let entry = entry?;
             let size = entry.metadata()?.len();

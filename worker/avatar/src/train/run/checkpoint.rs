@@ -16,7 +16,7 @@ use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Bytes, Device};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::manifest::files;
@@ -60,6 +60,10 @@ pub struct ModelState {
     /// Slots of people who were removed.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub erased: BTreeSet<usize>,
+    /// The decoder by which the last training of the person in a slot guessed what no frame shows: whose it is, and its digest. None
+    /// for people of whom nothing was guessed by one.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub priors: BTreeMap<usize, String>,
     /// Skeleton of each slot.
     pub slots: Vec<Option<Skeleton>>,
 }
@@ -100,6 +104,7 @@ impl ModelState {
             own_only: BTreeSet::new(),
             practice: Vec::new(),
             erased: BTreeSet::new(),
+            priors: BTreeMap::new(),
             slots,
         }
     }

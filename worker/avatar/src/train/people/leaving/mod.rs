@@ -120,6 +120,7 @@ fn written(
     }
     state.slots[slot] = None;
     state.own_only.remove(&slot);
+    state.priors.remove(&slot);
     if let Some(practice) = state.practice.get_mut(slot) {
         *practice = Practice::default();
     }
