@@ -127,7 +127,7 @@ pub struct MotionConfig {
     /// Grid nodes along the axes.
     pub resolution: Resolution,
     /// Grid nodes of what each person has beyond the shared logits in the `direct` form; none: as many as `resolution`.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub own: Option<Resolution>,
     /// Source of the logits on the grid.
     #[serde(default)]

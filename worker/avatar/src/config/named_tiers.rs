@@ -142,8 +142,7 @@ fn splats(variant: Variant) -> ModelConfig {
         pose_shapes: PoseShapesConfig::of_tier(),
         ..SplatConfig::default()
     });
-    // People share fine weights and have coarse ones of their own (docs/splats.md).
-    config.motion.resolution = Resolution::Axes([44, 44, 17]);
+    // What a person has beyond the shared weights needs no fine cells (docs/splats.md).
     config.motion.own = Some(Resolution::Axes([16, 17, 7]));
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
