@@ -43,7 +43,7 @@ const PAGES: [(&str, Rule); 3] = [
 ];
 
 /// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 25] = [
+const DASHBOARD: [(&str, &str); 26] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),
     ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
@@ -67,6 +67,7 @@ const DASHBOARD: [(&str, &str); 25] = [
     ),
     ("/models", "/yoto.v1.ModelService/ListModels"),
     ("/models/*", "/yoto.v1.ModelService/GetModel"),
+    ("/models/*/report.html", "/yoto.v1.ModelService/GetModel"),
     ("/models/*/train", "/yoto.v1.JobService/CreateJob"),
     ("/models/*/player", "/yoto.v1.JobService/CreateJob"),
     ("/compare", "/yoto.v1.ModelService/GetModel"),

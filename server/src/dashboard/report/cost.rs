@@ -14,11 +14,10 @@ const KINDS: [JobKind; 5] = [
     JobKind::Export,
 ];
 
-/// Seconds of workers that the jobs of one kind have had, with attempts that failed.
-fn worker_seconds(jobs: &[&Job], now: f64) -> f64 {
-    let attempts = jobs.iter().flat_map(|job| &job.attempts);
-    let seconds = attempts.filter_map(|it| {
-        let begin = it.begin_time.as_ref().map(seconds)?;
+/// Seconds for which the jobs of one kind ran.
+fn ran(jobs: &[&Job], now: f64) -> f64 {
+    let seconds = jobs.iter().filter_map(|it| {
+        let begin = it.start_time.as_ref().map(seconds)?;
         let end = it.end_time.as_ref().map_or(now, seconds);
         Some((end - begin).max(0.0))
     });
@@ -30,7 +29,7 @@ pub(super) fn section(jobs: &[Job], checkpoints: &[Checkpoint], now: f64) -> Mar
     let total: u64 = checkpoints.iter().map(|it| it.bytes).sum();
     let rows = KINDS.map(|kind| {
         let of: Vec<&Job> = jobs.iter().filter(|it| it.kind() == kind).collect();
-        (kind, of.len(), worker_seconds(&of, now))
+        (kind, of.len(), ran(&of, now))
     });
     html! {
         div .scroll { table {
@@ -47,28 +46,20 @@ pub(super) fn section(jobs: &[Job], checkpoints: &[Checkpoint], now: f64) -> Mar
 mod tests {
     use super::*;
     use prost_types::Timestamp;
-    use yoto_proto::v1::JobAttempt;
 
     #[test]
-    fn all_attempts_of_a_kind_count_together() {
-        let time = |seconds| Some(Timestamp { seconds, nanos: 0 });
-        let attempt = |begin, end: Option<i64>| JobAttempt {
-            begin_time: time(begin),
-            end_time: end.and_then(time),
-            ..JobAttempt::default()
-        };
-        let job = |kind: JobKind, attempts| Job {
+    fn jobs_of_a_kind_count_together() {
+        let time = |seconds| Timestamp { seconds, nanos: 0 };
+        let job = |kind: JobKind, begin: Option<i64>, end: Option<i64>| Job {
             kind: kind.into(),
-            attempts,
+            start_time: begin.map(time),
+            end_time: end.map(time),
             ..Job::default()
         };
         let jobs = [
-            job(
-                JobKind::Train,
-                vec![attempt(0, Some(10)), attempt(20, Some(80))],
-            ),
-            job(JobKind::Train, vec![attempt(100, None)]),
-            job(JobKind::Render, vec![]),
+            job(JobKind::Train, Some(10), Some(80)),
+            job(JobKind::Train, Some(100), None),
+            job(JobKind::Render, None, None),
         ];
         let shown = section(&jobs, &[], 105.0).into_string();
         assert!(

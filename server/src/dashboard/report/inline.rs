@@ -12,8 +12,9 @@ use maud::{Markup, html};
 use sha2::{Digest, Sha256};
 use tonic::{Code, Status};
 use yoto_proto::names;
+use yoto_proto::v1::job_service_server::JobService;
 use yoto_proto::v1::object_service_server::ObjectService;
-use yoto_proto::v1::{DownloadObjectRequest, JobKind, job, job_spec};
+use yoto_proto::v1::{DownloadObjectRequest, GetJobRequest, JobKind, job, job_spec};
 
 /// Most bytes of all pictures of a page, which people send by mail.
 const MOST: usize = 6 << 20;
@@ -80,6 +81,21 @@ pub(super) fn digest(style: &str) -> String {
     )
 }
 
+/// Whether a render shows the filmed frame beside each picture. Lists of jobs have no orders.
+async fn compares(asker: &Asker, job: &str) -> Result<bool, Status> {
+    let request = GetJobRequest {
+        name: job.to_owned(),
+    };
+    let job = match asker.jobs().get_job(asker.request(request)).await {
+        Ok(job) => job.into_inner(),
+        // It was deleted meanwhile.
+        Err(error) if error.code() == Code::NotFound => return Ok(false),
+        Err(error) => return Err(error),
+    };
+    let order = job.spec.and_then(|it| it.kind);
+    Ok(matches!(order, Some(job_spec::Kind::Render(it)) if it.compare))
+}
+
 /// Pictures of the newest render that compares with filmed frames, or else of the newest one.
 ///
 /// # Errors
@@ -91,11 +107,13 @@ pub(super) async fn of_newest_render(
 ) -> Result<Markup, Status> {
     let done = [job::State::Succeeded];
     let renders = of_model(asker, model, &[JobKind::Render], &done, RENDERS).await?;
-    let compares = |job: &&yoto_proto::v1::Job| {
-        let spec = job.spec.as_ref().and_then(|it| it.kind.as_ref());
-        matches!(spec, Some(job_spec::Kind::Render(it)) if it.compare)
-    };
-    let compared = renders.iter().find(compares);
+    let mut compared = None;
+    for render in &renders {
+        if compares(asker, &render.name).await? {
+            compared = Some(render);
+            break;
+        }
+    }
     let Some(render) = compared.or(renders.first()) else {
         return Ok(html! {});
     };
@@ -117,7 +135,7 @@ pub(super) async fn of_newest_render(
             h2 { "Pictures" }
             p .detail {
                 @if compared.is_some() { "The filmed frame is to the left of the rendered one." }
-                @else { "Rendered pictures; " code { "yoto render --compare" } " puts the filmed frame beside each." }
+                @else { "Rendered pictures; " code { "yoto render --compare truth" } " puts the filmed frame beside each." }
             }
             div .pictures { @for (file, source) in shown { img alt={ "Picture " (file) } src=(source); } }
         }
