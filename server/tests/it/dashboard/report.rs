@@ -31,7 +31,7 @@ async fn a_report_has_everything_in_itself_and_nothing_that_others_wrote_is_mark
         "view coverage",
         "turn &lt;b&gt;once",
         "class=\"chart\"",
-        "training</th><td>3</td>",
+        "training</th><td>2</td>",
         "30.51",
     ] {
         shown(text);
