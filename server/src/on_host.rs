@@ -1,5 +1,5 @@
-//! A service's database, opened on its own host beside the service: for what its operator does without a key, since whoever can open the
-//! database can do everything anyway.
+//! A service's database, opened on its own host beside the running service. Its operators need no key there: whoever can open the database
+//! can do everything.
 
 use crate::DATABASE_FILE;
 use crate::clock::SystemClock;
