@@ -1,5 +1,5 @@
-//! A service's database, opened on its own host beside the running service. Its operators need no key there: whoever can open the database
-//! can do everything.
+//! A service's database, opened on its own host beside the running service. Operators need no key there: a person who can
+//! open the database can do everything.
 
 use crate::DATABASE_FILE;
 use crate::clock::SystemClock;

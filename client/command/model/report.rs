@@ -13,7 +13,7 @@ const AFTER_HELP: &str = "\
 The report is one page that needs no service and runs no script: the people with what the check of
 their captures has found, held-out frames beside their renders, trainings with curves, the newest
 evaluation beside the paper's figures, pictures of the newest render (with the filmed frames, if it
-was made with --compare truth), the measured trade-off, checkpoints, and the time of workers. It
+was made with --compare truth), the measured trade-off, checkpoints, and how long jobs ran. It
 shows people: send it only to whom they allow.
 
 Example:

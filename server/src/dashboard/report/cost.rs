@@ -1,4 +1,4 @@
-//! What a model has cost: time of workers by kinds of jobs, and bytes.
+//! What a model has cost: how long its jobs ran, by kind, and bytes.
 
 use super::super::words::{bytes, count, kind_word, seconds};
 use maud::{Markup, html};
@@ -33,12 +33,12 @@ pub(super) fn section(jobs: &[Job], checkpoints: &[Checkpoint], now: f64) -> Mar
     });
     html! {
         div .scroll { table {
-            thead { tr { th { "Kind" } th { "Jobs" } th { "Time of workers" } } }
+            thead { tr { th { "Kind" } th { "Jobs" } th { "Ran" } } }
             tbody { @for (kind, number, seconds) in rows.into_iter().filter(|it| it.1 > 0) {
                 tr { th scope="row" { (kind_word(kind)) } td { (number) } td { (duration(seconds)) } }
             } }
         } }
-        p .detail { (count(checkpoints.len() as u64, "checkpoint")) " of " (bytes(total)) " together. Deleted jobs are not counted." }
+        p .detail { (count(checkpoints.len() as u64, "checkpoint")) " of " (bytes(total)) " together. At most the newest " (super::JOBS) " jobs count, and no deleted ones." }
     }
 }
 

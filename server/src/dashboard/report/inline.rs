@@ -31,7 +31,7 @@ pub(super) struct Inline {
 }
 
 impl Inline {
-    /// The picture in the object `name` as an address that has it in itself; `None` if there is none, or no room for it.
+    /// The picture in the object `name` as a `data:` URL; `None` if it does not exist or is too large for the page.
     ///
     /// # Errors
     /// When the service can't read it.

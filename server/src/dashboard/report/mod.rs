@@ -1,4 +1,4 @@
-//! A model in one file, to send to somebody: whom it has, how it was trained, what it is worth, and what it cost.
+//! A model in one file, to send to somebody: whom it has, how it was trained, what it is worth, and how long its jobs ran.
 //!
 //! The file needs nothing else and runs nothing: its style and its pictures are in it, and its policy allows no script. What is
 //! told is what the pages tell, by the same parts.
@@ -77,7 +77,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Faul
     let body = html! {
         h1 { (name(&model.display_name)) }
         p .lead {
-            "A model of " (count(model.slots.len() as u64, "person").replace("persons", "people")) ", of the tier "
+            "A model of " (people_of(model.slots.len())) ", of the tier "
             (told(&model.tier)) " and the variant " (told(&model.variant)) "."
         }
         p .detail { "Written on " (date(now)) ": times are counted back from then." }
@@ -210,6 +210,13 @@ async fn shown_people(
         @if sections.is_empty() { p .empty { "Nobody." } }
         @for section in sections { (section) }
     })
+}
+
+fn people_of(number: usize) -> String {
+    match number {
+        1 => "1 person".to_owned(),
+        number => format!("{} people", whole(number as u64)),
+    }
 }
 
 fn filmed(capture: &Capture) -> String {

@@ -57,7 +57,7 @@ impl Filmed {
         &self.bounds
     }
 
-    /// The limits of poses of a person of whom this was filmed: [`BEYOND`] it.
+    /// The range of each feature, widened by [`BEYOND`] on both sides.
     pub fn limits(&self) -> Limits {
         let (least, greatest) = self.bounds.split_at(self.bounds.len() / 2);
         let beyond = |(from, to): (&f32, &f32)| to + BEYOND * (to - from);

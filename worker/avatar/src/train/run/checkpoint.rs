@@ -60,8 +60,8 @@ pub struct ModelState {
     /// Slots of people who were removed.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub erased: BTreeSet<usize>,
-    /// The decoder by which the last training of the person in a slot guessed what no frame shows: whose it is, and its digest. None
-    /// for people of whom nothing was guessed by one.
+    /// The decoder by which the last training of the person in a slot guessed what no frame shows: whose it is, and its digest. A slot
+    /// has no entry if no decoder was used.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub priors: BTreeMap<usize, String>,
     /// Skeleton of each slot.
