@@ -28,7 +28,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Chunks of an upload are not copied out of the messages that brought them.
     config.bytes([".yoto.v1.WriteUploadRequest.chunk"]);
     // They have a secret URL.
-    config.skip_debug([".yoto.v1.SignDownloadResponse", ".yoto.v1.SignedPart"]);
+    config.skip_debug([
+        ".yoto.v1.SignDownloadResponse",
+        ".yoto.v1.SignedPart",
+        ".yoto.v1.CreateShareResponse",
+    ]);
     tonic_prost_build::configure().compile_fds_with_config(set, config)?;
     Ok(())
 }

@@ -29,6 +29,7 @@ mod motion;
 mod render;
 mod scene;
 mod service;
+mod share;
 mod show;
 mod subject;
 mod tenant;

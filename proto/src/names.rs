@@ -26,11 +26,13 @@ pub enum Collection {
     Consents,
     /// Removals of people.
     Erasures,
+    /// Links to pages.
+    Shares,
 }
 
 impl Collection {
     /// All collections.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Subjects,
         Self::Captures,
         Self::Uploads,
@@ -40,6 +42,7 @@ impl Collection {
         Self::Keys,
         Self::Consents,
         Self::Erasures,
+        Self::Shares,
     ];
 
     /// The collection's segment in a name.
@@ -54,6 +57,7 @@ impl Collection {
             Self::Keys => "keys",
             Self::Consents => "consents",
             Self::Erasures => "erasures",
+            Self::Shares => "shares",
         }
     }
 

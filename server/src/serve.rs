@@ -2,8 +2,8 @@
 
 use crate::access::{AccessLayer, Admission};
 use crate::api::{
-    JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, StatusApi, StorageApi, SubjectApi, TenantApi,
-    UploadApi, WorkerApi,
+    JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, ShareApi, StatusApi, StorageApi, SubjectApi,
+    TenantApi, UploadApi, WorkerApi,
 };
 use crate::audit;
 use crate::context::Context;
@@ -28,6 +28,7 @@ use yoto_proto::v1::key_service_server::KeyServiceServer;
 use yoto_proto::v1::model_service_server::ModelServiceServer;
 use yoto_proto::v1::object_service_server::ObjectServiceServer;
 use yoto_proto::v1::render_service_server::RenderServiceServer;
+use yoto_proto::v1::share_service_server::ShareServiceServer;
 use yoto_proto::v1::status_service_server::StatusServiceServer;
 use yoto_proto::v1::storage_service_server::StorageServiceServer;
 use yoto_proto::v1::subject_service_server::SubjectServiceServer;
@@ -62,6 +63,7 @@ async fn routes(
     let status = StatusServiceServer::new(StatusApi { context: context() });
     let storage = StorageServiceServer::new(StorageApi { context: context() });
     let keys = KeyServiceServer::new(KeyApi { context: context() });
+    let shares = ShareServiceServer::new(ShareApi { context: context() });
     let tenants = TenantServiceServer::new(TenantApi { context: context() });
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
@@ -79,6 +81,7 @@ async fn routes(
         .add_service(renders.max_decoding_message_size(limit))
         .add_service(status)
         .add_service(keys.max_decoding_message_size(limit))
+        .add_service(shares.max_decoding_message_size(limit))
         .add_service(storage)
         .add_service(tenants)
         .add_service(workers.max_decoding_message_size(limit));

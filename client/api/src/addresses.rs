@@ -104,6 +104,11 @@ impl Addresses {
         })
     }
 
+    /// The first one, without a slash at its end.
+    pub fn first(&self) -> String {
+        self.first.to_string().trim_end_matches('/').to_owned()
+    }
+
     /// Whether what is sent can be read on its way: without TLS, beyond this machine.
     pub fn are_open(&self) -> bool {
         let own = |host: &str| {

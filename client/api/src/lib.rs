@@ -17,6 +17,7 @@ mod pages;
 mod renders;
 mod resolve;
 mod retry;
+mod shares;
 mod status;
 mod storage;
 mod subjects;

@@ -9,6 +9,7 @@ pub(crate) mod media;
 pub(crate) mod motion;
 mod parse;
 pub(crate) mod person;
+pub(crate) mod span;
 pub(crate) mod train;
 
 #[cfg(feature = "embedded")]

@@ -7,7 +7,9 @@ mod completions;
 
 #[cfg(feature = "embedded")]
 use crate::{audit, avatar, demo};
-use crate::{capture, export, job, key, model, motion, render, scene, service, subject, tenant};
+use crate::{
+    capture, export, job, key, model, motion, render, scene, service, share, subject, tenant,
+};
 use anyhow::Context;
 #[cfg(feature = "embedded")]
 use clap::{CommandFactory, FromArgMatches};
@@ -94,6 +96,7 @@ enum Command {
     Motion(motion::MotionCommand),
     Scene(scene::SceneCommand),
     Export(Box<export::Export>),
+    Share(share::ShareCommand),
     Evaluate(model::evaluate::Evaluate),
     Report(model::report::Report),
     #[cfg(feature = "embedded")]
@@ -169,6 +172,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Job(command) => runtime.block_on(command.run()),
         Command::Status(command) => runtime.block_on(command.run()),
         Command::Key(command) => runtime.block_on(command.run()),
+        Command::Share(command) => runtime.block_on(command.run()),
         Command::Usage(command) => runtime.block_on(command.run()),
         Command::Quota(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

@@ -1,7 +1,8 @@
 //! `yoto key create`.
 
 use super::place::Place;
-use super::{scope_names, when};
+use super::scope_names;
+use crate::args::span::span;
 use crate::show::now;
 use clap::{Args, ValueEnum};
 use prost_types::Timestamp;
@@ -38,7 +39,7 @@ pub(super) struct Create {
     )]
     scopes: Vec<ScopeName>,
     /// Time until it ends, such as 90d, 12h or 30m [default: never].
-    #[arg(long, value_name = "TIME", value_parser = when::span)]
+    #[arg(long, value_name = "TIME", value_parser = span)]
     expires: Option<Duration>,
     /// Whose calls it makes [default: the caller's tenant]. Tenants share a service without seeing each other.
     #[arg(long, value_name = "TENANT")]

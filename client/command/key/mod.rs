@@ -2,7 +2,6 @@
 
 mod create;
 mod place;
-mod when;
 
 use crate::show;
 use crate::show::{ID, now, span};

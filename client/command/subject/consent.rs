@@ -17,7 +17,8 @@ it is valid. Once a consent was recorded, its end stops jobs: new ones are refus
 with `yoto serve --require-consent` also refuses those who never gave any. `yoto subject show` lists the records.
 
 train: trainings and measurements; render: pictures, also those of others who move by the person's capture;
-export: files for other programs; share: files are given to others, which the service only records.
+export: files for other programs; share: links to pages (`yoto share`), and files that are given to others, which the
+service only records.
 
 Examples:
   yoto subject consent ada --for train,render --until 2027-12-31

@@ -123,9 +123,14 @@ impl KeyRing {
 
 /// A new key: 244 random bits of the system.
 pub fn new_secret() -> String {
+    format!("{PREFIX}{}", random())
+}
+
+/// 244 random bits in 64 hexadecimal digits.
+pub fn random() -> String {
     use uuid::Uuid;
     let (one, two) = (Uuid::new_v4().simple(), Uuid::new_v4().simple());
-    format!("{PREFIX}{one}{two}")
+    format!("{one}{two}")
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use yoto_proto::v1::Scope;
 /// What a caller needs for a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// Nothing: probes of balancers, which learn one word.
+    /// Nothing: probes of balancers, which learn one word, and links to pages.
     Open,
     /// Any key.
     Key,
@@ -43,7 +43,7 @@ const PAGES: [(&str, Rule); 3] = [
 ];
 
 /// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 26] = [
+const DASHBOARD: [(&str, &str); 28] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),
     ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
@@ -75,6 +75,8 @@ const DASHBOARD: [(&str, &str); 26] = [
     ("/jobs/*", "/yoto.v1.JobService/GetJob"),
     ("/jobs/*/cancel", "/yoto.v1.JobService/CancelJob"),
     ("/jobs/*/retry", "/yoto.v1.JobService/RetryJob"),
+    ("/jobs/*/share", "/yoto.v1.ShareService/CreateShare"),
+    ("/shares/*/revoke", "/yoto.v1.ShareService/RevokeShare"),
     ("/jobs/*/files/*", "/yoto.v1.ObjectService/DownloadObject"),
     (
         "/captures/*/thumbnail.png",
@@ -94,6 +96,8 @@ const UPLOADS: &str = "/people/upload/";
 const UPLOADED_FILE: &str = "/people/upload/files/*/*";
 /// Script and style of the dashboard, which are the same for everybody.
 const ASSETS: &str = "/assets/*";
+/// The pages behind links, whose addresses are their secrets.
+const SHARES: &str = "/share/*";
 
 static RULES: LazyLock<HashMap<String, Rule>> = LazyLock::new(all);
 
@@ -111,6 +115,9 @@ pub fn of_request(verb: &http::Method, path: &str) -> Option<Rule> {
 /// The rule of the path; `None` if nothing is there.
 fn of(path: &str) -> Option<Rule> {
     let own = RULES.get(path).copied();
+    if matches(SHARES, path) {
+        return Some(Rule::Open);
+    }
     own.or_else(|| of_dashboard(path))
 }
 
@@ -304,6 +311,7 @@ mod tests {
             assert_eq!(scope(&path), Some(Scope::Write), "{path}");
         }
         assert_eq!(of("/assets/page.js"), Some(Rule::Open));
+        assert_eq!(of("/share/0123"), Some(Rule::Open));
     }
 
     #[test]
@@ -350,6 +358,8 @@ mod tests {
             "/people/upload/files/7/a/b",
             "/people/upload/erase/7",
             "/assets/",
+            "/share/",
+            "/share/a/b",
             "/models/1/delete",
             "/yoto.v1.JobService/Nothing",
             "/grpc.health.v1.Health",

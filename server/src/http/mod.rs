@@ -7,6 +7,7 @@
 pub mod figures;
 mod metrics;
 mod probes;
+mod shares;
 pub mod transcoding;
 
 use crate::context::Context;
@@ -32,6 +33,7 @@ pub fn pages(router: Router, context: Arc<Context>) -> Router {
         .route("/healthz", get(probes::lives))
         .route("/readyz", get(probes::is_ready))
         .route("/metrics", get(metrics::page))
+        .route("/share/{secret}", get(shares::page))
         .with_state(context);
     router.merge(pages)
 }

@@ -30,8 +30,9 @@ pub use job_types::{
 };
 pub use types::{
     Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewKey, NewModel, NewPart,
-    NewPiece, NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References, RequestKey,
-    StoredPart, SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
+    NewPiece, NewShare, NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References,
+    RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload, UploadFile,
+    UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;

@@ -1,6 +1,7 @@
 //! Input and output types of the store, besides the contract's messages.
 
 use super::JobKind;
+use crate::tenant::Tenant;
 use prost::Message;
 use std::collections::{HashMap, HashSet};
 use yoto_objects::Part;
@@ -264,6 +265,43 @@ pub struct NewKey {
     pub scopes: Vec<Scope>,
     /// When it ends, seconds since 1970; none: never.
     pub expire_time: Option<f64>,
+}
+
+/// A link that is made.
+#[derive(Debug, Clone)]
+pub struct NewShare {
+    /// Id of the export whose page it shows.
+    pub job_id: String,
+    /// Id of the person.
+    pub subject_id: String,
+    /// SHA-256 of the link's secret, lower-case hex.
+    pub sha256: String,
+    /// For whom it is.
+    pub note: String,
+    /// Whether other sites may show the page.
+    pub embed: bool,
+    /// When it ends, seconds since 1970; none: never.
+    pub expire_time: Option<f64>,
+}
+
+/// What a valid link shows.
+#[derive(Debug, Clone)]
+pub struct Shared {
+    /// The tenant who made it.
+    pub tenant: Tenant,
+    /// Id of the export.
+    pub job_id: String,
+    /// Whether other sites may show the page.
+    pub embed: bool,
+}
+
+/// Links that are listed.
+#[derive(Debug, Clone, Default)]
+pub struct ShareFilter {
+    /// Id of the export; none: of all.
+    pub job_id: Option<String>,
+    /// Id of the person; none: of all.
+    pub subject_id: Option<String>,
 }
 
 /// A key, as the check of a call needs it.

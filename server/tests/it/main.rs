@@ -36,6 +36,7 @@ mod retries;
 mod s3;
 mod scenes;
 mod service;
+mod shares;
 mod signed;
 mod signed_parts;
 mod status;

@@ -16,7 +16,8 @@ use yoto_terminal::progress::count;
 
 pub(crate) const HELP: &str = "\
 The folder has:
-  person.json        what the service knows of them: name, note, consents, captures, models, jobs, and `left_out`
+  person.json        what the service knows of them: name, note, consents, links, captures, models, jobs, and
+                     `left_out`
   captures/ID/       the frames and masks that are kept, poses.json, thumbnail and check report. `yoto subject add`
                      reads this folder
   models/ID/STEP/    person.safetensors: their own parameters in a checkpoint; refined-poses.json
@@ -72,6 +73,7 @@ impl Export {
             out: &self.out,
         };
         let consents = client.list_consents(&subject.name).await?;
+        let shares = client.list_shares(&subject.name).await?;
         let captures = person.captures().await?;
         let models = person.models().await?;
         let jobs = person.jobs().await?;
@@ -80,6 +82,7 @@ impl Export {
         let about = json!({
             "subject": output::message(&subject),
             "consents": output::messages(&consents),
+            "shares": output::messages(&shares),
             "captures": captures.about,
             "models": models.about,
             "jobs": jobs.about,

@@ -8,6 +8,7 @@ mod inspection;
 mod jobs;
 mod keys;
 mod operators;
+mod shares;
 mod tenants;
 mod upkeep;
 mod uploads;

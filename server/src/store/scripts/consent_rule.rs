@@ -40,6 +40,7 @@ macro_rules! lacks {
         )
     };
 }
+pub(super) use {lacks, recorded};
 
 /// The purpose of jobs of this kind. The files of a capture may be read and checked without consent: that is how its person is
 /// recorded at all.
@@ -77,24 +78,38 @@ pub async fn check(
     let model = models::get(tx, tenant, model).await?;
     for subject in pins::people(spec, &model) {
         let id = Collection::Subjects.parse(&subject).map_err(unreadable)?;
-        let row = sql(concat!(
-            "SELECT s.display_name, ",
-            recorded!("$2"),
-            " AS recorded FROM subjects s WHERE s.id = $1 AND ",
-            lacks!()
-        ))
-        .bind(id)
-        .bind(purpose.as_str_name())
-        .bind(tx.now())
-        .bind(required)
-        .row(tx, "looking for a consent")
-        .await?;
-        if let Some(row) = row {
-            let person = row.text("display_name")?;
-            return Err(refusal(&person, purpose, row.flag("recorded")?));
-        }
+        check_person(tx, id, purpose, required).await?;
     }
     Ok(())
+}
+
+/// Refuses what needs a person's consent to `purpose`, if they lack it.
+pub async fn check_person(
+    tx: &mut Tx,
+    subject_id: &str,
+    purpose: ConsentPurpose,
+    required: bool,
+) -> Result<(), StoreError> {
+    let row = sql(concat!(
+        "SELECT s.display_name, ",
+        recorded!("$2"),
+        " AS recorded FROM subjects s WHERE s.id = $1 AND ",
+        lacks!()
+    ))
+    .bind(subject_id)
+    .bind(purpose.as_str_name())
+    .bind(tx.now())
+    .bind(required)
+    .row(tx, "looking for a consent")
+    .await?;
+    match row {
+        Some(row) => Err(refusal(
+            &row.text("display_name")?,
+            purpose,
+            row.flag("recorded")?,
+        )),
+        None => Ok(()),
+    }
 }
 
 /// The same for a job in the queue.

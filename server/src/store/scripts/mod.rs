@@ -42,6 +42,7 @@ pub mod removal;
 pub mod requests;
 #[cfg(test)]
 mod shared_tests;
+pub mod shares;
 pub mod signed_parts;
 pub mod steps;
 pub mod subjects;

@@ -2,7 +2,7 @@
 
 use super::leaving::{job_of, knows, models_of, slot_of};
 use super::{
-    audit, captures, checkpoints, consents, deletion, erasures, garbage, models, subjects,
+    audit, captures, checkpoints, consents, deletion, erasures, garbage, models, shares, subjects,
 };
 use crate::store::db::{Lock, Tx, sql};
 use crate::store::{LeftModel, OpenErasure, SharedWeights, StoreError, Work};
@@ -43,6 +43,10 @@ pub async fn rows(tx: &mut Tx, erasure: &OpenErasure) -> Result<Option<Work>, St
         ids: vec![id.to_owned()],
         ..Work::default()
     };
+    // They would go unseen with their jobs.
+    let links = shares::remove_of(tx, id).await?;
+    work.count("links", links.len() as u64);
+    work.ids.extend(links);
     for model in &models {
         let left = leave(tx, erasure, model, &mut work).await?;
         work.models.push(left);

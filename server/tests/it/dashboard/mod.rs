@@ -2,7 +2,7 @@
 
 mod browser;
 mod events;
-mod forms;
+pub mod forms;
 mod report;
 mod sending;
 pub mod stage;

@@ -50,7 +50,20 @@ async fn content(service: &Service) -> Content {
         worker: trained.worker,
         key: "keys/none".into(),
         erasure: erased(service).await,
+        share: "shares/none".into(),
     }
+}
+
+/// A link to a job of the tenant.
+async fn shared(service: &Service, tenant: &str, content: &Content) -> String {
+    let id = format!("of-{tenant}");
+    let (job, subject) = (requests::id(&content.job), requests::id(&content.subject));
+    let insert = format!(
+        "INSERT INTO shares (id, tenant, job, subject, sha256, note, embed, create_time)
+         VALUES ('{id}', '{tenant}', '{job}', '{subject}', '{id}', '', 0, 1.0)"
+    );
+    service.database.run(&insert).await;
+    format!("shares/{id}")
 }
 
 /// The erasure of a person who is in nothing.
@@ -79,6 +92,7 @@ struct TwoTenants {
 async fn two_tenants() -> TwoTenants {
     let mut service = Service::start().await;
     let mut theirs = content(&service).await;
+    theirs.share = shared(&service, "default", &theirs).await;
     theirs.key = service.key("default", &[Scope::Read]).await.name;
     let door = service.door(Admission::Nobody);
     let (mut keyed, mut of_worker) = (HashMap::new(), String::new());
@@ -91,6 +105,7 @@ async fn two_tenants() -> TwoTenants {
     service.channel = connect(&service, "other");
     let mut own = content(&service).await;
     own.key = revoked;
+    own.share = shared(&service, "other", &own).await;
     // As if it had registered with the key.
     let bound = format!(
         "UPDATE workers SET key = '{}' WHERE id = '{}'",

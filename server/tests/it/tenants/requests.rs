@@ -19,6 +19,7 @@ pub struct Content {
     pub object: String,
     pub key: String,
     pub erasure: String,
+    pub share: String,
 }
 
 impl Content {
@@ -34,9 +35,10 @@ impl Content {
             object,
             key,
             erasure,
+            share,
         } = self;
         let all = [
-            subject, capture, upload, model, checkpoint, job, worker, object, key, erasure,
+            subject, capture, upload, model, checkpoint, job, worker, object, key, erasure, share,
         ];
         all.into_iter().map(String::as_str)
     }

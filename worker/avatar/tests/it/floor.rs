@@ -162,15 +162,15 @@ fn exposed(_: &mut PoseTrack, images: &mut [FrameImage]) {
 }
 
 const SPLATS: Quality = Quality {
-    views: 31.08,
-    poses: 27.14,
+    views: 31.07,
+    poses: 27.20,
 };
 const REFINED: Quality = Quality {
-    views: 26.09,
-    poses: 23.26,
+    views: 26.10,
+    poses: 22.96,
 };
 const EXPOSED: Quality = Quality {
-    views: 35.26,
+    views: 35.24,
     poses: 31.40,
 };
 

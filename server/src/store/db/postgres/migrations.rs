@@ -25,6 +25,7 @@ pub fn migrations() -> Migrator {
     let traces = include_str!("../../../../../migrations/postgres/0028_traces.sql").into_sql_str();
     let quotas = include_str!("../../../../../migrations/postgres/0029_quotas.sql").into_sql_str();
     let audit = include_str!("../../../../../migrations/postgres/0030_audit.sql").into_sql_str();
+    let shares = include_str!("../../../../../migrations/postgres/0031_shares.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -39,6 +40,7 @@ pub fn migrations() -> Migrator {
         step(28, "traces", traces),
         step(29, "quotas", quotas),
         step(30, "audit", audit),
+        step(31, "shares", shares),
     ])
 }
 

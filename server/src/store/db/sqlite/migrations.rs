@@ -55,6 +55,7 @@ pub fn migrations() -> Migrator {
     let traces = include_str!("../../../../../migrations/sqlite/0028_traces.sql").into_sql_str();
     let quotas = include_str!("../../../../../migrations/sqlite/0029_quotas.sql").into_sql_str();
     let audit = include_str!("../../../../../migrations/sqlite/0030_audit.sql").into_sql_str();
+    let shares = include_str!("../../../../../migrations/sqlite/0031_shares.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -89,6 +90,7 @@ pub fn migrations() -> Migrator {
         step(28, "traces", traces, false),
         step(29, "quotas", quotas, false),
         step(30, "audit", audit, false),
+        step(31, "shares", shares, false),
     ])
 }
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// Parses a span such as `90d`, `12h` or `30m`.
-pub(super) fn span(text: &str) -> Result<Duration, String> {
+pub(crate) fn span(text: &str) -> Result<Duration, String> {
     let wrong = || "a time such as 90d, 12h or 30m".to_owned();
     let unit = text.chars().next_back().ok_or_else(wrong)?;
     let seconds = match unit {
