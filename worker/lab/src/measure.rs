@@ -13,15 +13,16 @@ use yoto_proto::v1::Progress;
 const WHITE: f32 = 0.25;
 
 /// The mean over a fixed subset of each capture, at most `count` pictures of each, by a model
-/// that has the recordings in its slots in their order.
+/// that has the recordings in its slots in their order, the first one in `first_slot`.
 pub(super) fn subset(
     examiner: &Examiner,
     recordings: &[Recording],
+    first_slot: usize,
     split: Split,
     count: usize,
 ) -> anyhow::Result<Score> {
     let mut mean = Mean::default();
-    for (slot, recording) in recordings.iter().enumerate() {
+    for (slot, recording) in (first_slot..).zip(recordings) {
         for view in recording.subset(split, count) {
             mean.add(&examine(examiner, slot, view)?.score);
         }

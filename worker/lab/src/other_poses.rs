@@ -12,18 +12,20 @@ use yoto_avatar::train::Trainer;
 use yoto_capture::camera::Pose;
 use yoto_proto::v1::Progress;
 
-/// Scores after a fit of each picture's pose: means over all people, at most `count` pictures per
-/// person and split.
+/// Scores after a fit of each picture's pose: means over all people, the first one in `first_slot`, at most `count`
+/// pictures per person and split.
 pub(super) fn fitted(
     trainer: &Trainer,
     examiner: &Examiner,
     recordings: &[Recording],
+    first_slot: usize,
     count: usize,
     screen: &dyn Screen,
 ) -> anyhow::Result<SplitScores> {
     scores(
         examiner,
         recordings,
+        first_slot,
         count,
         screen,
         "fitting",
@@ -40,16 +42,26 @@ pub(super) fn aligned(
     alignments: &[Alignment],
     examiner: &Examiner,
     recordings: &[Recording],
+    first_slot: usize,
     count: usize,
     screen: &dyn Screen,
 ) -> anyhow::Result<SplitScores> {
-    let pose = |slot: usize, it: &View| Ok(alignments[slot].apply_to(&it.pose));
-    scores(examiner, recordings, count, screen, "aligned poses", pose)
+    let pose = |slot: usize, it: &View| Ok(alignments[slot - first_slot].apply_to(&it.pose));
+    scores(
+        examiner,
+        recordings,
+        first_slot,
+        count,
+        screen,
+        "aligned poses",
+        pose,
+    )
 }
 
 fn scores(
     examiner: &Examiner,
     recordings: &[Recording],
+    first_slot: usize,
     count: usize,
     screen: &dyn Screen,
     title: &str,
@@ -59,7 +71,7 @@ fn scores(
     let mut done = 0;
     let mut mean = |split: Split| -> anyhow::Result<Score> {
         let mut mean = Mean::default();
-        for (slot, recording) in recordings.iter().enumerate() {
+        for (slot, recording) in (first_slot..).zip(recordings) {
             for view in recording.subset(split, count) {
                 let pose = pose(slot, view)?;
                 let truth = Truth {

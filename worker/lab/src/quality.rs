@@ -15,13 +15,13 @@ use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, Report, Settings};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
-use anyhow::Context;
-use std::path::PathBuf;
+use anyhow::{Context, ensure};
+use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::evaluate::{Examiner, Protocol, RegionSums, SplitScores, SubjectScore};
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, Learn, ModelState, TrainOptions, Trainer};
 use yoto_device::PickedDevice;
 use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::v1::Progress;
@@ -64,6 +64,8 @@ pub struct QualityOptions {
     pub pictures: Option<PathBuf>,
     /// What is known of people before.
     pub prior: Prior,
+    /// Checkpoint of a model that the person of the one capture joins, in place of a new model.
+    pub join: Option<PathBuf>,
     /// Folder for the trained model.
     pub save: Option<PathBuf>,
     /// Weights of the networks of LPIPS; without them LPIPS is neither measured nor minimised.
@@ -90,12 +92,20 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         captures::train_on_poses_of(file, &options.captures, &mut recordings)?;
     }
     let picked = pick_device(screen);
-    let people = recordings.iter().enumerate();
+    let first_slot = match &options.join {
+        Some(dir) => first_free_slot(dir, &recordings)?,
+        None => 0,
+    };
+    let people = (first_slot..).zip(&recordings);
     let people = people.map(|(slot, recording)| recording.person(slot));
     let train_options = TrainOptions {
         refine_poses: options.refine_poses,
         exposure: options.exposure,
         prior: options.prior.clone(),
+        learn: match options.join {
+            Some(_) => Learn::Own { slot: first_slot },
+            None => Learn::Everything,
+        },
         ..training::options(
             options.budget,
             options.size,
@@ -103,10 +113,16 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
             options.lpips.as_ref(),
         )
     };
-    let mut trainer = Trainer::new(config, train_options, people.collect(), &picked.device)?;
+    let people = people.collect();
+    let mut trainer = match &options.join {
+        Some(dir) => Trainer::resume(dir, train_options, people, &picked.device)
+            .with_context(|| format!("joining the model {}", dir.display()))?,
+        None => Trainer::new(config, train_options, people, &picked.device)?,
+    };
     let curve = train(
         &mut trainer,
         &mut recordings,
+        first_slot,
         protocol,
         options.curve_pictures,
         screen,
@@ -118,11 +134,12 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         };
         save().with_context(|| format!("writing the model to {}", folder.display()))?;
     }
-    follow(&mut recordings, &trainer);
+    follow(&mut recordings, first_slot, &trainer);
     finish(
         options,
         &trainer,
         &recordings,
+        first_slot,
         protocol,
         curve,
         &picked,
@@ -130,9 +147,21 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
     )
 }
 
+/// The slot of somebody who joins the model in `dir`, who is the only one that trains.
+fn first_free_slot(dir: &Path, recordings: &[Recording]) -> anyhow::Result<usize> {
+    ensure!(
+        recordings.len() == 1,
+        "one capture can join a model at a time, and {} are given",
+        recordings.len()
+    );
+    let state = ModelState::read(dir)
+        .with_context(|| format!("the model {} (is it a checkpoint's folder?)", dir.display()))?;
+    Ok(state.slots.len())
+}
+
 /// Sets poses and exposures of held-out frames of training films to those between their neighbours.
-fn follow(recordings: &mut [Recording], trainer: &Trainer) {
-    for (slot, recording) in recordings.iter_mut().enumerate() {
+fn follow(recordings: &mut [Recording], first_slot: usize, trainer: &Trainer) {
+    for (slot, recording) in (first_slot..).zip(recordings) {
         recording.follow(trainer, slot);
     }
 }
@@ -141,6 +170,7 @@ fn follow(recordings: &mut [Recording], trainer: &Trainer) {
 fn train(
     trainer: &mut Trainer,
     recordings: &mut [Recording],
+    first_slot: usize,
     protocol: &'static Protocol,
     pictures: usize,
     screen: &dyn Screen,
@@ -156,10 +186,10 @@ fn train(
         let is_due = progress.fraction >= next_point || trainer.finished();
         if pictures > 0 && is_due {
             display.progress(&shown(&progress, "evaluating", curve.newest_psnr()));
-            follow(recordings, trainer);
+            follow(recordings, first_slot, trainer);
             let examiner = Examiner::new(trainer.renderer(), protocol, None);
             let point = |split| -> anyhow::Result<Option<CurvePoint>> {
-                let score = measure::subset(&examiner, recordings, split, pictures)?;
+                let score = measure::subset(&examiner, recordings, first_slot, split, pictures)?;
                 Ok((score.pictures > 0).then_some(CurvePoint {
                     seconds: progress.train_seconds,
                     step: progress.step,
@@ -184,6 +214,7 @@ fn finish(
     options: &QualityOptions,
     trainer: &Trainer,
     recordings: &[Recording],
+    first_slot: usize,
     protocol: &'static Protocol,
     curve: Curve,
     picked: &PickedDevice,
@@ -202,7 +233,7 @@ fn finish(
         .sum();
     let (mut done, mut seconds, mut subjects) = (0, 0.0, Vec::new());
     let (mut views, mut poses) = (RegionSums::default(), RegionSums::default());
-    for (slot, recording) in recordings.iter().enumerate() {
+    for (slot, recording) in (first_slot..).zip(recordings) {
         let mut examine = |split| {
             measure::person(
                 &examiner,
@@ -243,16 +274,28 @@ fn finish(
     display.finish(&format!("{done} held-out pictures"));
     let fitted = options
         .fit_poses
-        .then(|| other_poses::fitted(trainer, &examiner, recordings, options.measured, screen))
+        .then(|| {
+            other_poses::fitted(
+                trainer,
+                &examiner,
+                recordings,
+                first_slot,
+                options.measured,
+                screen,
+            )
+        })
         .transpose()?;
-    let alignments = recordings.iter().enumerate();
+    let alignments = (first_slot..).zip(recordings);
     let alignments = alignments.map(|(slot, it)| it.alignment(&trainer.refined_poses(slot)));
     let alignments: Vec<_> = alignments.collect::<anyhow::Result<_>>()?;
     let alignments: Option<Vec<Alignment>> = alignments.into_iter().collect();
     let aligned = alignments
-        .map(|it| other_poses::aligned(&it, &examiner, recordings, options.measured, screen))
+        .map(|it| {
+            let measured = options.measured;
+            other_poses::aligned(&it, &examiner, recordings, first_slot, measured, screen)
+        })
         .transpose()?;
-    let errors = recordings.iter().enumerate();
+    let errors = (first_slot..).zip(recordings);
     let errors = errors.map(|(slot, it)| it.pose_errors(&trainer.refined_poses(slot)));
     let errors: Vec<_> = errors.collect::<anyhow::Result<Vec<_>>>()?;
     let errors: Vec<PoseErrors> = errors.into_iter().flatten().collect();

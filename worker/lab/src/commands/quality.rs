@@ -102,6 +102,10 @@ pub(super) struct Quality {
     /// decoder (`yoto-lab decoder`).
     #[arg(long, default_value = "people", value_name = "DECODER", value_parser = args::prior)]
     init: Prior,
+    /// Join this trained model (a folder that --save wrote) in place of training a new one. The person of the one capture
+    /// learns; nobody else changes, and tier, variant and settings are the model's.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["tier", "variant", "settings"])]
+    join: Option<PathBuf>,
     /// Also write the trained model, for `yoto-lab evaluate` and `yoto export`.
     #[arg(long, value_name = "DIR")]
     save: Option<PathBuf>,
@@ -136,6 +140,7 @@ impl Quality {
             fit_poses: self.fit_poses,
             seed: self.seed,
             pictures: self.pictures,
+            join: self.join,
             save: self.save,
             prior: self.init,
             lpips: self.lpips.weights()?,

@@ -91,6 +91,7 @@ impl Real {
                 held_out: HeldOut::Every(10),
                 pictures: None,
                 save: None,
+                join: None,
                 prior: Prior::People,
                 size: self.size,
                 budget: match self.steps {
