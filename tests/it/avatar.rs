@@ -127,6 +127,13 @@ fn a_doubtful_capture_says_little_and_the_log_says_all() -> anyhow::Result<()> {
         let is_said = lines.iter().any(|line| line.starts_with(start));
         ensure!(is_said, "{start}: {lines:#?}");
     }
+    let page = std::fs::read_to_string(dir.path().join("o/index.html"))?;
+    ensure!(page.contains("href=\"report.html\""), "{page}");
+    let sent = std::fs::read_to_string(dir.path().join("o/report.html"))?;
+    ensure!(
+        sent.contains("data:image/") && !sent.contains("<script"),
+        "{sent}"
+    );
     let log = std::fs::read_to_string(dir.path().join("o/log.txt"))?;
     for detail in ["  pass  joints in the mask", "computing on", "note: "] {
         ensure!(log.contains(detail), "{detail}: {log}");

@@ -12,9 +12,9 @@ use yoto_synthetic::SyntheticPerson;
 use yoto_tests::browser::Browser;
 use yoto_tests::page::clips;
 use yoto_tests::people::write_capture;
-use yoto_tests::phone;
 use yoto_tests::playback::played;
 use yoto_tests::process::{Service, fail, succeed};
+use yoto_tests::{element, phone};
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const LAB: &str = env!("CARGO_BIN_EXE_yoto-lab-under-test");
@@ -346,6 +346,7 @@ fn page_in_a_browser(stage: &Stage) -> anyhow::Result<()> {
     let lens = [k[0][0], k[1][1], k[0][2], k[1][2]];
     let hold = serde_json::json!([0, FRAME, &frame.e[..3], lens, SIZE, SIZE]);
     let page = std::fs::read_to_string(stage.path("ada.html"))?;
+    element::tried(&browser, &page)?;
     let drawn = phone::tried(&browser, &page, &hold)?;
     let over_black = drawn.pixels().flat_map(|pixel| {
         let [r, g, b, a] = pixel.0.map(|value| f32::from(value) / 255.0);

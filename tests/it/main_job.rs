@@ -39,6 +39,8 @@ fn the_demo_leaves_pictures_and_figures() -> anyhow::Result<()> {
     ];
     let said = succeed(YOTO, &small)?;
     let report = read(&out.join("report.json"))?;
+    let sent = std::fs::read_to_string(out.join("report.html"))?;
+    assert!(sent.contains("data:image/") && !sent.contains("<script"));
     let people = report["subjects"].as_array().context("subjects")?;
     assert_eq!(people.len(), 2);
     for person in people {

@@ -3,6 +3,7 @@
 
 pub mod browser;
 pub mod bvh;
+pub mod element;
 pub mod film;
 pub mod folders;
 pub mod jobs;

@@ -21,7 +21,8 @@ Steps, with a service of its own:
   2. checks the capture (check/sheet.png shows it) and stops if a measure fails;
   3. uploads it, trains, renders the person from all around and in a motion; index.html shows the
      training while it goes on;
-  4. writes index.html and play.html, for browsers, report.json, and log.txt with all notes.
+  4. writes index.html and play.html, for browsers, report.html to send, report.json, and log.txt with all
+     notes.
 
 One person in the picture, whole, from head to feet; best is one slow turn with the arms out, then
 down. Pose tools and their files: docs/pose-tools.md. The pose model: deploy/models/README.md.

@@ -2,7 +2,7 @@
 
 use super::live::{OFTEN, Shown, State};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
-use yoto_export::page::escaped;
+use yoto_player::escaped;
 
 /// Template of the page, with fields in braces.
 const PAGE: &str = include_str!("live_page.html");

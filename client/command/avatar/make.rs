@@ -3,8 +3,9 @@
 use super::live::Live;
 use super::motion::Shown;
 use super::report::Report;
-use super::{AvatarOptions, PLAYER};
+use super::{AvatarOptions, PLAYER, REPORT};
 use crate::model::preview::Previews;
+use crate::model::report;
 use crate::studio::person;
 use crate::studio::players::write_pages;
 use crate::studio::service::with_service;
@@ -47,7 +48,7 @@ pub(super) struct Made {
 /// Uploads the capture, trains, renders, and writes the page that plays, with a service of its own.
 pub(super) async fn make(
     options: &AvatarOptions,
-    report: &Report,
+    about: &Report,
     shown: &Shown<'_>,
     places: Places<'_>,
     live: &Live,
@@ -58,7 +59,7 @@ pub(super) async fn make(
         pictures,
         data,
     } = places;
-    let size = report.size;
+    let size = about.size;
     let ingest = IngestSettings {
         ffmpeg: options.import.ffmpeg.clone(),
         ..IngestSettings::default()
@@ -100,7 +101,7 @@ pub(super) async fn make(
                 label: format!("{} from all around", options.name),
                 subject: &subject,
                 what: render_spec::What::Orbit(Orbit {
-                    frame: report.orbit_frame,
+                    frame: about.orbit_frame,
                     views: ORBIT_VIEWS,
                     size,
                 }),
@@ -109,7 +110,7 @@ pub(super) async fn make(
             })
             .await?;
         live.doing("trained; rendering a motion");
-        let (what, fps) = shown.what(&subject, size, report.fps)?;
+        let (what, fps) = shown.what(&subject, size, about.fps)?;
         let moved = shots
             .render(Shot {
                 between: None,
@@ -123,6 +124,7 @@ pub(super) async fn make(
         live.doing("trained; writing the page that plays the person");
         let player = out.join(PLAYER);
         write_pages(client, &model, &[(&subject, &player)]).await?;
+        report::write(client, &model.name, &out.join(REPORT)).await?;
         Ok(Made {
             trained,
             orbit,

@@ -33,9 +33,10 @@ use yoto_terminal::progress::duration;
 
 /// Name of this command, on the folders that it may replace.
 const MAKER: &str = "avatar";
-/// The page, the one that plays the person, and the folders beside them.
+/// The page, the one that plays the person, the report of the model, and the folders beside them.
 const PAGE: &str = "index.html";
 const PLAYER: &str = "play.html";
+const REPORT: &str = "report.html";
 /// What was said, in full.
 const LOG: &str = "log.txt";
 const FOLDERS: [&str; 4] = ["capture", "check", "pictures", "service"];
@@ -99,7 +100,7 @@ fn folders(out: &Path) -> anyhow::Result<[PathBuf; 4]> {
     Ok([capture?, check?, pictures?, service?])
 }
 
-/// Makes the avatar: `index.html`, `play.html`, `report.json` and what they show, in the folder of the options.
+/// Makes the avatar: `index.html`, `play.html`, `report.html`, `report.json` and what they show, in the folder of the options.
 ///
 /// # Errors
 /// The first failure; a capture whose check fails is one, unless the options say otherwise.

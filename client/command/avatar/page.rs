@@ -5,7 +5,7 @@ use anyhow::Context;
 use std::fmt::Write;
 use std::path::Path;
 use yoto_capture::check::Grade;
-use yoto_export::page::escaped;
+use yoto_player::escaped;
 use yoto_terminal::progress::duration;
 
 /// Template of the page, with fields in braces.

@@ -11,6 +11,7 @@ mod report;
 mod score;
 mod sheet;
 
+use crate::model::report as model_report;
 use crate::studio::players::write_pages;
 use crate::studio::service::with_service;
 use crate::studio::shots::Shots;
@@ -55,6 +56,10 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
         (
             options.out.join("report.json"),
             "quality and times, as JSON",
+        ),
+        (
+            options.out.join("report.html"),
+            "the model in one page to send",
         ),
         (
             sheet::novel_views(&options.out),
@@ -191,6 +196,7 @@ async fn drive(
     let paths: Vec<PathBuf> = paths.collect();
     let pages: Vec<_> = subjects.iter().zip(paths.iter().map(|it| &**it)).collect();
     write_pages(client, &model, &pages).await?;
+    model_report::write(client, &model.name, &options.out.join("report.html")).await?;
 
     let scores = score::subjects(actors, &renders)?;
     let settings = Settings {

@@ -4,7 +4,7 @@ use super::report::Report;
 use anyhow::Context;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use yoto_export::page::escaped;
+use yoto_player::escaped;
 
 /// Template of the page, with fields in braces.
 const PAGE: &str = include_str!("page.html");

@@ -5,8 +5,9 @@ use crate::files::{folder_of, keep};
 use anyhow::Context;
 use clap::Args;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
+use yoto_client::YotoClient;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -32,15 +33,23 @@ pub(crate) struct Report {
     server: Server,
 }
 
+/// Writes the report of the model with this resource name to the file `out`, which is replaced.
+///
+/// # Errors
+/// When the service has no report, or the file can't be written.
+pub(crate) async fn write(client: &YotoClient, model: &str, out: &Path) -> anyhow::Result<()> {
+    let page = client.model_report(model).await?;
+    let writing = || format!("writing {}", out.display());
+    let mut part = NamedTempFile::new_in(folder_of(out)).with_context(writing)?;
+    part.write_all(&page).with_context(writing)?;
+    keep(part, out).with_context(writing)
+}
+
 impl Report {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
-        let page = client.model_report(&model.name).await?;
-        let writing = || format!("writing {}", self.out.display());
-        let mut part = NamedTempFile::new_in(folder_of(&self.out)).with_context(writing)?;
-        part.write_all(&page).with_context(writing)?;
-        keep(part, &self.out).with_context(writing)?;
+        write(&client, &model.name, &self.out).await?;
         output::put("files", output::paths(&[&self.out]));
         say!("{}", self.out.display());
         Ok(())

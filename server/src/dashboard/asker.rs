@@ -1,7 +1,7 @@
 //! Who asks for a page, and the calls made for them.
 
 use super::token;
-use crate::api::{JobApi, ModelApi, ObjectApi, StatusApi, SubjectApi, TenantApi};
+use crate::api::{JobApi, ModelApi, ObjectApi, ShareApi, StatusApi, SubjectApi, TenantApi};
 use crate::context::Context;
 use crate::tenant::Tenant;
 use axum::Router;
@@ -27,6 +27,7 @@ pub struct Site {
     objects: ObjectApi,
     status: StatusApi,
     tenants: TenantApi,
+    shares: ShareApi,
     calls: Router,
 }
 
@@ -44,6 +45,7 @@ impl Site {
             objects: ObjectApi { context: shared() },
             status: StatusApi { context: shared() },
             tenants: TenantApi { context: shared() },
+            shares: ShareApi { context: shared() },
             context,
             drain,
             calls,
@@ -129,6 +131,11 @@ impl Asker {
     /// Files.
     pub fn objects(&self) -> &ObjectApi {
         &self.site.objects
+    }
+
+    /// Links to pages.
+    pub fn shares(&self) -> &ShareApi {
+        &self.site.shares
     }
 
     /// Usage of tenants.

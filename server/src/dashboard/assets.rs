@@ -3,8 +3,9 @@
 
 use super::fault::Fault;
 use axum::extract::Path;
+use axum::http::HeaderName;
 use axum::http::StatusCode;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::header::{ACCESS_CONTROL_ALLOW_ORIGIN, CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use std::sync::LazyLock;
 use yoto_proto::sha256_hex;
@@ -66,8 +67,28 @@ pub static BUILD: LazyLock<String> = LazyLock::new(|| {
     sha256_hex(all.as_bytes())[..12].to_owned()
 });
 
+/// The name of the script of `<yoto-avatar>`. It stays the same, since pages of other sites name it.
+const ELEMENT: &str = "yoto-avatar.js";
+
+/// The script of `<yoto-avatar>`, which pages of other sites may load.
+fn element() -> Response {
+    let headers = [
+        (CONTENT_TYPE, "text/javascript; charset=utf-8"),
+        (CACHE_CONTROL, "public, max-age=3600"),
+        (ACCESS_CONTROL_ALLOW_ORIGIN, "*"),
+        (
+            HeaderName::from_static("cross-origin-resource-policy"),
+            "cross-origin",
+        ),
+    ];
+    (headers, yoto_player::ELEMENT.as_str()).into_response()
+}
+
 /// An asset.
 pub async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
+    if name == ELEMENT {
+        return Ok(element());
+    }
     let path = format!("/assets/{name}");
     let found = [&*STYLE, &*SCRIPT, &*UPLOAD, &*ICON]
         .into_iter()

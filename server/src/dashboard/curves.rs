@@ -67,7 +67,7 @@ fn table(points: &[MetricPoint]) -> Markup {
     html! {
         details #figures {
             summary { "Figures" }
-            div .scroll { table {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table {
                 thead { tr { th { "Step" } th { "Time" } th { "Loss" } th { "PSNR, dB" } th { "SSIM" } } }
                 tbody {
                     @for (at, point) in shown {

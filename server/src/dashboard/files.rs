@@ -18,9 +18,24 @@ use yoto_proto::names;
 use yoto_proto::v1::DownloadObjectRequest;
 use yoto_proto::v1::object_service_server::ObjectService;
 
-/// The player of a person has its script and its data in itself. Without `allow-same-origin` its origin is its own.
-const PLAYER: &str = "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; \
-     style-src 'unsafe-inline'; img-src data: blob:; connect-src data: blob:; worker-src blob:; frame-ancestors 'self'";
+/// What a player may do in frames of these sites. It has its script and its data in itself. Without `allow-same-origin` its
+/// origin is its own.
+macro_rules! player {
+    ($ancestors:literal) => {
+        concat!(
+            "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; \
+             style-src 'unsafe-inline'; img-src data: blob:; connect-src data: blob:; worker-src blob:; \
+             frame-ancestors ",
+            $ancestors
+        )
+    };
+}
+/// The policy of a player in our own pages.
+const PLAYER: &str = player!("'self'");
+/// The policy of a player that is a page for itself.
+pub const LONE_PLAYER: &str = player!("'none'");
+/// The policy of a player that any site may show.
+pub const EMBEDDED_PLAYER: &str = player!("*");
 /// A picture that was replaced has another address.
 const KEPT: &str = "private, max-age=86400, immutable";
 

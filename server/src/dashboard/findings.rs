@@ -100,7 +100,7 @@ impl Report {
                 ul .advice { @for line in self.advice.iter().take(MOST) { li { (told(line)) } } }
             }
             @if !measures.is_empty() {
-                div .scroll { table {
+                div .scroll tabindex="0" role="group" aria-label="Table" { table {
                     caption { (self.looked_at) " frames were looked at" }
                     thead { tr { th { "Grade" } th { "Measure" } th { "Value" } th { "Meaning" } } }
                     tbody {

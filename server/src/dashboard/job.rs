@@ -10,6 +10,7 @@ use super::jobs::took;
 use super::names::Names;
 use super::outcome;
 use super::progress;
+use super::shares;
 use super::words::{ago, badge, bytes, job_state, kind, page_of, seconds, short, told};
 use axum::extract::Path;
 use maud::{Markup, html};
@@ -54,6 +55,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         |it| format!("{} % · {title}", progress::percent(it)),
     );
     let about = names.about(&job).await?;
+    let links = shares::of_job(&asker, &job).await?;
     let trainings = [figures];
     let body = html! {
         h1 { (kind(&job)) " of " (about) " " (job_state(&job)) }
@@ -62,6 +64,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         div #actions { (buttons(&asker, &job)?) }
         div #result { @if let Some(result) = &job.result { h2 { "Result" } (outcome::result(result)) } }
         div #curves { @if curves::any(&trainings) { h2 { "Curves" } (curves::curves(&trainings)) } }
+        div #links { (links) }
         div #written { @if !files.is_empty() { h2 { "Files" } (listed(&id, &files)) } }
         h2 { "Facts" }
         (facts(&job, now))
@@ -179,7 +182,7 @@ fn attempts(attempts: &[JobAttempt], now: f64) -> Markup {
     html! {
         @if !attempts.is_empty() {
             h2 { "Attempts" }
-            div .scroll { table {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table {
                 thead { tr { th { "No." } th { "Worker" } th { "Began" } th { "Took" } th { "Outcome" } } }
                 tbody {
                     @for it in attempts {

@@ -92,7 +92,7 @@ pub async fn table(jobs: &[Job], names: &mut Names<'_>, now: f64) -> Result<Mark
     Ok(html! {
         @if rows.is_empty() { p .empty { "None." } }
         @else {
-            div .scroll { table .jobs {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table .jobs {
                 thead { tr { th { "Job" } th { "Of" } th { "State" } th { "Detail" } th { "Queued" } th { "Ran" } } }
                 tbody { @for row in rows { (row) } }
             } }

@@ -39,6 +39,7 @@ mod progress;
 mod query;
 mod report;
 mod service;
+mod shares;
 mod token;
 mod tradeoff;
 mod upload;
@@ -46,7 +47,7 @@ mod usage;
 mod words;
 mod workers;
 
-pub use files::Kind;
+pub use files::{EMBEDDED_PLAYER, Kind, LONE_PLAYER};
 
 use crate::context::Context;
 use axum::Router;
@@ -79,6 +80,8 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) ->
         .route("/jobs/{id}", get(job::page))
         .route("/jobs/{id}/cancel", post(actions::cancel))
         .route("/jobs/{id}/retry", post(actions::retry))
+        .route("/jobs/{id}/share", post(shares::create))
+        .route("/shares/{id}/revoke", post(shares::revoke))
         .route("/jobs/{id}/files/{file}", get(files::of_job))
         .route("/captures/{id}/thumbnail.png", get(files::thumbnail))
         .route("/workers", get(workers::page))

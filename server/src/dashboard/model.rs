@@ -235,7 +235,7 @@ pub(super) fn table(checkpoints: &[Checkpoint], now: f64) -> Markup {
     html! {
         @if checkpoints.is_empty() { p .empty { "None yet." } }
         @else {
-            div .scroll { table {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table {
                 thead { tr { th { "Step" } th { "PSNR, dB" } th { "Image size" } th { "Bytes" } th { "Kept for" } th { "Saved" } } }
                 tbody {
                     @for it in checkpoints {

@@ -74,7 +74,7 @@ pub async fn table(models: &[Model], names: &mut Names<'_>, now: f64) -> Result<
         });
     }
     Ok(html! {
-        div .scroll { table {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
             thead { tr { th { "Model" } th { "Tier" } th { "People" } th { "State" } th { "Made" } } }
             tbody { @for row in rows { (row) } }
         } }

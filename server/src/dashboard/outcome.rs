@@ -139,7 +139,7 @@ pub fn train_notes(it: &TrainResult) -> Markup {
 /// Figures of each person.
 pub fn evaluate(it: &EvaluateResult) -> Markup {
     html! {
-        div .scroll { table {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
             caption { (told(&it.protocol)) " pictures of the checkpoint at step " (short_step(&it.checkpoint)) ", on " (told(&it.device)) }
             thead { tr { th { "Person" } th { "Pictures" } th { "PSNR, dB" } th { "In the box, dB" } th { "SSIM" } th { "LPIPS" } } }
             tbody {

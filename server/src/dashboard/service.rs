@@ -113,7 +113,7 @@ fn limits_table(limits: &ServiceLimits) -> Markup {
         ("Pictures of a render", whole(limits.render_pictures.into())),
     ];
     html! {
-        div .scroll { table {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
             tbody { @for (what, most) in rows { tr { th scope="row" { (what) } td { (most) } } } }
         } }
     }

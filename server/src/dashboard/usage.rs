@@ -25,7 +25,7 @@ pub fn table(usage: &Usage) -> Markup {
     ];
     html! {
         h2 #usage { "Used by " (told(&usage.tenant)) }
-        div .scroll { table {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
             thead { tr { th scope="col" { "" } th scope="col" { "used" } th scope="col" { "at most" } } }
             tbody { @for (what, used, most, written) in rows { tr {
                 th scope="row" { (what) }
@@ -47,7 +47,7 @@ fn kinds(stored: &StoredBytes) -> Markup {
     ];
     let all: u64 = rows.iter().map(|it| it.1).sum();
     html! {
-        div .scroll { table {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
             thead { tr { th scope="col" { "Stored" } th scope="col" { "bytes" } th scope="col" { "share" } } }
             tbody { @for (what, number) in rows {
                 @let percent = 100 * u128::from(number) / u128::from(all.max(1));

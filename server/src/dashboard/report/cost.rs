@@ -32,7 +32,7 @@ pub(super) fn section(jobs: &[Job], checkpoints: &[Checkpoint], now: f64) -> Mar
         (kind, of.len(), ran(&of, now))
     });
     html! {
-        div .scroll { table {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
             thead { tr { th { "Kind" } th { "Jobs" } th { "Ran" } } }
             tbody { @for (kind, number, seconds) in rows.into_iter().filter(|it| it.1 > 0) {
                 tr { th scope="row" { (kind_word(kind)) } td { (number) } td { (duration(seconds)) } }

@@ -232,7 +232,7 @@ fn table(trainings: &[Job], now: f64) -> Markup {
     html! {
         @if trainings.is_empty() { p .empty { "None." } }
         @else {
-            div .scroll { table {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table {
                 thead { tr { th { "Queued" } th { "State" } th { "Steps" } th { "Time" } th { "Image size" } th { "PSNR, dB" } th { "In the box, dB" } th { "Device" } } }
                 tbody { @for job in trainings {
                     @let it = result(job);

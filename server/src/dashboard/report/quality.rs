@@ -33,7 +33,7 @@ fn published(measured: Option<&EvaluateResult>, variant: &str) -> Markup {
     html! {
         details {
             summary { "Figures of the paper" }
-            div .scroll { table {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table {
                 thead { tr {
                     th { "Variant" } th { "PSNR, dB" } th { "SSIM" } th { "LPIPS × 1000" }
                     th { "This model, PSNR, dB" } th { "SSIM" } th { "LPIPS × 1000" }

@@ -1,7 +1,4 @@
-//! A page that plays a person in a browser: one file that needs no network, drawn by WebGL2.
-//!
-//! `page.html` has the shaders, which compute the same as `yoto_ops`'s splat operation. `player.js` poses the bones,
-//! sorts the splats and handles the user's input.
+//! The data of a page that plays a person in a browser. The page itself is in `yoto_player`.
 
 mod packed;
 
@@ -12,9 +9,6 @@ use packed::Packed;
 use serde::Serialize;
 use yoto_avatar::render::SkinnedSplats;
 use yoto_capture::skeleton::SkeletonError;
-
-const PAGE: &str = include_str!("page.html");
-const PLAYER: &str = include_str!("player.js");
 
 /// The data for the player.
 #[derive(Serialize)]
@@ -120,30 +114,11 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         }),
         clips: moves,
     };
-    // Strings and finite numbers always have a form in JSON. A `</script>` in a name would end the script, hence the
-    // escape.
-    let data = serde_json::json!(data).to_string().replace('<', "\\u003c");
-    Ok(PAGE
-        .replace("{{title}}", &escaped(title))
-        .replace("{{player}}", PLAYER)
-        .replace("{{person}}", &data))
-}
-
-/// `text` without characters that have a meaning in HTML or in a page template of `{name}` fields.
-pub fn escaped(text: &str) -> String {
-    let mut escaped = String::new();
-    for character in text.chars() {
-        match character {
-            '&' => escaped.push_str("&amp;"),
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '"' => escaped.push_str("&quot;"),
-            // Otherwise a title could contain one of the page's placeholders.
-            '{' => escaped.push_str("&#123;"),
-            other => escaped.push(other),
-        }
-    }
-    escaped
+    // Strings and finite numbers always have a form in JSON.
+    Ok(yoto_player::page(
+        title,
+        &serde_json::json!(data).to_string(),
+    ))
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
-"use strict";
-// Plays one person: splats that bones carry, sorted back to front and drawn by WebGL2. All numbers are in
-// metres and seconds; matrices are row-major 3x4; quaternions have the real part first.
-(() => {
-  const person = JSON.parse(document.getElementById("person").textContent);
+// Plays one person on a canvas: splats that bones carry, sorted back to front and drawn by WebGL2. All numbers are in
+// metres and seconds; matrices are row-major 3x4; quaternions have the real part first. Throws an error whose message
+// is for people where the canvas can't be drawn on.
+function createPlayer(canvas, person) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const joints = person.joints.length;
   const count = person.count;
@@ -209,30 +208,23 @@
     return { matrices, places, locals };
   }
 
-  const canvas = document.getElementById("view");
   const gl = canvas.getContext("webgl2", {
     antialias: false,
     premultipliedAlpha: true,
     preserveDrawingBuffer: true,
   });
-  if (!gl) {
-    document.getElementById("trouble").hidden = false;
-    return;
-  }
+  if (!gl) throw new Error("This browser has no WebGL2, which this page needs.");
 
   const program = gl.createProgram();
-  for (const [kind, id] of [[gl.VERTEX_SHADER, "vertex"], [gl.FRAGMENT_SHADER, "fragment"]]) {
+  for (const [kind, source] of [[gl.VERTEX_SHADER, shaders.vertex], [gl.FRAGMENT_SHADER, shaders.fragment]]) {
     const shader = gl.createShader(kind);
-    gl.shaderSource(shader, document.getElementById(id).textContent.trim());
+    gl.shaderSource(shader, source);
     gl.compileShader(shader);
     gl.attachShader(program, shader);
   }
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) {
-    const trouble = document.getElementById("trouble");
-    trouble.textContent = `The shaders do not run here: ${gl.getProgramInfoLog(program)}`;
-    trouble.hidden = false;
-    return;
+    throw new Error(`The shaders do not run here: ${gl.getProgramInfoLog(program)}`);
   }
   gl.useProgram(program);
   const uniforms = new Map();
@@ -258,7 +250,6 @@
   gl.uniform1f(uniform("most"), person.ranges.harmonic);
   texture(3, "matrices", gl.RGBA32F, 3, joints, gl.RGBA, gl.FLOAT, null);
   texture(5, "places", gl.RGBA32F, across, tableRows, gl.RGBA, gl.FLOAT, null);
-  gl.uniform1fv(uniform("light"), person.light.flat());
 
   // Two triangles per splat, in one draw: renderers without a GPU are slow at instances. Corner c of the splat in
   // place p is vertex 4 p + c.
@@ -334,6 +325,7 @@
     gl.uniform4fv(uniform("lens"), lens);
     gl.uniform2f(uniform("size"), canvas.width, canvas.height);
     gl.uniform1f(uniform("tint"), state.tinted ? 1 : 0);
+    gl.uniform1fv(uniform("light"), person.light.flat().map((x) => state.light * x));
     gl.drawElements(gl.TRIANGLES, corners.length, gl.UNSIGNED_INT, 0);
   }
 
@@ -358,8 +350,9 @@
     return { up, front: normalised(front), middle: middle.map((x) => x / Math.ceil(clip.frames.length / every)) };
   }
 
+  const lengthOf = (clip) => (clip.frames.length - 1) / clip.fps;
   const home = { turn: 0, tilt: 0.1, distance: 3.2 };
-  const state = { ...home, clip: 0, time: 0, playing: true, speed: 1, changed: true, tinted: false, bends: {} };
+  const state = { ...home, clip: 0, time: 0, playing: true, speed: 1, light: 1, changed: true, tinted: false, bends: {}, pose: null };
   const stances = clips.map(stance);
 
   function orbit() {
@@ -391,89 +384,26 @@
   }
 
   let before = 0;
+  let asked = 0;
   function step(now) {
     const clip = clips[state.clip];
-    const length = (clip.frames.length - 1) / clip.fps;
-    if (state.playing && length > 0 && !state.held) {
-      state.time += (Math.min(now - before, 100) / 1000) * state.speed;
-      state.time %= length;
+    const length = lengthOf(clip);
+    if (state.playing && length > 0 && !state.held && !state.pose) {
+      const time = state.time + (Math.min(now - before, 100) / 1000) * state.speed;
+      state.time = time % length;
       state.changed = true;
+      if (time >= length) state.looped?.();
     }
     before = now;
     if (!state.held) resize();
     if (state.changed && !state.held) {
-      draw(boneMatrices(poseAt(clip, state.time), state.bends), ...orbit());
+      draw(boneMatrices(state.pose || poseAt(clip, state.time), state.bends), ...orbit());
       state.changed = false;
     }
-    requestAnimationFrame(step);
+    asked = requestAnimationFrame(step);
   }
 
-  // Controls.
-  const element = (id) => document.getElementById(id);
   const change = (values) => Object.assign(state, values, { changed: true });
-  for (const [i, clip] of clips.entries()) element("clip").add(new Option(clip.name, i));
-  element("clip").onchange = (event) => change({ clip: Number(event.target.value), time: 0 });
-  element("speed").oninput = ({ target }) => {
-    change({ speed: Number(target.value) });
-    target.ariaValueText = `${target.value} times`;
-  };
-  function play(playing) {
-    change({ playing });
-    element("play").textContent = playing ? "Pause" : "Play";
-  }
-  element("play").onclick = () => play(!state.playing);
-  element("reset").onclick = () => {
-    for (const [, slider] of sliders) slider.value = 0;
-    change(home);
-    bend();
-  };
-
-  element("guess").hidden = guessed === 0;
-  element("share").textContent = `(${Math.round((100 * guessed) / Math.max(count, 1))} %)`;
-  element("tint").onchange = ({ target }) => change({ tinted: target.checked });
-
-  const [X, Y, Z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
-  const minus = (v) => v.map((x) => -x);
-  const groups = [
-    ["Head", { neck: Y, head: Y }],
-    ["Torso, turn", { spine1: Y, spine2: Y, spine3: Y }],
-    ["Torso, bend", { spine1: X, spine2: X, spine3: X }],
-    ["Left arm", { l_shoulder: Z }],
-    ["Right arm", { r_shoulder: minus(Z) }],
-    ["Left elbow", { l_elbow: minus(Y) }],
-    ["Right elbow", { r_elbow: Y }],
-    ["Left leg", { l_hip: minus(X) }],
-    ["Right leg", { r_hip: minus(X) }],
-    ["Left knee", { l_knee: X }],
-    ["Right knee", { r_knee: X }],
-  ];
-  const sliders = [];
-  function bend() {
-    const bends = {};
-    for (const [members, slider] of sliders) {
-      slider.ariaValueText = `${Math.round((180 / Math.PI) * slider.value)} degrees`;
-      const half = Number(slider.value) / 2 / Object.keys(members).length;
-      for (const [name, axis] of Object.entries(members)) {
-        const joint = person.joints.indexOf(name);
-        const q = [Math.cos(half), ...axis.map((x) => Math.sin(half) * x)];
-        bends[joint] = bends[joint] ? times(bends[joint], q) : q;
-      }
-    }
-    change({ bends });
-  }
-  for (const [label, members] of groups) {
-    if (!Object.keys(members).every((name) => person.joints.includes(name))) continue;
-    const row = document.createElement("label");
-    const slider = Object.assign(document.createElement("input"), {
-      type: "range", min: -1.5, max: 1.5, step: 0.01, value: 0,
-      ariaValueText: "0 degrees", oninput: bend,
-    });
-    sliders.push([members, slider]);
-    row.append(label, slider);
-    element("bends").append(row);
-  }
-  element("bends").parentElement.hidden = element("bends").childElementCount === 0;
-
   const turnBy = (x, y) =>
     change({ turn: state.turn + x, tilt: Math.min(1.5, Math.max(-1.5, state.tilt + y)) });
   const zoomBy = (factor) =>
@@ -502,9 +432,26 @@
     event.preventDefault();
     zoomBy(Math.exp(event.deltaY * 0.001));
   }, { passive: false });
-  // Keys of the page, before anything was clicked too. A control that has the focus keeps those that it uses itself.
+
+  // A pose from outside: rotations of joints about axes, radians, and the shift of the root, metres. Joints that are not
+  // named are at rest.
+  function pose(rotations, shift = [0, 0, 0]) {
+    const turns = new Float32Array(4 * joints);
+    for (let joint = 0; joint < joints; joint++) turns[4 * joint] = 1;
+    for (const [name, axis] of Object.entries(rotations)) {
+      const joint = person.joints.indexOf(name);
+      if (joint < 0) throw new Error(`there is no joint "${name}"; there are ${person.joints.join(", ")}`);
+      if (axis.length !== 3 || !axis.every(Number.isFinite)) throw new Error(`the rotation of "${name}" is not three numbers`);
+      const angle = Math.hypot(...axis);
+      const sine = angle > 0 ? Math.sin(angle / 2) / angle : 0;
+      turns.set([Math.cos(angle / 2), ...axis.map((x) => sine * x)], 4 * joint);
+    }
+    if (shift.length !== 3 || !shift.every(Number.isFinite)) throw new Error("the shift is not three numbers");
+    change({ pose: { turns, shift: Array.from(shift) } });
+  }
+
+  // What keys do to the camera.
   const actions = {
-    " ": () => play(!state.playing),
     ArrowLeft: () => turnBy(-0.1, 0),
     ArrowRight: () => turnBy(0.1, 0),
     ArrowUp: () => turnBy(0, 0.1),
@@ -512,35 +459,36 @@
     "+": () => zoomBy(0.9),
     "-": () => zoomBy(1.1),
   };
-  const uses = (control, key) => {
-    switch (control.tagName) {
-      case "SELECT": return true;
-      case "BUTTON": case "SUMMARY": return key === " ";
-      case "INPUT": return control.type === "checkbox" ? key === " " : key.startsWith("Arrow");
-      default: return false;
-    }
-  };
-  document.addEventListener("keydown", (event) => {
-    const action = actions[event.key];
-    // With these, keys are the browser's.
-    const other = event.ctrlKey || event.metaKey || event.altKey;
-    if (!action || other || uses(event.target, event.key)) return;
-    event.preventDefault();
-    // A key that is held turns on, but does not play and pause in turn.
-    if (!(event.repeat && event.key === " ")) action();
-  });
 
-  // For scripts: holds one frame of a clip, from the camera with these rows and lens.
-  window.yoto = {
+  return {
+    person,
+    clips: clips.map((clip) => ({ name: clip.name, seconds: lengthOf(clip) })),
+    guessed: guessed / Math.max(count, 1),
+    home,
+    state,
+    change,
+    times,
+    pose,
+    actions,
+    // Draws from now on, or no more.
+    start() {
+      if (!asked) asked = requestAnimationFrame((now) => step((before = now)));
+    },
+    stop() {
+      cancelAnimationFrame(asked);
+      asked = 0;
+    },
+    // Holds one frame of a clip, from the camera with these rows and lens.
     hold(clip, frame, rows, lens, width, height) {
       state.held = true;
       Object.assign(canvas, { width, height });
       draw(boneMatrices(clips[clip].frames[frame]), rows, lens);
     },
-    release() {
-      change({ held: false });
+    release: () => change({ held: false }),
+    // Gives the memory of the GPU back.
+    end() {
+      this.stop();
+      gl.getExtension("WEBGL_lose_context")?.loseContext();
     },
   };
-  play(clips[0].frames.length > 1);
-  requestAnimationFrame(step);
-})();
+}

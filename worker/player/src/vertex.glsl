@@ -1,45 +1,3 @@
-<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'unsafe-inline'; img-src data: blob:; connect-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{{title}}</title>
-<style>
-  [hidden] { display: none !important; }
-  html, body { height: 100%; margin: 0; background: #16181d; color: #e8e8e8; font: 16px/1.4 system-ui, sans-serif; }
-  body { display: flex; flex-direction: column; }
-  canvas { flex: 1; min-height: 0; width: 100%; touch-action: none; cursor: grab; }
-  :focus-visible { outline: 2px solid #7fb2ff; outline-offset: 2px; }
-  canvas:focus-visible { outline-offset: -2px; }
-  #controls { display: flex; flex-wrap: wrap; gap: .5rem 1rem; align-items: center; padding: .6rem; }
-  #controls label { display: flex; gap: .5rem; align-items: center; max-width: 100%; }
-  button, select { font: inherit; padding: .3rem .7rem; min-width: 0; }
-  #bends { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: .3rem 1rem; padding: .5rem; }
-  #bends label { justify-content: space-between; }
-  #help { flex-basis: 100%; margin: 0; font-size: .85rem; color: #a8adb8; }
-  details { flex-basis: 100%; min-width: 0; max-height: 35vh; overflow: auto; }
-  summary { padding: .2rem; outline-offset: -2px; }
-  #trouble { padding: 1rem; }
-  @media (pointer: coarse) {
-    button, select, input, summary { min-height: 2.75rem; box-sizing: border-box; }
-    summary { padding: .6rem .2rem; }
-  }
-</style>
-</head>
-<body>
-<p id="trouble" role="alert" hidden>This browser has no WebGL2, which this page needs.</p>
-<canvas id="view" role="img" tabindex="0" aria-label="{{title}}" aria-describedby="help"></canvas>
-<form id="controls" aria-label="Controls" autocomplete="off">
-  <button type="button" id="play" aria-keyshortcuts="Space">Play</button>
-  <label>Clip <select id="clip"></select></label>
-  <label>Speed <input type="range" id="speed" min="0" max="2" step="0.05" value="1" aria-valuetext="1 times"></label>
-  <button type="button" id="reset">Reset</button>
-  <label id="guess" title="No frame showed these parts: their colours are guessed" hidden><input type="checkbox" id="tint"> Tint what is guessed <span id="share"></span></label>
-  <p id="help">Turn: drag or arrow keys. Zoom: wheel, two fingers, + and -. Play and pause: space.</p>
-  <details><summary>Pose</summary><div id="bends"></div></details>
-</form>
-<script type="x-shader" id="vertex">
 #version 300 es
 precision highp float;
 precision highp int;
@@ -130,23 +88,3 @@ void main() {
   vec2 pixel = lens.xy * seen.xy / seen.z + lens.zw + offset;
   gl_Position = vec4(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y, 0.0, 1.0);
 }
-</script>
-<script type="x-shader" id="fragment">
-#version 300 es
-precision highp float;
-flat in vec3 conic;
-flat in vec4 paint;
-in vec2 offset;
-out vec4 pixel;
-
-void main() {
-  float power = -0.5 * (conic.x * offset.x * offset.x + conic.z * offset.y * offset.y) - conic.y * offset.x * offset.y;
-  float alpha = min(0.99, paint.a * exp(power));
-  if (alpha < 1.0 / 255.0) discard;
-  pixel = vec4(paint.rgb * alpha, alpha);
-}
-</script>
-<script type="application/json" id="person">{{person}}</script>
-<script>{{player}}</script>
-</body>
-</html>
