@@ -40,6 +40,7 @@ impl Export {
                 triangles: self.triangles.map_or(standard.triangles, |n| n as usize),
                 texture: self.texture.unwrap_or(standard.texture),
             },
+            rights: "",
             max_bytes: self.max_bytes,
         };
         let exported = order.of(&person)?;

@@ -7,6 +7,8 @@ use crate::waiting::wait_for_new;
 use anyhow::Context;
 use clap::Args;
 use prost_types::Timestamp;
+use qrcode::QrCode;
+use qrcode::render::unicode::Dense1x2;
 use std::time::Duration;
 use yoto_client::YotoClient;
 use yoto_proto::v1::{CreateShareRequest, ExportForm, ExportSpec};
@@ -45,6 +47,9 @@ pub(super) struct Create {
     /// Let other sites show the page in a frame, and the person in the element <yoto-avatar>.
     #[arg(long)]
     embed: bool,
+    /// Also show the link as a QR code in the terminal, for the camera of a phone.
+    #[arg(long)]
+    qr: bool,
     /// Address with which the link begins [default: that of the service].
     #[arg(long, value_name = "URL")]
     at: Option<String>,
@@ -86,6 +91,10 @@ impl Create {
             |end| format!("until {end}"),
         );
         tell!("whoever has this link sees the page {end}; it is not shown again");
+        if self.qr {
+            let code = QrCode::new(url.as_bytes()).context("the link is too long for a QR code")?;
+            tell!("{}", code.render::<Dense1x2>().build());
+        }
         if share.embed {
             tell!(
                 "in a page of yours: <script src=\"{base}/assets/yoto-avatar.js\"></script><yoto-avatar src=\"{url}\"></yoto-avatar>"

@@ -3,7 +3,6 @@
 use super::{fields, paging};
 use crate::access;
 use crate::context::Context;
-use crate::dashboard::Kind;
 use crate::error::RequestError;
 use crate::field_faults::both;
 use crate::store::{NewShare, ShareFilter};
@@ -18,6 +17,9 @@ use yoto_proto::v1::{
     CreateShareRequest, CreateShareResponse, ErrorReason, Job, ListSharesRequest,
     ListSharesResponse, ObjectRef, RevokeShareRequest, Share, job, job_result, job_spec,
 };
+
+/// How the content type of a page begins.
+const PAGE: &str = "text/html";
 
 /// Links to pages of exports.
 pub struct ShareApi {
@@ -132,6 +134,6 @@ pub fn page_of(job: &Job) -> Option<&ObjectRef> {
     let page = export
         .files
         .iter()
-        .find(|it| Kind::of(&it.file) == Kind::Player)?;
+        .find(|it| it.content_type.starts_with(PAGE))?;
     page.object.as_ref()
 }

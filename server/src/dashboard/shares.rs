@@ -11,8 +11,10 @@ use axum::extract::Path;
 use axum::http::header::ORIGIN;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 use prost_types::Timestamp;
+use qrcode::QrCode;
+use qrcode::render::svg;
 use tonic::Status;
 use yoto_proto::limits::OWNER_CHARACTERS;
 use yoto_proto::progress::duration;
@@ -163,9 +165,34 @@ pub async fn create(
             h1 { "A link" }
             p { "Copy it now: it is not shown again." }
             p .scroll { a #link href=(path) { code { (address) } } }
+            (qr_code(&address))
             p { a href=(page_of(&job)) { "Back to the job" } }
         },
     ))
+}
+
+/// Side of a QR code, pixels.
+const QR_SIDE: u32 = 220;
+
+/// The address for the camera of a phone; nothing if it is too long for a QR code.
+fn qr_code(address: &str) -> Markup {
+    let drawn = QrCode::new(address.as_bytes()).map(|code| {
+        let (dark, light) = (svg::Color("#000"), svg::Color("#fff"));
+        let drawing = code
+            .render()
+            .dark_color(dark)
+            .light_color(light)
+            .min_dimensions(QR_SIDE, QR_SIDE)
+            .build();
+        // The declaration before it belongs to a file.
+        let begin = drawing.find("<svg").unwrap_or_default();
+        drawing[begin..].to_owned()
+    });
+    html! {
+        @if let Ok(drawing) = drawn {
+            figure #qr role="img" aria-label="The link as a QR code" { (PreEscaped(drawing)) }
+        }
+    }
 }
 
 /// `POST /shares/{id}/revoke`

@@ -17,5 +17,6 @@ pub mod losses;
 pub mod outage;
 pub mod ranges;
 pub mod retries;
+pub mod rights;
 pub mod steps;
 pub mod thinning;

@@ -6,11 +6,11 @@ use tonic::{Code, Status};
 use yoto_proto::keys;
 use yoto_proto::names::object;
 use yoto_proto::v1::{
-    CaptureMotion, Checkpoint, DeleteCaptureRequest, DeleteCheckpointRequest, DeleteModelRequest,
-    Distillation, DistilledSplats, ExportForm, ExportMotion, ExportResult, ExportSpec,
-    ExportedFile, Job, JobKind, ListJobsRequest, ListObjectsRequest, Model, NamedObject,
-    PauseJobsRequest, RenderedFile, ResumeJobsRequest, Subject, export_motion, job, job_result,
-    job_spec,
+    CaptureMotion, Checkpoint, ConsentPurpose, DeleteCaptureRequest, DeleteCheckpointRequest,
+    DeleteModelRequest, Distillation, DistilledSplats, ExportForm, ExportMotion, ExportResult,
+    ExportSpec, ExportedFile, GrantConsentRequest, Job, JobKind, ListJobsRequest,
+    ListObjectsRequest, Model, NamedObject, PauseJobsRequest, RenderedFile, ResumeJobsRequest,
+    RevokeConsentRequest, Subject, export_motion, job, job_result, job_spec,
 };
 use yoto_proto::worker::v1::{CommitOutputRequest, Lease};
 
@@ -121,6 +121,38 @@ async fn an_export_needs_a_checkpoint_and_known_people() {
     let mut still = spec(&model, &ada, ExportForm::SplatsSpz);
     still.motions = vec![moved_by(&bob)];
     assert_invalid(create(&service, &still).await, "spec.export.frame");
+}
+
+#[tokio::test]
+async fn a_worker_gets_what_the_person_agrees_to_for_the_files() {
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let Trained { worker, model, .. } = trained(&service, &ada).await;
+    let rights = async || {
+        let order = spec(&model, &ada, ExportForm::Page);
+        create(&service, &order).await.expect("is queued");
+        let lease = service.lease(&worker).await.expect("the export waits");
+        lease.inputs.expect("has inputs").rights
+    };
+    assert_eq!(rights().await, "", "nobody was asked");
+    let agreed = GrantConsentRequest {
+        subject: ada.name.clone(),
+        purposes: vec![ConsentPurpose::ConsentExport.into()],
+        given_by: "Ada's father".into(),
+        ..GrantConsentRequest::default()
+    };
+    let granted = service.subjects().grant_consent(agreed).await;
+    granted.expect("is recorded");
+    let refused = RevokeConsentRequest {
+        subject: ada.name.clone(),
+        purposes: vec![ConsentPurpose::ConsentShare.into()],
+        ..RevokeConsentRequest::default()
+    };
+    let revoked = service.subjects().revoke_consent(refused).await;
+    revoked.expect("is recorded");
+    let said = rights().await;
+    let end = "the person shown agrees to: export; does not agree to: share";
+    assert!(said.starts_with("As of 2") && said.ends_with(end), "{said}");
 }
 
 #[tokio::test]

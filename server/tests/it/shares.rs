@@ -321,6 +321,10 @@ async fn the_page_of_an_export_makes_links_and_revokes_them() {
         shown.contains(&format!("https://people.example{path}")),
         "{shown}"
     );
+    assert!(
+        shown.contains("aria-label=\"The link as a QR code\"><svg"),
+        "{shown}"
+    );
     let (status, head, body) = ask(address, "GET", &path).await;
     assert_eq!((status, body.as_str()), (200, PAGE));
     assert!(

@@ -12,5 +12,6 @@ pub mod gaussians;
 pub mod mesh;
 pub mod order;
 pub mod page;
+mod rights;
 mod shine;
 pub mod source;

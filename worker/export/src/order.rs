@@ -2,6 +2,7 @@
 
 use crate::clip::Clip;
 use crate::mesh::{self, MeshOptions};
+use crate::rights::with_rights;
 use crate::source::{Source, SourceError, clips};
 use crate::{gaussians, page};
 use std::io;
@@ -37,6 +38,8 @@ pub struct Order<'a> {
     pub frame: Option<u32>,
     /// Limits of a mesh.
     pub mesh: MeshOptions,
+    /// What the person agrees to, in one line that the files say; empty: nothing.
+    pub rights: &'a str,
     /// Most bytes of a page or a file of splats.
     pub max_bytes: Option<u64>,
 }
@@ -241,7 +244,7 @@ impl Order<'_> {
             .map(|(extension, bytes)| File {
                 name: format!("{}.{extension}", self.stem),
                 content_type: content_type(extension),
-                bytes,
+                bytes: with_rights(extension, bytes, self.rights),
             })
             .collect()
     }

@@ -213,6 +213,7 @@ fn files_have_the_most_bytes_that_they_may_have() {
             motions: &[],
             frame: None,
             mesh: MeshOptions::default(),
+            rights: "",
             max_bytes,
         };
         order.of(&person)

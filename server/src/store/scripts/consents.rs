@@ -1,7 +1,8 @@
 //! Records of what people have agreed to. [`super::consent_rule`] decides what follows from them.
 
 use super::{erasures, page, requests, subjects};
-use crate::store::db::{Lock, Row, Tx, sql};
+use crate::rules::rights;
+use crate::store::db::{Lock, Row, Tx, sql, timestamp};
 use crate::store::{Entry, NewConsent, Page, RequestKey, StoreError, new_id};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
@@ -172,6 +173,22 @@ pub async fn list(
         entry.item = with_items(tx, std::mem::take(&mut entry.item)).await?;
     }
     Ok(entries)
+}
+
+/// What a person agrees to now and what they refuse, in one line for files that leave the service; empty where nothing is
+/// recorded.
+pub async fn in_words(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    subject_id: &str,
+) -> Result<String, StoreError> {
+    let all = Page {
+        limit: u32::MAX,
+        after: None,
+    };
+    let records = list(tx, tenant, subject_id, all).await?;
+    let now = timestamp(tx.now());
+    Ok(rights::line(records.iter().map(|it| &it.item), now))
 }
 
 /// The record, without its purposes.

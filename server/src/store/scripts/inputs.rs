@@ -1,7 +1,9 @@
 //! Inputs of a job, resolved from the catalogue in the transaction of its lease: a worker needs no other
 //! calls, and nothing can change between its lease and its inputs.
 
-use super::{captures, checkpoints, leaving, models, outputs, pins, subjects, upload_parts};
+use super::{
+    captures, checkpoints, consents, leaving, models, outputs, pins, subjects, upload_parts,
+};
 use crate::checkpoints::best::to_use;
 use crate::store::db::Tx;
 use crate::store::{StoreError, StoredPart, UploadedFile};
@@ -64,7 +66,19 @@ pub async fn resolve(
         checkpoints,
         outputs: committed(tx, job_id, spec).await?,
         other_models: other_models(tx, tenant, job_id, spec).await?,
+        rights: rights(tx, tenant, spec).await?,
     })
+}
+
+/// What the person of an export agrees to.
+async fn rights(tx: &mut Tx, tenant: &Tenant, spec: &JobSpec) -> Result<String, StoreError> {
+    match &spec.kind {
+        Some(job_spec::Kind::Export(export)) => {
+            let subject = parse(Collection::Subjects, &export.subject)?;
+            consents::in_words(tx, tenant, subject).await
+        }
+        _ => Ok(String::new()),
+    }
 }
 
 /// The other models with people that a job shows, each with its chosen checkpoint first.

@@ -62,13 +62,7 @@ pub fn run(
     context.check()?;
     let done = distilled.as_ref().map_or(0.0, |_| distilled::SHARE);
     report(context, done);
-    let exported = write(
-        context,
-        spec,
-        shard::person(inputs, &spec.subject),
-        motions,
-        person,
-    )?;
+    let exported = write(context, spec, inputs, motions, person)?;
     let files = commit(context, &exported)?;
     report(context, 1.0);
     let (triangles, texture) = exported.mesh.unwrap_or_default();
@@ -110,17 +104,18 @@ fn splats(renderer: &Renderer, slot: usize) -> Result<Option<SkinnedSplats>, Job
     splats.map_err(|error| JobFailure::failed("INTERNAL", "reading the splats", &error))
 }
 
-/// The files of a `person` called `title`. A large mesh takes minutes, mostly in other people's code.
+/// The files of a `person`. A large mesh takes minutes, mostly in other people's code.
 fn write(
     context: &JobContext,
     spec: &ExportSpec,
-    title: &str,
+    inputs: &Inputs,
     motions: Vec<Source>,
     person: SkinnedSplats,
 ) -> Result<Exported, JobFailure> {
     let (form, frame, mesh) = (spec.form(), spec.frame, mesh_options(spec));
     let max_bytes = (spec.max_bytes > 0).then_some(spec.max_bytes);
-    let title = title.to_owned();
+    let title = shard::person(inputs, &spec.subject).to_owned();
+    let rights = inputs.rights.clone();
     let stem = match &*spec.file {
         "" => exports::FILE.to_owned(),
         stem => stem.to_owned(),
@@ -133,6 +128,7 @@ fn write(
             motions: &motions,
             frame,
             mesh,
+            rights: &rights,
             max_bytes,
         };
         order.of(&person)
