@@ -160,7 +160,7 @@ mod tests {
             ..Share::default()
         };
         let line = |share: &Share| row(share, "ada".to_owned(), 1060.0).join(" · ");
-        assert_eq!(line(&share), "01234567 · ada · 60s · ends in 1h · for Bob");
+        assert_eq!(line(&share), "01234567 · ada · 1m · ends in 1h · for Bob");
         share.state = State::WithoutConsent.into();
         assert_eq!(state(&share, 1060.0), "without consent");
         share.state = State::Revoked.into();

@@ -106,7 +106,7 @@ fn listed(asker: &Asker, shares: &[Share]) -> Result<Markup, Status> {
     Ok(html! {
         @if !rows.is_empty() {
             div .scroll tabindex="0" role="group" aria-label="Table" { table {
-                thead { tr { th { "Link" } th { "For whom" } th { "Made" } th { "State" } th {} } }
+                thead { tr { th { "Link" } th { "For whom" } th { "Made" } th { "State" } th { "Action" } } }
                 tbody { @for row in rows { (row) } }
             } }
         }
