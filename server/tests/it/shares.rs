@@ -175,7 +175,7 @@ async fn whoever_has_a_link_sees_the_page_without_a_key_until_it_is_revoked() {
     );
     assert!(!head.contains("access-control-allow-origin"), "{head}");
     let share = made.share.expect("a link");
-    assert_eq!(it.listed().await, [share.clone()]);
+    assert_eq!(it.listed().await, std::slice::from_ref(&share));
     assert_eq!(
         (share.state(), share.note.as_str()),
         (State::Valid, "for Bob")

@@ -140,7 +140,6 @@ pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Repo
         &trainer,
         &recordings,
         first_slot,
-        protocol,
         curve,
         &picked,
         screen,
@@ -215,11 +214,11 @@ fn finish(
     trainer: &Trainer,
     recordings: &[Recording],
     first_slot: usize,
-    protocol: &'static Protocol,
     curve: Curve,
     picked: &PickedDevice,
     screen: &dyn Screen,
 ) -> anyhow::Result<Report> {
+    let protocol = Protocol::named(HELD_OUT)?;
     let examiner = Examiner::new(
         trainer.renderer(),
         protocol,
