@@ -89,8 +89,9 @@ function createPlayer(canvas, person) {
 
   // The places of the splats before bones carry them; `turns` are the joints' own rotations.
   const shaped = new Float32Array(4 * across * tableRows);
+  const unshaped = Float32Array.from(shaped, (_, i) => (i % 4 < 3 ? means[3 * (i >> 2) + (i % 4)] ?? 0 : 0));
   function shape(turns) {
-    for (let i = 0; i < count; i++) shaped.set(means.subarray(3 * i, 3 * i + 3), 4 * i);
+    shaped.set(unshaped);
     if (!shapes) return;
     const width = 3 * shapes.count;
     const given = new Float32Array(width * joints);
@@ -104,15 +105,23 @@ function createPlayer(canvas, person) {
         for (let k = 0; k < width; k++) given[width * joint + k] += feature * shapes.basis[width * at + k];
       }
     }
+    const { starts, near, how, weights, count: kinds } = shapes;
     for (let i = 0; i < count; i++) {
-      for (let e = shapes.starts[i]; e < shapes.starts[i + 1]; e++) {
-        for (let a = 0; a < 3; a++) {
-          const from = width * shapes.near[e] + shapes.count * a;
-          let sum = 0;
-          for (let r = 0; r < shapes.count; r++) sum += given[from + r] * shapes.weights[shapes.count * i + r];
-          shaped[4 * i + a] += shapes.how[e] * sum;
+      const own = kinds * i;
+      let [x, y, z] = [0, 0, 0];
+      for (let e = starts[i]; e < starts[i + 1]; e++) {
+        const from = width * near[e];
+        const share = how[e];
+        for (let r = 0; r < kinds; r++) {
+          const weight = share * weights[own + r];
+          x += given[from + r] * weight;
+          y += given[from + kinds + r] * weight;
+          z += given[from + 2 * kinds + r] * weight;
         }
       }
+      shaped[4 * i] += x;
+      shaped[4 * i + 1] += y;
+      shaped[4 * i + 2] += z;
     }
   }
 
@@ -272,6 +281,7 @@ function createPlayer(canvas, person) {
   // Far splats first, by a counting sort of their depths.
   const depths = new Float32Array(count);
   const keys = new Uint16Array(count);
+  const starts = new Uint32Array(65537);
   function sort(matrices, [, , axis]) {
     // Depth of a point that one bone carries is linear in it: one row per bone.
     const seen = new Float32Array(4 * joints);
@@ -285,7 +295,9 @@ function createPlayer(canvas, person) {
     let near = Infinity;
     let far = -Infinity;
     for (let i = 0; i < count; i++) {
-      const [x, y, z] = [shaped[4 * i], shaped[4 * i + 1], shaped[4 * i + 2]];
+      const x = shaped[4 * i];
+      const y = shaped[4 * i + 1];
+      const z = shaped[4 * i + 2];
       let depth = 0;
       let sum = 0;
       for (let a = 4 * i; a < 4 * i + 4; a++) {
@@ -294,10 +306,10 @@ function createPlayer(canvas, person) {
         depth += shares[a] * (seen[at] * x + seen[at + 1] * y + seen[at + 2] * z + seen[at + 3]);
       }
       depths[i] = depth / sum;
-      near = Math.min(near, depths[i]);
-      far = Math.max(far, depths[i]);
+      if (depths[i] < near) near = depths[i];
+      if (depths[i] > far) far = depths[i];
     }
-    const starts = new Uint32Array(65537);
+    starts.fill(0);
     const scale = 65535 / Math.max(far - near, 1e-9);
     for (let i = 0; i < count; i++) {
       keys[i] = (far - depths[i]) * scale;
@@ -306,7 +318,7 @@ function createPlayer(canvas, person) {
     for (let key = 0; key < 65536; key++) starts[key + 1] += starts[key];
     for (let i = 0; i < count; i++) {
       const first = 4 * starts[keys[i]]++;
-      order.fill(i, first, first + 4);
+      order[first] = order[first + 1] = order[first + 2] = order[first + 3] = i;
     }
   }
 
