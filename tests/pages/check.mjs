@@ -2,7 +2,7 @@
 //
 // A service of the program is started in an empty folder, and a person is filmed, uploaded, trained and exported by its commands. Then
 // axe-core looks at every page in a phone's and a desktop's width, in light and dark: a finding that is serious or critical is
-// a fault, and so is a page that is wider than its window or says something on the console. Needs Chromium, and the packages of
+// a fault, and so is a page that is wider than its window or reports an error on the console. Needs Chromium, and the packages of
 // package.json in the folder YOTO_PAGES_TOOLS. PICTURES is a folder for a picture of every page.
 
 import { spawn, spawnSync } from "node:child_process";
@@ -19,6 +19,8 @@ const axe = readFileSync(from.resolve("axe-core/axe.min.js"), "utf8");
 const [program, pictures] = process.argv.slice(2).map((path) => resolve(path));
 const WIDTHS = [390, 1440];
 const SCHEMES = ["light", "dark"];
+/** Longest time for a step of the browser, milliseconds. */
+const PATIENCE = 180_000;
 /** What is a fault, of axe's four impacts. */
 const FAULTS = ["serious", "critical"];
 
@@ -73,7 +75,7 @@ function content(address) {
 /** What is wrong with a page, in words. */
 async function faultsOf(page, name, address, width, scheme) {
   const faults = [];
-  const heard = (message) => ["error", "warn"].includes(message.type()) && faults.push(`says ${message.text()}`);
+  const heard = (message) => message.type() === "error" && faults.push(`says ${message.text()}`);
   page.on("console", heard);
   await page.setViewport({ width, height: 900, isMobile: width < 500, hasTouch: width < 500 });
   await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
@@ -100,6 +102,7 @@ try {
   const paths = content(address);
   if (pictures) mkdirSync(pictures, { recursive: true });
   const browser = await puppeteer.launch({
+    protocolTimeout: PATIENCE,
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
     args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"],
   });
@@ -110,6 +113,7 @@ try {
     for (const width of WIDTHS) {
       for (const scheme of SCHEMES) {
         const page = await browser.newPage();
+        page.setDefaultTimeout(PATIENCE);
         await page.setBypassCSP(true);
         const [faults, counts, passed] = await faultsOf(page, name, address + path, width, scheme);
         await page.close();
