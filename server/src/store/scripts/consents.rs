@@ -187,7 +187,7 @@ pub async fn in_words(
         after: None,
     };
     let records = list(tx, tenant, subject_id, all).await?;
-    let now = timestamp(tx.now());
+    let now = timestamp(tx.now().floor());
     Ok(rights::line(records.iter().map(|it| &it.item), now))
 }
 
