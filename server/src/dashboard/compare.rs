@@ -150,7 +150,7 @@ fn table(sides: &[Side; 2]) -> Markup {
     let measured = sides.iter().all(|it| !it.figures.is_empty());
     html! {
         div .scroll tabindex="0" role="group" aria-label="Table" { table .compared {
-            thead { tr { th { "" } @for it in sides { th { a href=(page_of(&it.model.name)) { (name(&it.model.display_name)) } } } } }
+            thead { tr { th { "Figure" } @for it in sides { th { a href=(page_of(&it.model.name)) { (name(&it.model.display_name)) } } } } }
             tbody { @for (title, value) in rows {
                 tr { th scope="row" { (title) } @for it in sides { td { bdi { (value(it)) } } } }
             } }

@@ -1,13 +1,12 @@
 //! What the check of a capture has found: its report, which a worker has written as JSON.
 
 use super::asker::Asker;
+use super::files;
 use super::words::{badge, told};
-use futures::StreamExt;
 use maud::{Markup, html};
 use serde::Deserialize;
 use tonic::Status;
-use yoto_proto::v1::object_service_server::ObjectService;
-use yoto_proto::v1::{Capture, DownloadObjectRequest, Violation};
+use yoto_proto::v1::{Capture, Violation};
 
 /// Longest report that is read, bytes: those of workers have a few thousand.
 const LONGEST: usize = 1 << 20;
@@ -51,20 +50,10 @@ pub async fn read(asker: &Asker, capture: &Capture) -> Result<Option<Report>, St
     if capture.check.is_empty() {
         return Ok(None);
     }
-    let request = DownloadObjectRequest {
-        name: capture.check.clone(),
-        ..DownloadObjectRequest::default()
+    let Some(bytes) = files::whole(asker, &capture.check, LONGEST).await? else {
+        tracing::warn!(capture = capture.name, "the check's report is too long");
+        return Ok(None);
     };
-    let download = asker.objects().download_object(asker.request(request));
-    let mut chunks = download.await?.into_inner();
-    let mut bytes = Vec::new();
-    while let Some(chunk) = chunks.next().await {
-        bytes.extend(chunk?.chunk);
-        if bytes.len() > LONGEST {
-            tracing::warn!(capture = capture.name, "the check's report is too long");
-            return Ok(None);
-        }
-    }
     match serde_json::from_slice(&bytes) {
         Ok(report) => Ok(Some(report)),
         Err(error) => {

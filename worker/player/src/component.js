@@ -55,7 +55,7 @@ class YotoAvatar extends HTMLElement {
   attributeChangedCallback(name, before, now) {
     if (before === now || !this.isConnected) return;
     if (name === "src") this.#again();
-    else this.#apply();
+    else this.#apply(name);
   }
 
   /** The names of the person's clips; empty until the event `ready`. */
@@ -132,26 +132,30 @@ class YotoAvatar extends HTMLElement {
     }
   }
 
-  #apply() {
+  /** Does what the attributes say: all of them, or the one called `only`, so that the camera of a drag stays. */
+  #apply(only) {
     if (!this.#player) return;
     const { clips, home, state, change } = this.#player;
     const number = (name, otherwise) => {
       const value = Number.parseFloat(this.getAttribute(name));
       return Number.isFinite(value) ? value : otherwise;
     };
-    const named = clips.findIndex((clip) => clip.name === this.getAttribute("clip"));
-    const clip = Math.max(named, 0);
     const degrees = Math.PI / 180;
-    change({
-      clip,
-      time: clip === state.clip ? state.time : 0,
-      playing: !this.hasAttribute("paused"),
-      speed: number("speed", 1),
-      light: number("light", 1),
-      turn: number("turn", home.turn / degrees) * degrees,
-      tilt: number("tilt", home.tilt / degrees) * degrees,
-      distance: Math.min(12, Math.max(0.6, number("distance", home.distance))),
-    });
+    const changes = {
+      clip: () => {
+        const clip = Math.max(clips.findIndex((it) => it.name === this.getAttribute("clip")), 0);
+        return { clip, time: clip === state.clip ? state.time : 0 };
+      },
+      paused: () => ({ playing: !this.hasAttribute("paused") }),
+      speed: () => ({ speed: number("speed", 1) }),
+      light: () => ({ light: number("light", 1) }),
+      turn: () => ({ turn: number("turn", home.turn / degrees) * degrees }),
+      tilt: () => ({ tilt: number("tilt", home.tilt / degrees) * degrees }),
+      distance: () => ({ distance: Math.min(12, Math.max(0.6, number("distance", home.distance))) }),
+    };
+    for (const [name, values] of Object.entries(changes)) {
+      if (!only || name === only) change(values());
+    }
     this.style.background = this.getAttribute("background") ?? "";
     if (this.hasAttribute("label")) this.#canvas.ariaLabel = this.getAttribute("label");
   }

@@ -1,20 +1,18 @@
 //! Pictures in the text of a page.
 
 use super::super::asker::Asker;
-use super::super::files::Kind;
+use super::super::files::{Kind, whole};
 use super::super::job::files;
 use super::super::model::of_model;
 use super::super::words::{bytes, told};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use futures::StreamExt;
 use maud::{Markup, html};
 use sha2::{Digest, Sha256};
 use tonic::{Code, Status};
 use yoto_proto::names;
 use yoto_proto::v1::job_service_server::JobService;
-use yoto_proto::v1::object_service_server::ObjectService;
-use yoto_proto::v1::{DownloadObjectRequest, GetJobRequest, JobKind, job, job_spec};
+use yoto_proto::v1::{GetJobRequest, JobKind, job, job_spec};
 
 /// Most bytes of all pictures of a page, which people send by mail.
 const MOST: usize = 6 << 20;
@@ -39,25 +37,16 @@ impl Inline {
         let Kind::Picture(content_type) = Kind::of(name) else {
             return Ok(None);
         };
-        let request = DownloadObjectRequest {
-            name: name.to_owned(),
-            ..DownloadObjectRequest::default()
-        };
-        let found = asker.objects().download_object(asker.request(request));
-        let mut chunks = match found.await {
-            Ok(found) => found.into_inner(),
+        let picture = match whole(asker, name, MOST - self.bytes).await {
+            Ok(Some(picture)) => picture,
+            Ok(None) => {
+                self.left_out += 1;
+                return Ok(None);
+            }
             // It was deleted meanwhile.
             Err(error) if error.code() == Code::NotFound => return Ok(None),
             Err(error) => return Err(error),
         };
-        let mut picture = Vec::new();
-        while let Some(chunk) = chunks.next().await {
-            picture.extend(chunk?.chunk);
-            if self.bytes + picture.len() > MOST {
-                self.left_out += 1;
-                return Ok(None);
-            }
-        }
         self.bytes += picture.len();
         let text = STANDARD.encode(picture);
         Ok(Some(format!("data:{content_type};base64,{text}")))

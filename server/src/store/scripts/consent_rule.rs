@@ -5,7 +5,7 @@
 //! each revocation and as often as leases are checked. The people of a job are those whose captures are pinned to it.
 
 use super::{models, outcome, pins};
-use crate::store::db::{Lock, Tx, sql};
+use crate::store::db::{Lock, Row, Tx, sql};
 use crate::store::{JobKind, LeaseKey, StoreError};
 use crate::tenant::Tenant;
 use yoto_proto::names::{Collection, NameError};
@@ -102,14 +102,7 @@ pub async fn check_person(
     .bind(required)
     .row(tx, "looking for a consent")
     .await?;
-    match row {
-        Some(row) => Err(refusal(
-            &row.text("display_name")?,
-            purpose,
-            row.flag("recorded")?,
-        )),
-        None => Ok(()),
-    }
+    refuse(row, purpose)
 }
 
 /// The same for a job in the queue.
@@ -134,6 +127,11 @@ pub async fn check_job(tx: &mut Tx, job_id: &str, required: bool) -> Result<(), 
     .bind(required)
     .row(tx, "looking for the consents of a job")
     .await?;
+    refuse(row, purpose)
+}
+
+/// Refuses what needs the consent of the person in the `row` that was found lacking, if there is one.
+fn refuse(row: Option<Row>, purpose: ConsentPurpose) -> Result<(), StoreError> {
     match row {
         Some(row) => Err(refusal(
             &row.text("display_name")?,
