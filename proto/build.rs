@@ -32,6 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ".yoto.v1.SignDownloadResponse",
         ".yoto.v1.SignedPart",
         ".yoto.v1.CreateShareResponse",
+        ".yoto.v1.CreateWebhookResponse",
     ]);
     tonic_prost_build::configure().compile_fds_with_config(set, config)?;
     Ok(())

@@ -34,6 +34,7 @@ mod show;
 mod subject;
 mod tenant;
 mod waiting;
+mod webhook;
 
 #[cfg(feature = "embedded")]
 mod avatar;

@@ -324,6 +324,12 @@ pub fn has_ending(path: &str, endings: &[&str]) -> bool {
         .is_some_and(|(_, ending)| endings.iter().any(|it| ending.eq_ignore_ascii_case(it)))
 }
 
+/// The film that is the only file of a capture: a worker with a pose model finds poses and masks by itself.
+pub fn film_alone<'a>(mut paths: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let first = paths.next()?;
+    (paths.next().is_none() && has_ending(first, &VIDEO_ENDINGS)).then_some(first)
+}
+
 /// The frame index in a picture's name: the last run of digits before the ending, as in
 /// `frames/000017.png`, `img_17.jpg`. `None` without digits, or with too many.
 pub fn index_in_name(path: &str) -> Option<u32> {

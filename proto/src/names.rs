@@ -28,11 +28,13 @@ pub enum Collection {
     Erasures,
     /// Links to pages.
     Shares,
+    /// Addresses that are told when jobs end.
+    Webhooks,
 }
 
 impl Collection {
     /// All collections.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Subjects,
         Self::Captures,
         Self::Uploads,
@@ -43,6 +45,7 @@ impl Collection {
         Self::Consents,
         Self::Erasures,
         Self::Shares,
+        Self::Webhooks,
     ];
 
     /// The collection's segment in a name.
@@ -58,6 +61,7 @@ impl Collection {
             Self::Consents => "consents",
             Self::Erasures => "erasures",
             Self::Shares => "shares",
+            Self::Webhooks => "webhooks",
         }
     }
 

@@ -57,6 +57,10 @@ pub struct ServerConfig {
     pub traffic: TrafficLimits,
     /// Where figures and traces are sent, if anywhere.
     pub otlp: Option<OtlpConfig>,
+    /// Sites whose pages may make calls with a key, `https://app.example.org`.
+    pub allow_origins: Vec<String>,
+    /// Whether webhooks may lead to this machine and to private networks, also without TLS.
+    pub private_webhooks: bool,
     /// Injected faults, for tests of the service.
     pub faults: Option<Arc<dyn Faults>>,
 }
@@ -163,6 +167,8 @@ impl ServerConfig {
             storage: StorageLimits::default(),
             traffic: TrafficLimits::default(),
             otlp: None,
+            allow_origins: Vec::new(),
+            private_webhooks: false,
             faults: None,
         }
     }

@@ -1,6 +1,7 @@
 //! State that all services and background tasks of a coordinator share.
 
 use crate::access::keys::KeyRing;
+use crate::access::rates::Rates;
 use crate::audit::Audit;
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
@@ -55,6 +56,8 @@ pub struct Context {
     pub exposed: tokio::sync::Mutex<Option<(Instant, String)>>,
     /// The keys of callers.
     pub keys: KeyRing,
+    /// Calls per second of tenants.
+    pub rates: Rates,
     /// Writes the audit log.
     pub audit: Audit,
     /// Ends background tasks and watch streams.

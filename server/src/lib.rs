@@ -44,6 +44,7 @@ mod tls;
 mod trace_parent;
 mod traffic;
 mod uploads;
+mod webhooks;
 
 pub use access::Admission;
 pub use adopt::adopt;
@@ -61,6 +62,7 @@ pub use traffic::TrafficLimits;
 pub use yoto_objects::{Environment, ObjectsError, shown};
 
 use access::keys::KeyRing;
+use access::rates::Rates;
 use audit::Audit;
 use changes::JobChanges;
 use context::Context;
@@ -134,6 +136,7 @@ impl Coordinator {
             health: tokio::sync::watch::Sender::default(),
             exposed: tokio::sync::Mutex::default(),
             keys: KeyRing::default(),
+            rates: Rates::default(),
             audit: Audit::default(),
             stop: CancellationToken::new(),
             lock,
@@ -149,6 +152,7 @@ impl Coordinator {
             tokio::spawn(collect::run(Arc::clone(&context))),
             tokio::spawn(health::run(Arc::clone(&context))),
             tokio::spawn(audit::run(Arc::clone(&context))),
+            tokio::spawn(webhooks::run(Arc::clone(&context))),
         ];
         if context.config.hints {
             tasks.push(tokio::spawn(hints::send(Arc::clone(&context))));

@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn all_services_have_names() {
         let names: Vec<_> = services().collect();
-        assert_eq!(names.len(), 12, "{names:?}");
+        assert_eq!(names.len(), 13, "{names:?}");
         assert!(names.contains(&"yoto.worker.v1.WorkerService"));
     }
 }

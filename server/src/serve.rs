@@ -3,7 +3,7 @@
 use crate::access::{AccessLayer, Admission};
 use crate::api::{
     JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, ShareApi, StatusApi, StorageApi, SubjectApi,
-    TenantApi, UploadApi, WorkerApi,
+    TenantApi, UploadApi, WebhookApi, WorkerApi,
 };
 use crate::audit;
 use crate::context::Context;
@@ -34,6 +34,7 @@ use yoto_proto::v1::storage_service_server::StorageServiceServer;
 use yoto_proto::v1::subject_service_server::SubjectServiceServer;
 use yoto_proto::v1::tenant_service_server::TenantServiceServer;
 use yoto_proto::v1::upload_service_server::UploadServiceServer;
+use yoto_proto::v1::webhook_service_server::WebhookServiceServer;
 use yoto_proto::worker::v1::worker_service_server::WorkerServiceServer;
 
 /// All services with the pages beside them, and the handle of the health service among them.
@@ -65,6 +66,7 @@ async fn routes(
     let keys = KeyServiceServer::new(KeyApi { context: context() });
     let shares = ShareServiceServer::new(ShareApi { context: context() });
     let tenants = TenantServiceServer::new(TenantApi { context: context() });
+    let webhooks = WebhookServiceServer::new(WebhookApi { context: context() });
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
         drain: drain(),
@@ -84,6 +86,7 @@ async fn routes(
         .add_service(shares.max_decoding_message_size(limit))
         .add_service(storage)
         .add_service(tenants)
+        .add_service(webhooks.max_decoding_message_size(limit))
         .add_service(workers.max_decoding_message_size(limit));
     let mut routes = routes;
     let router = std::mem::take(routes.axum_router_mut());
@@ -144,6 +147,7 @@ where
         admission,
     };
     let faults = context.config.faults.clone().map(FaultLayer);
+    let cors = http::cors(&context.config.allow_origins)?;
     let serving = Server::builder()
         // For the pages; gRPC needs HTTP/2.
         .accept_http1(true)
@@ -153,8 +157,10 @@ where
         .http2_keepalive_interval(Some(limits.ping))
         .http2_keepalive_timeout(Some(limits.ping))
         .layer(TrafficLayer(traffic))
+        .layer(tower::util::option_layer(cors))
         .layer(tower::util::option_layer(faults))
         .layer(access)
+        .layer(http::WebLayer)
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);
     // A client that keeps an idle connection open would keep the server alive for ever.

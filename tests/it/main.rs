@@ -11,6 +11,7 @@ mod evaluate;
 mod export;
 mod export_job;
 mod fetch;
+mod film;
 mod full_disk;
 mod joining;
 mod keys;

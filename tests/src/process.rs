@@ -162,11 +162,18 @@ impl Service {
     /// # Errors
     /// When it does not start.
     pub fn start(yoto: &str, data: &Path, with_worker: bool) -> anyhow::Result<Self> {
+        let options: &[&str] = if with_worker { &[] } else { &["--no-worker"] };
+        Self::start_with(yoto, data, options)
+    }
+
+    /// The same with these `options`.
+    ///
+    /// # Errors
+    /// When it does not start.
+    pub fn start_with(yoto: &str, data: &Path, options: &[&str]) -> anyhow::Result<Self> {
         let data = data.to_str().context("a plain path")?;
         let mut arguments = vec!["serve", "--data", data, "--listen", "127.0.0.1:0"];
-        if !with_worker {
-            arguments.push("--no-worker");
-        }
+        arguments.extend(options);
         let mut process = Process::start(yoto, &arguments)?;
         let after = |line: String, word: &str| {
             let rest = line.split_once(word).map(|(_, rest)| rest.to_owned());

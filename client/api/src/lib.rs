@@ -27,6 +27,7 @@ mod transfer;
 mod upload;
 mod watch;
 mod watch_all;
+mod webhooks;
 
 pub use addresses::Addresses;
 pub use consents::NewConsent;

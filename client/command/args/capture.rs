@@ -5,7 +5,7 @@ use crate::args::frame_range::FrameRange;
 use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, Told, TrackForm, to_folder};
 use yoto_media::video::Hdr;
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
@@ -183,6 +183,7 @@ impl ImportOptions {
                 HdrArg::Pq => Hdr::Pq,
             },
             ffmpeg: self.ffmpeg.program().map(Path::to_owned),
+            told: Told::default(),
         }
     }
 

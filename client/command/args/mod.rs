@@ -17,6 +17,8 @@ pub(crate) use lpips::LpipsArgs;
 pub(crate) use parse::*;
 
 #[cfg(feature = "embedded")]
+use anyhow::Context;
+#[cfg(feature = "embedded")]
 use clap::builder::BoolishValueParser;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -217,6 +219,10 @@ pub(crate) struct IngestArgs {
     ingest_seconds: u64,
     #[command(flatten)]
     ffmpeg: FfmpegArg,
+    /// The pose model, which finds people in films without poses: a file, or the folder that deploy/models/get.sh filled. Without it,
+    /// such films are refused.
+    #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
+    pose_model: Option<PathBuf>,
     /// Refuse to start where the kernel can't confine the process that reads uploads: it needs Landlock and seccomp.
     #[arg(long, env = "YOTO_REQUIRE_CONFINEMENT", value_parser = BoolishValueParser::new())]
     require_confinement: bool,
@@ -225,13 +231,23 @@ pub(crate) struct IngestArgs {
 #[cfg(feature = "embedded")]
 impl IngestArgs {
     /// The limits as settings of a worker.
-    pub fn settings(&self) -> IngestSettings {
-        IngestSettings {
+    ///
+    /// # Errors
+    /// When the pose model can't be used.
+    pub fn settings(&self) -> anyhow::Result<IngestSettings> {
+        let pose_model = self.pose_model.as_deref().map(|path| {
+            // The process that reads an upload runs in another folder.
+            let path = std::path::absolute(path).with_context(|| path.display().to_string())?;
+            yoto_import::check_pose_model(&path).context("opening the pose model")?;
+            anyhow::Ok(path)
+        });
+        Ok(IngestSettings {
+            pose_model: pose_model.transpose()?,
             memory_bytes: self.ingest_memory_mib.saturating_mul(1 << 20),
             seconds: self.ingest_seconds,
             ffmpeg: self.ffmpeg.program().map(Into::into),
             require_confinement: self.require_confinement,
             ..IngestSettings::default()
-        }
+        })
     }
 }

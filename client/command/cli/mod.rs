@@ -9,6 +9,7 @@ mod completions;
 use crate::{audit, avatar, demo};
 use crate::{
     capture, export, job, key, model, motion, render, scene, service, share, subject, tenant,
+    webhook,
 };
 use anyhow::Context;
 #[cfg(feature = "embedded")]
@@ -97,6 +98,7 @@ enum Command {
     Scene(scene::SceneCommand),
     Export(Box<export::Export>),
     Share(share::ShareCommand),
+    Webhook(webhook::WebhookCommand),
     Evaluate(model::evaluate::Evaluate),
     Report(model::report::Report),
     #[cfg(feature = "embedded")]
@@ -108,7 +110,7 @@ enum Command {
 pub fn main() -> ExitCode {
     // A worker starts this program again to read an upload.
     #[cfg(feature = "embedded")]
-    yoto_ingest::become_ingest_child_if_asked();
+    yoto_ingest::become_ingest_child_if_asked(Some(yoto_import::read_film));
     let cli = match parsed() {
         Ok(Some(cli)) => cli,
         Ok(None) => return ExitCode::SUCCESS,
@@ -173,6 +175,7 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Status(command) => runtime.block_on(command.run()),
         Command::Key(command) => runtime.block_on(command.run()),
         Command::Share(command) => runtime.block_on(command.run()),
+        Command::Webhook(command) => runtime.block_on(command.run()),
         Command::Usage(command) => runtime.block_on(command.run()),
         Command::Quota(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

@@ -66,6 +66,10 @@ pub struct EmbeddedOptions {
     pub storage: StorageLimits,
     /// Whether nobody is in a job without a valid consent to its purpose.
     pub require_consent: bool,
+    /// Sites whose pages may make calls with a key.
+    pub allow_origins: Vec<String>,
+    /// Whether webhooks may lead to this machine and to private networks.
+    pub private_webhooks: bool,
     /// How long clients can read an object of a remote store by a signed URL, if they get URLs at all.
     pub signed_urls: Option<Duration>,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
@@ -122,6 +126,8 @@ impl Embedded {
             storage: options.storage,
             otlp: options.otlp,
             require_consent: options.require_consent,
+            allow_origins: options.allow_origins,
+            private_webhooks: options.private_webhooks,
             signed_urls: options.signed_urls,
             ..ServerConfig::new(&options.data)
         };
@@ -331,6 +337,8 @@ mod tests {
             lpips: None,
             storage: StorageLimits::default(),
             require_consent: false,
+            allow_origins: Vec::new(),
+            private_webhooks: false,
             signed_urls: None,
             scratch: None,
             drain: Duration::ZERO,

@@ -75,6 +75,18 @@ pub(crate) struct Serve {
     /// refused only where a consent was revoked or has expired. All coordinators of a database need the same setting.
     #[arg(long, env = "YOTO_REQUIRE_CONSENT", value_parser = BoolishValueParser::new())]
     require_consent: bool,
+    /// Sites whose pages may make calls with a key, by gRPC-Web or HTTP (CORS); several with commas between them.
+    #[arg(
+        long = "allow-origin",
+        env = "YOTO_ALLOW_ORIGIN",
+        value_name = "ORIGIN",
+        value_delimiter = ','
+    )]
+    allow_origins: Vec<String>,
+    /// Allow webhooks (`yoto webhook`) that lead to this machine or to a private network, also without TLS. Whoever has a key can then
+    /// make the service send requests there.
+    #[arg(long, env = "YOTO_PRIVATE_WEBHOOKS", value_parser = BoolishValueParser::new())]
+    private_webhooks: bool,
     /// Run no worker: jobs wait for a worker in another process.
     #[arg(long, env = "YOTO_NO_WORKER", value_parser = BoolishValueParser::new())]
     no_worker: bool,
@@ -201,10 +213,12 @@ impl Serve {
             admission,
             tls,
             worker: !self.no_worker,
-            ingest: self.ingest.settings(),
+            ingest: self.ingest.settings()?,
             lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
             require_consent: self.require_consent,
+            allow_origins: self.allow_origins,
+            private_webhooks: self.private_webhooks,
             signed_urls: self.signed_urls.life(),
             scratch: self.scratch,
             drain,

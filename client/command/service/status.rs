@@ -76,6 +76,9 @@ impl Status {
             "\n{}",
             show::table(&["WORKER", "DEVICE", "SEEN", "DOES"], &rows)
         );
+        if !upload.films {
+            say!("no worker has a pose model: films need poses (`yoto serve --pose-model`)");
+        }
         for worker in &status.workers {
             if worker.order_level < status.order_level {
                 say!("{}", outdated(worker));

@@ -31,6 +31,8 @@ pub async fn with_service<T>(
         lpips,
         storage: yoto_server::StorageLimits::default(),
         require_consent: false,
+        allow_origins: Vec::new(),
+        private_webhooks: false,
         signed_urls: None,
         scratch: None,
         drain: std::time::Duration::ZERO,

@@ -23,12 +23,14 @@ A capture is a folder, or a zip, tar or tar.gz of one; the media may be in train
   masks/000000.png …     coverage of the person, or masks.zip, masks.tar, masks.mp4, or
                          background.png, the view without the person, or none: alpha channel
   media.json             how to read them, with the same settings as the options below
+A film without poses is a capture too, if a worker of the service has a pose model (serve --pose-model).
 
 H.264 in MP4 or MOV is decoded by the service; other videos need ffmpeg on its worker.
 
 Examples:
   yoto subject add ada captures/ada --consent 'signed 2026-03-01'
   yoto subject add ada captures/ada --frames video
+  yoto subject add cleo walk.mp4
   yoto subject add bob bob.tar.gz --every 2 --range 100..400 --no-wait
   yoto subject add eve CoreView_377 --from zju --smpl SMPL_NEUTRAL.npz
   (what --from takes is told by `yoto import --help`)
@@ -42,7 +44,7 @@ An upload goes on by itself after a lost connection, and when the same command i
 pub(super) struct Add {
     /// Name of the person.
     name: String,
-    /// The capture: a folder or an archive, or a capture in the format of --from.
+    /// The capture: a folder, an archive or a film, or a capture in the format of --from.
     #[arg(value_name = "CAPTURE", required_unless_present = "capture_flag")]
     capture: Option<PathBuf>,
     /// The same as an option.

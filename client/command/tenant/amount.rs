@@ -63,6 +63,16 @@ pub(super) fn hours(text: &str) -> Result<Most<f64>, String> {
     read(text, hours)
 }
 
+/// `none`, or calls per second.
+pub(super) fn calls(text: &str) -> Result<Most<f64>, String> {
+    let calls = |text: &str| {
+        let number = f64::from_str(text).ok();
+        let number = number.filter(|it| it.is_finite() && *it >= 0.0);
+        number.ok_or_else(|| format!("`{text}` is neither a number of calls per second nor `none`"))
+    };
+    read(text, calls)
+}
+
 fn read<T>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<Most<T>, String> {
     match text {
         "none" => Ok(Most::None),

@@ -1,6 +1,6 @@
 //! `yoto quota`: what a tenant may use at most.
 
-use super::amount::{Most, bytes, count, hours};
+use super::amount::{Most, bytes, calls, count, hours};
 use super::usage::show;
 use crate::args::Server;
 use clap::Args;
@@ -36,6 +36,9 @@ pub(crate) struct SetQuota {
     /// Pictures of renders, in 30 days.
     #[arg(long, value_name = "N", value_parser = count)]
     pictures: Option<Most<u64>>,
+    /// Calls per second, at each coordinator. Calls of workers do not count.
+    #[arg(long, value_name = "N", value_parser = calls)]
+    calls_per_second: Option<Most<f64>>,
     #[command(flatten)]
     server: Server,
 }
@@ -63,6 +66,7 @@ impl SetQuota {
             open_jobs: or(self.open_jobs, now.open_jobs),
             device_seconds: seconds.unwrap_or(now.device_seconds),
             pictures: or(self.pictures, now.pictures),
+            calls_per_second: (self.calls_per_second).map_or(now.calls_per_second, Most::field),
         }
     }
 }

@@ -55,6 +55,14 @@ pub(super) fn show(usage: &[Usage]) {
         "PICTURES",
     ];
     say!("{}", show::table(&header, &rows));
+    for one in usage {
+        if let Some(rate) = one.quota.and_then(|it| it.calls_per_second) {
+            say!(
+                "{}: at most {rate} calls per second",
+                output::others(&one.tenant)
+            );
+        }
+    }
     if let [one] = usage
         && let Some(stored) = &one.stored
     {

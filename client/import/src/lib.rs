@@ -40,6 +40,7 @@ mod options;
 mod pictures;
 mod proof;
 mod rest_joints;
+mod served_film;
 mod sound;
 mod source;
 mod to_folder;
@@ -57,8 +58,9 @@ pub use imported::{Found, Imported, PoseFit};
 pub use keypoints::{PointSet, PointTurn};
 pub use matting_model::{Levels, MattingModel};
 pub use motion_file::read_motion;
-pub use options::Options;
+pub use options::{Options, Told};
 pub use pictures::{DecodedClip, Mask, MaskKind, PictureFiles, Pictures};
+pub use served_film::{check_pose_model, read_film};
 #[cfg(feature = "hdf5")]
 pub use source::hdf5::MaskStack;
 pub use to_folder::to_folder;

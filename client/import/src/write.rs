@@ -63,7 +63,7 @@ pub fn write(
         }
         Pictures::Video { video, masks } => {
             let to = out.join(VIDEO);
-            bytes += std::fs::copy(video, &to).map_err(ClientError::file("copying", video))?;
+            bytes += copy(video, &to).map_err(ClientError::file("copying", video))?;
             for (done, (frame, masks)) in track.frames.iter().zip(masks).enumerate() {
                 progress(done, total, bytes);
                 if !masks.is_empty() {
@@ -103,6 +103,11 @@ pub fn write(
     }
     progress(total, total, bytes);
     Ok(bytes + write_track(track, out, form)?)
+}
+
+/// Copies a file's content. `std::fs::copy` also gives it the permissions, which the process that reads uploads may not change.
+fn copy(from: &Path, to: &Path) -> std::io::Result<u64> {
+    std::io::copy(&mut File::open(from)?, &mut File::create(to)?)
 }
 
 /// Writes a capture with these `images`, one for each frame of `track`, to the folder `out`, over an earlier one; the

@@ -96,3 +96,12 @@ fn selections_and_names_count_frames() {
         assert_eq!(index_in_name(name), index, "{name}");
     }
 }
+
+#[test]
+fn a_film_is_alone_without_any_other_file() {
+    let alone = |paths: &[&'static str]| film_alone(paths.iter().copied());
+    assert_eq!(alone(&["IMG_7.MOV"]), Some("IMG_7.MOV"));
+    assert_eq!(alone(&["video.mp4", "masks.mp4"]), None);
+    assert_eq!(alone(&["poses.json"]), None);
+    assert_eq!(alone(&[]), None);
+}

@@ -154,6 +154,7 @@ mod tests {
             expire_time,
             used_time: None,
             revoked,
+            calls_per_second: None,
         };
         let rows = [
             row("good", Some(1000.0), false),

@@ -148,6 +148,11 @@ impl AccessLayer {
             tenant: Tenant::new(&row.tenant).ok_or(RequestError::NoTenant)?,
             key: Some(row.id.as_str().into()),
         };
+        if let Some(rate) = row.calls_per_second
+            && !is_of_workers(rule)
+        {
+            self.context.rates.take(&caller.tenant, rate)?;
+        }
         Ok((caller, Some(sha256)))
     }
 
@@ -160,6 +165,17 @@ impl AccessLayer {
             }
         });
     }
+}
+
+/// Whether workers make the call: how many they make follows from the jobs, which have quotas of their own.
+fn is_of_workers(rule: Rule) -> bool {
+    matches!(
+        rule,
+        Rule::Scope {
+            scope: Scope::Work,
+            ..
+        }
+    )
 }
 
 /// Refuses what the key does not allow.

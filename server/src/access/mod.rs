@@ -13,6 +13,7 @@ mod credentials;
 mod guard;
 pub mod keys;
 mod layer;
+pub mod rates;
 mod rules;
 
 pub use layer::AccessLayer;

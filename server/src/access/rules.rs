@@ -43,7 +43,7 @@ const PAGES: [(&str, Rule); 3] = [
 ];
 
 /// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 28] = [
+const DASHBOARD: [(&str, &str); 29] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),
     ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
@@ -64,6 +64,10 @@ const DASHBOARD: [(&str, &str); 28] = [
     (
         "/people/upload/cancel/*",
         "/yoto.v1.SubjectService/DeleteSubject",
+    ),
+    (
+        "/people/upload/cancel-capture/*",
+        "/yoto.v1.SubjectService/DeleteCapture",
     ),
     ("/models", "/yoto.v1.ModelService/ListModels"),
     ("/models/*", "/yoto.v1.ModelService/GetModel"),

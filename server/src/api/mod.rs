@@ -18,6 +18,7 @@ mod storage;
 mod subjects;
 mod tenants;
 mod uploads;
+mod webhooks;
 mod worker_text;
 mod workers;
 
@@ -32,4 +33,5 @@ pub use storage::StorageApi;
 pub use subjects::SubjectApi;
 pub use tenants::TenantApi;
 pub use uploads::UploadApi;
+pub use webhooks::WebhookApi;
 pub use workers::WorkerApi;

@@ -60,9 +60,11 @@ impl StatusService for StatusApi {
 
     async fn get_limits(
         &self,
-        _: Request<GetLimitsRequest>,
+        request: Request<GetLimitsRequest>,
     ) -> Result<Response<ServiceLimits>, Status> {
-        Ok(Response::new(limits(&self.context)))
+        let films = self.context.store.reads_films(&Tenant::of(&request)?).await;
+        let films = films.map_err(RequestError::from)?;
+        Ok(Response::new(limits(&self.context, films)))
     }
 
     async fn drain(
@@ -135,8 +137,8 @@ impl StatusService for StatusApi {
     }
 }
 
-/// What this service allows: the contract's limits, and those that its operator has set.
-fn limits(context: &Context) -> ServiceLimits {
+/// What this service allows: the contract's limits, and those that its operator has set; `films` says whether a worker reads them.
+fn limits(context: &Context, films: bool) -> ServiceLimits {
     let (upload, storage) = (&context.config.upload, &context.config.storage);
     let room = context.place.room();
     let room = room.map(|it| it.free.saturating_sub(storage.min_free_bytes));
@@ -148,6 +150,7 @@ fn limits(context: &Context) -> ServiceLimits {
             path_bytes: contract::PATH_BYTES as u32,
             expiry_seconds: upload.expiry.as_secs_f64(),
             room_bytes: room,
+            films,
         }),
         message_bytes: contract::MESSAGE_BYTES as u64,
         order_bytes: SPEC_BYTES as u64,

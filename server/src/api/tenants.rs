@@ -58,5 +58,10 @@ fn checked(quota: Quota) -> Result<Quota, RequestError> {
         let message = format!("{seconds} is not a number of seconds");
         return Err(RequestError::invalid("quota.device_seconds", message));
     }
+    let calls = quota.calls_per_second.unwrap_or_default();
+    if !calls.is_finite() || calls < 0.0 {
+        let message = format!("{calls} is not a number of calls");
+        return Err(RequestError::invalid("quota.calls_per_second", message));
+    }
     Ok(quota)
 }

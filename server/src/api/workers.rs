@@ -123,6 +123,7 @@ impl WorkerService for WorkerApi {
             embedded: embedded.then(|| self.context.instance.clone()),
             version: worker_text::line(request.version),
             order_level: request.order_level,
+            reads_films: request.reads_films,
             key: caller.key().map(str::to_owned),
         };
         let id = lease::register(&self.context, &tenant, new).await?;

@@ -70,6 +70,10 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) ->
         .route("/people/upload/files/{id}/{file}", put(upload::write))
         .route("/people/upload/finish/{id}", post(upload::finish))
         .route("/people/upload/cancel/{id}", post(upload::cancel))
+        .route(
+            "/people/upload/cancel-capture/{id}",
+            post(upload::cancel_capture),
+        )
         .route("/models", get(models::page))
         .route("/models/{id}", get(model::page))
         .route("/models/{id}/report.html", get(report::page))

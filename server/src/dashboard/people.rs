@@ -4,7 +4,7 @@ use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::query::Fields;
-use super::upload;
+use super::upload::{self, Whose};
 use super::words::{count, name, page_of, subject_state};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
@@ -28,9 +28,11 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     let list = asker.subjects().list_subjects(asker.request(request));
     let list = list.await?.into_inner();
     let captures = captures_of(&asker, &list.subjects).await?;
+    let films = upload::takes_films(&asker).await?;
+    let open = list.subjects.is_empty();
     let body = html! {
         h1 { "People" }
-        (upload::form(&asker, list.subjects.is_empty())?)
+        (upload::form(&asker, Whose::New { open }, films)?)
         @if list.subjects.is_empty() {
             p .empty {
                 "Nobody yet. " code { "yoto subject add NAME CAPTURE" }

@@ -5,6 +5,7 @@ use super::document::{self, Page};
 use super::fault::Fault;
 use super::findings;
 use super::people::portrait;
+use super::upload::{self, Whose};
 use super::words::{
     ago, badge, bytes, capture_state, count, name, page_of, short, subject_state, told,
 };
@@ -18,7 +19,7 @@ use yoto_proto::v1::model_service_server::ModelService;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
     Capture, Consent, ConsentPurpose, GetSubjectRequest, ListCapturesRequest, ListConsentsRequest,
-    ListModelsRequest, Model, capture,
+    ListModelsRequest, Model, capture, subject,
 };
 
 /// `/people/{id}`
@@ -44,6 +45,19 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         shown.push(section(&asker, now, &subject.display_name, capture).await?);
     }
     let title = told(&subject.display_name);
+    let takes_more = match subject.state() {
+        subject::State::Ready | subject::State::Rejected => true,
+        // The upload of a further capture goes on; that of the first one does on the page of all people.
+        subject::State::Uploading => captures.len() > 1,
+        _ => false,
+    };
+    let more = match takes_more {
+        true => {
+            let films = upload::takes_films(&asker).await?;
+            Some(upload::form(&asker, Whose::Known(&subject), films)?)
+        }
+        false => None,
+    };
     let body = html! {
         h1 { (name(&subject.display_name)) " " (subject_state(subject.state())) }
         dl .facts {
@@ -67,6 +81,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         h2 { "Captures" }
         @if shown.is_empty() { p .empty { "None." } }
         @for section in shown { (section) }
+        @if let Some(more) = more { (more) }
     };
     Ok(document::live(&title, "/people", "", body))
 }

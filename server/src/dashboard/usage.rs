@@ -33,6 +33,7 @@ pub fn table(usage: &Usage) -> Markup {
                 td { @match most { Some(most) => (written(most)), None => "–" } }
             } } }
         } }
+        @if let Some(rate) = quota.calls_per_second { p .detail { "At most " (rate) " calls per second." } }
         @if let Some(stored) = &usage.stored { (kinds(stored)) }
     }
 }

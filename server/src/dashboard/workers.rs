@@ -92,7 +92,7 @@ async fn panel(
             dl .facts {
                 div { dt { "Device" } dd { (told(&device.adapter)) " (" (told(&device.backend)) ")" } }
                 @if device.memory_bytes > 0 { div { dt { "Memory" } dd { (bytes(device.memory_bytes)) } } }
-                div { dt { "Takes" } dd { (kinds.join(", ")) } }
+                div { dt { "Takes" } dd { (kinds.join(", ")) @if worker.reads_films { ", films without poses" } } }
                 div { dt { "Seen" } dd { (ago(asker.now(), worker.last_seen.as_ref())) } }
                 @if !worker.version.is_empty() { div { dt { "Version" } dd { (told(&worker.version)) } } }
             }

@@ -9,6 +9,9 @@ mod metrics;
 mod probes;
 mod shares;
 pub mod transcoding;
+mod web;
+
+pub use web::{WebLayer, cors};
 
 use crate::context::Context;
 use axum::Router;

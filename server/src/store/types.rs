@@ -5,7 +5,7 @@ use crate::tenant::Tenant;
 use prost::Message;
 use std::collections::{HashMap, HashSet};
 use yoto_objects::Part;
-use yoto_proto::v1::{self, ConsentPurpose, ObjectRef, Scope, WorkerDevice};
+use yoto_proto::v1::{self, ConsentPurpose, Job, ObjectRef, Scope, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -250,6 +250,8 @@ pub struct NewWorker {
     pub version: String,
     /// The newest orders that it understands.
     pub order_level: u32,
+    /// Whether it has a pose model.
+    pub reads_films: bool,
     /// Id of the key with which it registers; none where no key is asked for.
     pub key: Option<String>,
 }
@@ -282,6 +284,36 @@ pub struct NewShare {
     pub embed: bool,
     /// When it ends, seconds since 1970; none: never.
     pub expire_time: Option<f64>,
+}
+
+/// An address that is added.
+#[derive(Debug, Clone)]
+pub struct NewWebhook {
+    /// Where it is.
+    pub url: String,
+    /// What its requests are signed with.
+    pub secret: String,
+    /// What it is for.
+    pub note: String,
+}
+
+/// The end of a job that an address is to be told now.
+#[derive(Debug, Clone)]
+pub struct DueDelivery {
+    /// Its id, the same for all attempts.
+    pub id: String,
+    /// Id of the webhook.
+    pub webhook_id: String,
+    /// Where it is.
+    pub url: String,
+    /// What the request is signed with.
+    pub secret: String,
+    /// Number of attempts, with this one.
+    pub attempts: u32,
+    /// The time of this attempt, seconds since 1970.
+    pub time: f64,
+    /// The job.
+    pub job: Job,
 }
 
 /// What a valid link shows.
@@ -321,6 +353,8 @@ pub struct KeyRow {
     pub used_time: Option<f64>,
     /// Whether it was revoked.
     pub revoked: bool,
+    /// Calls per second of its tenant; none: no limit.
+    pub calls_per_second: Option<f64>,
 }
 
 /// A file that was uploaded and written to the object store.

@@ -10,7 +10,7 @@ use crate::store::{NewUpload, RequestKey, Upload, UploadedFile};
 use crate::tenant::Tenant;
 use prost::Message;
 use prost_types::Timestamp;
-use yoto_proto::media_plan::CAPTURE_ARCHIVES;
+use yoto_proto::media_plan::{CAPTURE_ARCHIVES, film_alone};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{self, CommittedFile, FileHeader, upload};
 use yoto_proto::worker::v1::InputFile;
@@ -30,7 +30,8 @@ pub async fn create(
     if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
         return Ok(context.store.upload(tenant, &id).await?);
     }
-    let files = check(&context.config.upload, files)?;
+    let films = context.store.reads_films(tenant).await?;
+    let files = check(&context.config.upload, films, files)?;
     let bytes = files.iter().map(|file| file.bytes).sum();
     ensure_room(context, bytes).await?;
     let new = NewUpload { subject_id, files };
@@ -51,7 +52,8 @@ pub async fn validate(
     files: Vec<FileHeader>,
 ) -> Result<v1::Upload, RequestError> {
     let subject = context.store.subject(tenant, &subject_id).await;
-    let files = check(&context.config.upload, files);
+    let films = context.store.reads_films(tenant).await?;
+    let files = check(&context.config.upload, films, files);
     let (subject, files) = both(subject.map_err(RequestError::from), files)?;
     let bytes = files.iter().map(|file| file.bytes).sum();
     ensure_room(context, bytes).await?;
@@ -70,8 +72,16 @@ async fn ensure_room(context: &Context, bytes: u64) -> Result<(), RequestError> 
     context.ensure_room(bytes.saturating_add(coming))
 }
 
-/// Checks that the files can be a capture together.
-fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFile>, RequestError> {
+/// What a film without poses gets where no worker has a pose model.
+pub const NO_POSE_MODEL: &str = "a film alone has no poses, and no worker of this service has a pose model to find them \
+     (`yoto serve --pose-model`, `yoto worker --pose-model`)";
+
+/// Checks that the files can be a capture together; a film alone where there are `films`.
+fn check(
+    limits: &UploadLimits,
+    films: bool,
+    files: Vec<FileHeader>,
+) -> Result<Vec<UploadedFile>, RequestError> {
     let of_all = |message: String| Err(RequestError::invalid("files", message));
     if files.len() > limits.files {
         let most = limits.files;
@@ -126,7 +136,12 @@ fn check(limits: &UploadLimits, files: Vec<FileHeader>) -> Result<Vec<UploadedFi
     }
     all::<()>(faults)?;
     let told = |path: &str| pose_track::FILES.contains(&path) || CAPTURE_ARCHIVES.contains(&path);
-    if !checked.iter().any(|file| told(&file.path)) {
+    let paths = checked.iter().map(|file| file.path.as_str());
+    let film = film_alone(paths).is_some();
+    if film && !films {
+        return of_all(NO_POSE_MODEL.to_owned());
+    }
+    if !film && !checked.iter().any(|file| told(&file.path)) {
         let (tracks, archives) = (pose_track::FILES.join(", "), CAPTURE_ARCHIVES.join(", "));
         return of_all(format!("the capture has none of {tracks}, {archives}"));
     }

@@ -14,7 +14,8 @@ use yoto_proto::v1::{
     JobSpec, ListUsageRequest, Orbit, Quota, RenderSpec, RenderedFile, Scope, SetQuotaRequest,
     Subject, TrainSpec, Usage, job_spec,
 };
-use yoto_proto::worker::v1::CommitOutputRequest;
+use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
+use yoto_proto::worker::v1::{CommitOutputRequest, LeaseJobRequest};
 use yoto_server::clock::ManualClock;
 
 /// A noon of UTC, seconds since 1970.
@@ -291,4 +292,42 @@ async fn a_quota_is_of_one_tenant_and_set_by_the_services_operators() {
     assert_invalid(refused, "tenant");
     let refused = service.tenants().set_quota(quota("lab", u64::MAX)).await;
     assert_invalid(refused, "quota.people");
+}
+
+#[tokio::test]
+async fn calls_beyond_a_tenants_rate_wait_and_those_of_others_and_of_workers_pass() {
+    let service = Service::start().await;
+    let rate = SetQuotaRequest {
+        tenant: "lab".into(),
+        quota: Some(Quota {
+            calls_per_second: Some(0.01),
+            ..Quota::default()
+        }),
+    };
+    service.tenants().set_quota(rate).await.expect("is set");
+    let lab = service.key("lab", &[Scope::Read]).await;
+    let other = service.key("other", &[Scope::Read]).await;
+    let of_workers = service.key("lab", &[Scope::Work]).await;
+    let asked = async |key: &_| {
+        let mut client = TenantServiceClient::new(service.with_key(key));
+        client.get_usage(GetUsageRequest::default()).await
+    };
+    for _ in 0..10 {
+        asked(&lab).await.expect("a burst");
+    }
+    assert_refused(asked(&lab).await, Code::Unavailable, "BUSY");
+    for _ in 0..12 {
+        asked(&other).await.expect("another tenant");
+        let mut workers = WorkerServiceClient::new(service.with_key(&of_workers));
+        let request = LeaseJobRequest {
+            worker: "workers/none".into(),
+            ..LeaseJobRequest::default()
+        };
+        let answer = workers
+            .lease_job(request)
+            .await
+            .expect_err("there is no such worker");
+        assert_eq!(answer.code(), Code::NotFound);
+    }
+    assert_refused(asked(&lab).await, Code::Unavailable, "BUSY");
 }

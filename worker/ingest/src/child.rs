@@ -3,6 +3,7 @@
 use super::backdrop;
 use super::confinement::{Room, confine};
 use super::failure::ReadFailure;
+use super::film::{self, FilmReader};
 use super::order::{Line, Order, Outcome, Task};
 use super::prepare::prepare;
 use nix::sys::resource::{Resource, setrlimit};
@@ -21,8 +22,8 @@ const OPEN_FILES: u64 = 256;
 /// If this process has the arguments of a child, reads one upload and ends the process. Otherwise does nothing.
 ///
 /// A program that runs a worker calls this first, before it starts threads or reads arguments:
-/// the worker starts the program again with these arguments.
-pub fn become_ingest_child_if_asked() {
+/// the worker starts the program again with these arguments. `films` reads films without poses, where the program can.
+pub fn become_ingest_child_if_asked(films: Option<FilmReader>) {
     let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
     let [argument, order, memory, seconds] = arguments.as_slice() else {
         return;
@@ -32,15 +33,16 @@ pub fn become_ingest_child_if_asked() {
     }
     let number = |text: &OsString| text.to_str().and_then(|text| text.parse().ok());
     let outcome = match (number(memory), number(seconds)) {
-        (Some(memory), Some(seconds)) => run(Path::new(order), memory, seconds),
+        (Some(memory), Some(seconds)) => run(Path::new(order), memory, seconds, films),
         _ => Outcome::Machine("the child was started with invalid limits".into()),
     };
     say(&Line::End(outcome));
     std::process::exit(0);
 }
 
-fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
-    let order = match std::fs::read(order).map(|bytes| serde_json::from_slice::<Order>(&bytes)) {
+fn run(order: &Path, memory: u64, seconds: u64, films: Option<FilmReader>) -> Outcome {
+    let mut order = match std::fs::read(order).map(|bytes| serde_json::from_slice::<Order>(&bytes))
+    {
         Ok(Ok(order)) => order,
         Ok(Err(error)) => return Outcome::Machine(format!("the child's order: {error}")),
         Err(error) => return Outcome::Machine(format!("the child's order: {error}")),
@@ -54,16 +56,28 @@ fn run(order: &Path, memory: u64, seconds: u64) -> Outcome {
     };
     let room = Room {
         folder: order.folder.clone(),
-        read: order.files.values().cloned().collect(),
+        read: order
+            .files
+            .values()
+            .chain(&order.pose_model)
+            .cloned()
+            .collect(),
         program: ffmpeg.program().map(Path::to_owned),
     };
     if let Err(error) = confine(&room) {
         return Outcome::Machine(format!("confining the child: {error}"));
     }
-    let tell = &mut |progress| say(&Line::At(progress));
+    let tell = |progress| say(&Line::At(progress));
     let prepared = match order.task {
-        Task::Capture => prepare(&order, &ffmpeg, tell),
-        Task::Backdrop => backdrop::prepare(&order, tell),
+        Task::Capture => film::found(&mut order, films, tell).and_then(|film| {
+            let mut prepared = prepare(&order, &ffmpeg, &mut { tell })?;
+            if let Some(film) = film {
+                prepared.notes.splice(0..0, film.notes);
+                prepared.warnings.splice(0..0, film.warnings);
+            }
+            Ok(prepared)
+        }),
+        Task::Backdrop => backdrop::prepare(&order, &mut { tell }),
     };
     match prepared {
         Ok(prepared) => Outcome::Done(prepared),

@@ -1,7 +1,7 @@
 //! Treatment of the masks' edges: what is behind a person is learned from some frames before all are read.
 
 use super::capture::Capture;
-use super::order::Progress;
+use super::order::{Progress, Stage};
 use super::reader::Reader;
 use std::sync::Arc;
 use yoto_media::edge::{BackgroundBuilder, KnownBackground};
@@ -52,6 +52,7 @@ pub(super) fn learned(capture: &Capture, ffmpeg: &Ffmpeg, tell: &mut dyn FnMut(P
             continue;
         };
         tell(Progress {
+            stage: Stage::Decoding,
             file: reader.file_of(frame.index).to_owned(),
             frame: Some(frame.index),
             done,

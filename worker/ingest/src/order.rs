@@ -27,6 +27,8 @@ pub(super) struct Order {
     pub(super) limits: Limits,
     /// The program for videos that are not read in-process; searched for if it has no name.
     pub(super) ffmpeg: Option<PathBuf>,
+    /// The pose model for a film without poses: a file, or a folder.
+    pub(super) pose_model: Option<PathBuf>,
 }
 
 impl Order {
@@ -37,6 +39,7 @@ impl Order {
             files: Files::new(),
             limits: limits.clone(),
             ffmpeg: None,
+            pose_model: None,
         }
     }
 
@@ -65,9 +68,21 @@ pub(super) enum Line {
     End(Outcome),
 }
 
+/// A part of the child's work.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Stage {
+    /// Finding the person in a film without poses.
+    Poses,
+    /// Decoding and packing the frames.
+    #[default]
+    Decoding,
+}
+
 /// The child's current work.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
+    /// The part of its work.
+    pub stage: Stage,
     /// File of the capture.
     pub file: String,
     /// Frame of the pose track.

@@ -4,7 +4,7 @@ use super::MAX_VIOLATIONS;
 use super::capture::Capture;
 use super::edges;
 use super::failure::ReadFailure;
-use super::order::{Order, Prepared, Progress};
+use super::order::{Order, Prepared, Progress, Stage};
 use super::reader::Reader;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -96,6 +96,7 @@ fn decode<W: Write>(
     let mut decoding = Duration::ZERO;
     for (done, (frame, &mask)) in track.frames.iter().zip(&capture.masks).enumerate() {
         tell(Progress {
+            stage: Stage::Decoding,
             file: reader.file_of(frame.index).to_owned(),
             frame: Some(frame.index),
             done,

@@ -17,6 +17,9 @@ pub struct IngestSettings {
     pub limits: Limits,
     /// The `ffmpeg` for videos that are not read in-process; searched for if it has no name.
     pub ffmpeg: Option<PathBuf>,
+    /// The pose model for films without poses, a file or a folder; without it, a film needs poses. The program must know how to
+    /// use it ([`FilmReader`](crate::FilmReader)).
+    pub pose_model: Option<PathBuf>,
     /// Whether a worker refuses to start where the kernel can't confine the child
     /// ([`Confinement::is_whole`](crate::Confinement::is_whole)).
     pub require_confinement: bool,
@@ -30,6 +33,7 @@ impl Default for IngestSettings {
             seconds: 3600,
             limits: Limits::default(),
             ffmpeg: None,
+            pose_model: None,
             require_confinement: false,
         }
     }

@@ -43,6 +43,7 @@ pub fn ingest<E>(
     let order = Order {
         files,
         ffmpeg: settings.ffmpeg.clone(),
+        pose_model: settings.pose_model.clone(),
         ..Order::new(folder, &settings.limits)
     };
     let prepared = match supervise::run(settings, &order, &mut watch)? {

@@ -250,6 +250,7 @@ impl Worker {
             embedded: self.embedded,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             order_level: orders::LEVEL,
+            reads_films: self.ingest.pose_model.is_some() && self.kinds.contains(&JobKind::Ingest),
         };
         let mut backoff = Backoff::new(self.poll, self.idle_poll);
         let mut told = false;

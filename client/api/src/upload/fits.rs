@@ -3,16 +3,19 @@
 use super::UploadFile;
 use crate::{ClientError, YotoClient};
 use yoto_proto::limits::VIOLATIONS;
+use yoto_proto::media_plan::film_alone;
 use yoto_proto::v1::{UploadLimits, Violation};
 
 /// Code of a file, or of a capture, that is larger than the service allows.
 const TOO_LARGE: &str = "TOO_LARGE";
+/// Code of a film where no worker has a pose model.
+const POSE_MODEL: &str = "POSE_MODEL";
 
 impl YotoClient {
     /// Checks `files` against the limits that the operator of the service has set.
     ///
     /// # Errors
-    /// [`ClientError::BadCapture`] with all files that are too large; [`ClientError::File`] when a file can't be found;
+    /// [`ClientError::BadCapture`] with all files that are too large, or a film that needs poses; [`ClientError::File`] when a file can't be found;
     /// [`ClientError::Refused`].
     pub async fn fits(&self, files: &[UploadFile]) -> Result<(), ClientError> {
         let limits = self.limits().await?.upload.unwrap_or_default();
@@ -39,6 +42,15 @@ fn violations(limits: &UploadLimits, files: &[(&str, u64)]) -> Vec<Violation> {
         ..Violation::default()
     };
     let mut found = Vec::new();
+    if let Some(film) = film_alone(files.iter().map(|it| it.0))
+        && !limits.films
+    {
+        found.push(Violation {
+            code: POSE_MODEL.to_owned(),
+            ..fault(film, "a film without poses, and no worker of this service has a pose model; `yoto import` makes a capture of it \
+                           with one of yours".to_owned())
+        });
+    }
     let count = files.len() as u64;
     if count > limits.files {
         let most = limits.files;
@@ -84,5 +96,7 @@ mod tests {
         assert_eq!(found(&[("a", 10), ("b", 10), ("c", 10), ("d", 0)]), [""; 0]);
         assert_eq!(found(&[("a", 11), ("b", 10), ("c", 12)]), ["", "a", "c"]);
         assert_eq!(found(&[("a", 0); 5]), [""]);
+        assert_eq!(found(&[("video.mp4", 0)]), ["video.mp4"]);
+        assert_eq!(found(&[("video.mp4", 0), ("poses.json", 0)]), [""; 0]);
     }
 }

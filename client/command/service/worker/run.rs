@@ -92,7 +92,7 @@ impl WorkerArgs {
             kinds,
             one_job: self.one_job,
             max_idle_seconds: self.max_idle,
-            ingest: self.ingest.settings(),
+            ingest: self.ingest.settings()?,
             lpips: self.lpips.weights()?,
             scratch: self.scratch,
             key,

@@ -33,7 +33,8 @@ use yoto_client::{ClientError, FileSource, UploadFile};
 use yoto_ingest::end_with_videos;
 use yoto_media::Limits;
 use yoto_proto::media_plan::{
-    self, ARCHIVE_ENDINGS, MaskSource, MediaPlan, Pictures, Planned, Sources,
+    self, ARCHIVE_ENDINGS, MaskSource, MediaPlan, Pictures, Planned, Sources, VIDEO_ENDINGS,
+    has_ending,
 };
 use yoto_proto::pose_track::{FILE, FILES, violation};
 use yoto_proto::v1::Violation;
@@ -45,7 +46,7 @@ const MAX_MISSING: usize = 20;
 #[derive(Debug)]
 pub struct CaptureDir {
     /// The selected frames, corrected, with their masks; none for an archive, which is not
-    /// unpacked.
+    /// unpacked, and for a film, whose poses the service finds.
     pub planned: Option<Planned>,
     /// The plan for the service.
     pub plan: MediaPlan,
@@ -79,7 +80,7 @@ impl CaptureDir {
         }
     }
 
-    /// Number of frames of the pose track; 0 for an archive.
+    /// Number of frames of the pose track; 0 for an archive and a film.
     pub fn frames(&self) -> usize {
         let planned = self.planned.as_ref();
         planned.map_or(0, |it| it.track.frames.len())
@@ -100,8 +101,14 @@ fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientEr
         .unwrap_or_default()
         .to_string_lossy()
         .to_lowercase();
+    if let Some((_, ending)) = name
+        .rsplit_once('.')
+        .filter(|_| has_ending(&name, &VIDEO_ENDINGS))
+    {
+        return film(path, ending, options);
+    }
     let Some(ending) = ARCHIVE_ENDINGS.iter().find(|it| name.ends_with(**it)) else {
-        let message = "is a file; a capture is a folder, or a zip, tar or tar.gz of one";
+        let message = "is a file; a capture is a folder, a zip, tar or tar.gz of one, or a film";
         return Err(bad(
             path,
             vec![violation("INVALID", &name, None, "", message)],
@@ -127,6 +134,33 @@ fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientEr
         files,
         bytes: bytes + plan_bytes,
         notes: vec!["an archive: the service looks into it".to_owned()],
+    })
+}
+
+/// A film without poses.
+fn film(path: &Path, ending: &str, options: &CaptureOptions) -> Result<CaptureDir, ClientError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let refused = |code, message| Err(bad(path, vec![violation(code, &name, None, "", message)]));
+    let bytes = size(path)?;
+    if bytes == 0 {
+        return refused("EMPTY", "the film is empty");
+    }
+    if options.prefer.is_some() || options.plan() != MediaPlan::default() {
+        let message = "is a film without poses: frames, masks and corrections can't be chosen for it; `yoto import` makes a \
+                       capture of it for which they can";
+        return refused("INVALID", message);
+    }
+    Ok(CaptureDir {
+        planned: None,
+        plan: MediaPlan::default(),
+        files: vec![UploadFile {
+            path: format!("video.{ending}"),
+            source: FileSource::Disk(path.to_owned()),
+        }],
+        bytes,
+        notes: vec![
+            "a film without poses: the service finds them, if it has a pose model".to_owned(),
+        ],
     })
 }
 

@@ -2,6 +2,7 @@
 
 use super::*;
 use yoto_proto::correction::Unit;
+use yoto_proto::media_plan::Timing;
 use yoto_proto::pose_track::{Frame, PoseTrack, Skeleton};
 
 fn write_capture(dir: &Path, below: &str, break_it: fn(&mut PoseTrack)) {
@@ -107,8 +108,19 @@ fn a_video_or_an_archive_goes_up_as_it_is() {
     std::fs::write(&whole, b"packed").expect("writes");
     let error = CaptureDir::open(&whole).expect_err("is no archive");
     assert!(error.to_string().contains("is not an archive"), "{error}");
-    let other = dir.path().join("train/video.mp4");
-    assert!(CaptureDir::open(&other).is_err(), "a video is no capture");
+    let film = dir.path().join("Walk.MOV");
+    std::fs::write(&film, b"film").expect("writes");
+    let alone = CaptureDir::open(&film).expect("a film alone");
+    assert_eq!(
+        (paths(&alone), alone.bytes),
+        (vec!["video.mov".to_owned()], 4)
+    );
+    let options = CaptureOptions {
+        timing: Timing::Time,
+        ..CaptureOptions::default()
+    };
+    let error = CaptureDir::open_with(&film, &options).expect_err("there are no poses to match");
+    assert!(error.to_string().contains("yoto import"), "{error}");
 }
 
 #[test]

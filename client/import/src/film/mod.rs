@@ -73,6 +73,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     let mut display = ProgressDisplay::new("poses");
     let fitted = fit(&points, &fit_options, &mut |done, all| {
         display.count("step", done, all);
+        options.told.say(done, all);
     });
     display.clear();
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;

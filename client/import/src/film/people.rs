@@ -38,7 +38,7 @@ pub(super) fn follow(
     wanted: &[usize],
     options: &Options,
 ) -> Result<Followed, ClientError> {
-    let watched = watch::watch(watcher, clip, wanted)?;
+    let watched = watch::watch(watcher, clip, wanted, &options.told)?;
     let found = people(&sightings(&watched));
     let named: Vec<&Person> = found
         .iter()
@@ -74,7 +74,7 @@ pub(super) fn follow(
     let watched = match target {
         Some(target) => {
             watcher.follow(Some(target));
-            watch::watch(watcher, clip, wanted)?
+            watch::watch(watcher, clip, wanted, &options.told)?
         }
         None => {
             let is_seen = |it: &Watched| person.seen.iter().any(|(at, _)| *at == it.index);

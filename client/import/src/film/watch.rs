@@ -2,6 +2,7 @@
 
 use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
+use crate::options::Told;
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -77,9 +78,10 @@ pub(super) fn watch(
     watcher: &mut Watcher,
     clip: &Clip,
     wanted: &[usize],
+    told: &Told,
 ) -> Result<Vec<Watched>, ClientError> {
     let size = clip.size.map(|side| side as usize);
-    watch_with(clip, wanted, |frame, rgb| {
+    watch_with(clip, wanted, told, |frame, rgb| {
         let seen = watcher.look(frame, rgb, size);
         seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
     })
@@ -90,6 +92,7 @@ pub(super) fn watch(
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
+    told: &Told,
     look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
 ) -> Result<Vec<Watched>, ClientError> {
     let mut display = ProgressDisplay::new("people");
@@ -98,7 +101,10 @@ fn watch_with(
     let watched = thread::scope(|scope| {
         let decoding = scope.spawn(move || decode(clip, wanted, &decoded));
         let finishing = scope.spawn(move || finish(clip, &unfinished));
-        let done = |done| display.count("frame", done, wanted.len());
+        let done = |done| {
+            display.count("frame", done, wanted.len());
+            told.say(done, wanted.len());
+        };
         let looked = look_at(frames, &found, look, done);
         drop(found);
         let decoded = decoding.join().unwrap_or_else(|panic| resume_unwind(panic));
@@ -276,7 +282,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(&clip, &wanted, |_, rgb| {
+        let watched = watch_with(&clip, &wanted, &Told::default(), |_, rgb| {
             looked.push(rgb[0]);
             let mut seen = seen(33);
             seen.picture[0][0] = f32::from(rgb[0]);
@@ -312,7 +318,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(&clip, &wanted, |_, _| {
+        let failed = watch_with(&clip, &wanted, &Told::default(), |_, _| {
             looked += 1;
             Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
         });
@@ -321,7 +327,7 @@ mod tests {
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(&clip, &[3, 99], |_, _| Ok(Some(seen(33))));
+        let absent = watch_with(&clip, &[3, 99], &Told::default(), |_, _| Ok(Some(seen(33))));
         let error = absent.err().expect("a fault").to_string();
         assert!(error.contains("a picture was taken away"), "{error}");
     }

@@ -2,7 +2,7 @@
 //!
 //! The calls themselves take no password of a browser, since it sends one with whatever asks for it, and they can do everything:
 //! make keys, and erase people. So the script has these paths instead. They need the token of the page in a header, and they
-//! lead to the five calls of an upload alone; the deletion among them is only of a person without a capture.
+//! lead to the calls of an upload alone; the deletions among them are only of a person without a capture, and of an open upload.
 
 use super::super::asker::Asker;
 use super::super::fault::Fault;
@@ -15,7 +15,9 @@ use serde::Deserialize;
 use url::form_urlencoded::byte_serialize;
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::v1::subject_service_server::SubjectService;
-use yoto_proto::v1::{GetSubjectRequest, ListSubjectsRequest, Subject, subject};
+use yoto_proto::v1::{
+    GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest, Subject, capture, subject,
+};
 
 /// Longest description of a person, bytes.
 const LONGEST: usize = 64 << 10;
@@ -157,6 +159,28 @@ pub async fn cancel(
     // If the capture is finished meanwhile, it is another version of the person.
     let etag: String = byte_serialize(subject.etag.as_bytes()).collect();
     let path = format!("/v1/{}?etag={etag}", subject.name);
+    call(&asker, request, Method::DELETE, &path).await
+}
+
+/// `POST /people/upload/cancel-capture/{id}`: DeleteCapture of an open upload, with all that was sent of it.
+pub async fn cancel_capture(
+    asker: Asker,
+    Path(id): Path<String>,
+    request: Request,
+) -> Result<Response, Fault> {
+    checked(&asker, &request)?;
+    let get = GetCaptureRequest {
+        name: format!("captures/{}", named(&id)?),
+    };
+    let capture = asker.subjects().get_capture(asker.request(get));
+    let capture = capture.await?.into_inner();
+    if capture.state() != capture::State::Uploading {
+        let words = "the capture is uploaded by now: `yoto subject delete-capture` deletes it";
+        return Err(Fault::of(StatusCode::CONFLICT, words));
+    }
+    // If the upload is finished meanwhile, it is another version of the capture.
+    let etag: String = byte_serialize(capture.etag.as_bytes()).collect();
+    let path = format!("/v1/{}?etag={etag}", capture.name);
     call(&asker, request, Method::DELETE, &path).await
 }
 

@@ -9,13 +9,16 @@ use serde_json::json;
 use tonic::Status;
 use yoto_proto::media_plan::{ARCHIVE_ENDINGS, CAPTURE_ARCHIVES, PICTURE_ENDINGS, VIDEO_ENDINGS};
 use yoto_proto::pose_track;
+use yoto_proto::v1::status_service_server::StatusService;
+use yoto_proto::v1::{GetLimitsRequest, Subject};
 
-/// What is said of a film without poses.
-const FILM: &str = "A film alone has no poses, and the service makes none: `yoto avatar FILM` makes a person of it, and \
-     `yoto import` a capture of what a pose tool wrote.";
+/// What is said of a film without poses where no worker has a pose model.
+const FILM: &str = "A film alone has no poses, and no worker of this service has a pose model to find them (`yoto serve --pose-model`). \
+     `yoto avatar FILM` makes a person of it, and `yoto import` a capture of what a pose tool wrote.";
 
-/// What the script has to know of a capture before it sends one: it has no such lists of its own.
-fn rules(limits: &UploadLimits) -> String {
+/// What the script has to know of a capture before it sends one: it has no such lists of its own. `films` says whether a worker has a
+/// pose model.
+fn rules(limits: &UploadLimits, films: bool) -> String {
     let dotted = |endings: &[&str]| -> Vec<String> {
         let all = endings.iter().map(|it| format!(".{it}"));
         all.collect()
@@ -29,38 +32,73 @@ fn rules(limits: &UploadLimits) -> String {
         "pictures": dotted(&PICTURE_ENDINGS),
         "files": limits.files,
         "bytes": limits.capture_bytes,
+        "films": films,
         "film": FILM,
         "none": format!("None of {tracks} is among the files, nor one archive of all ({archives})."),
     })
     .to_string()
 }
 
-/// The form; `open` where there is nobody yet.
+/// Whose capture a form adds.
+#[derive(Debug, Clone, Copy)]
+pub enum Whose<'a> {
+    /// Somebody's who is added with it; the form is open where there is nobody yet.
+    New { open: bool },
+    /// A further one of this person.
+    Known(&'a Subject),
+}
+
+/// The form; `films` says whether a worker finds poses in films.
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn form(asker: &Asker, open: bool) -> Result<Markup, Status> {
-    let rules = rules(&asker.context().config.upload);
+pub fn form(asker: &Asker, whose: Whose<'_>, films: bool) -> Result<Markup, Status> {
+    let rules = rules(&asker.context().config.upload, films);
+    let (open, known) = match whose {
+        Whose::New { open } => (open, None),
+        Whose::Known(subject) => (false, Some(subject)),
+    };
+    let id = known.and_then(|it| it.name.split('/').next_back());
     Ok(html! {
         details #add open[open] {
-            summary { "Add a person…" }
+            summary { @if known.is_some() { "Add a capture…" } @else { "Add a person…" } }
             noscript { p .message {
                 "Without JavaScript this page can't send files. " code { "yoto subject add NAME CAPTURE" } " does."
             } }
-            form .panel .upload data-own data-rules=(rules) hidden {
+            form .panel .upload data-own data-rules=(rules) data-person=[id] hidden {
                 input type="hidden" name=(token::FIELD) value=(asker.token()?);
-                label { "Name" input name="display_name" required autocomplete="off"; }
-                label { "Consent, as it was given (optional)"
-                    textarea name="consent_note" rows="2" {}
+                @match known {
+                    Some(subject) => {
+                        input type="hidden" name="display_name" value=(subject.display_name);
+                        label hidden { textarea name="consent_note" {} }
+                        p .detail {
+                            "It takes the place of the earlier capture in trainings from then on, once it is read and has no faults."
+                        }
+                    },
+                    None => {
+                        label { "Name" input name="display_name" required autocomplete="off"; }
+                        label { "Consent, as it was given (optional)"
+                            textarea name="consent_note" rows="2" {}
+                        }
+                    },
                 }
                 fieldset .drop {
                     legend { "Capture" }
-                    p { "Drop a folder, its files, or an archive here, or choose:" }
+                    @if films {
+                        p { "Drop a film, or a folder, its files, or an archive here, or choose:" }
+                    } @else {
+                        p { "Drop a folder, its files, or an archive here, or choose:" }
+                    }
                     label { "a folder" input type="file" name="folder" webkitdirectory; }
                     label { "or files" input type="file" name="files" multiple; }
                     p .detail {
                         "A capture has " code { "poses.json" } ", pictures in " code { "frames/" } " or a " code { "video.mp4" }
-                        ", and masks. Of a film alone, " code { "yoto avatar" } " makes a person."
+                        ", and masks. "
+                        @if films {
+                            "A film alone is enough: the service finds the person in it."
+                        } @else {
+                            "Of a film alone, " code { "yoto avatar" } " makes a person."
+                        }
                     }
                 }
                 p #upload-chosen .detail {}
@@ -74,6 +112,17 @@ pub fn form(asker: &Asker, open: bool) -> Result<Markup, Status> {
     })
 }
 
+/// Whether a worker finds poses in films.
+///
+/// # Errors
+/// When the service can't tell.
+pub async fn takes_films(asker: &Asker) -> Result<bool, Status> {
+    let limits = asker
+        .status()
+        .get_limits(asker.request(GetLimitsRequest {}));
+    Ok((limits.await?.into_inner().upload).is_some_and(|it| it.films))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -84,7 +133,8 @@ mod tests {
     #[test]
     fn the_script_knows_the_rules_of_the_service() {
         let limits = ServerConfig::new(PathBuf::new()).upload;
-        let rules: Value = serde_json::from_str(&rules(&limits)).expect("JSON");
+        let rules: Value = serde_json::from_str(&rules(&limits, true)).expect("JSON");
+        assert_eq!(rules["films"], true);
         assert_eq!(rules["tracks"][0], "poses.json");
         assert_eq!(rules["videos"][0], ".mp4");
         assert_eq!(rules["packed"][0], ".zip");

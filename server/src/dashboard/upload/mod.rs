@@ -1,4 +1,4 @@
-//! A person is added on the page of people: name, files, and the way to the person's page.
+//! A person is added on the page of people, by name and files, and a further capture on the page of the person.
 //!
 //! ```text
 //! form ─► assets/upload.js: checks, checksums ─► calls: token ─► the calls of /v1 ─► the page of the person
@@ -7,5 +7,5 @@
 mod calls;
 mod form;
 
-pub use calls::{begin, cancel, finish, person, state, write};
-pub use form::form;
+pub use calls::{begin, cancel, cancel_capture, finish, person, state, write};
+pub use form::{Whose, form, takes_films};

@@ -2,6 +2,8 @@
 //! their default.
 
 use super::problem;
+use crate::methods::POOL;
+use prost::{Message, Name};
 use prost_reflect::{DynamicMessage, MessageDescriptor, SerializeOptions};
 use serde_json::Value;
 use tonic::Status;
@@ -17,15 +19,25 @@ pub fn read(kind: MessageDescriptor, bytes: &[u8]) -> Result<DynamicMessage, Sta
 
 /// A message in one line.
 pub fn text(message: &DynamicMessage) -> String {
+    // A message of the contract has a form in JSON.
+    value(message)
+        .as_ref()
+        .map_or_else(ToString::to_string, Value::to_string)
+}
+
+/// A message of the contract as its call tells it over HTTP; `None` if the contract has no such message.
+pub fn of<M: Message + Name>(message: &M) -> Option<Value> {
+    let mut dynamic = DynamicMessage::new(POOL.get_message_by_name(&M::full_name())?);
+    dynamic.transcode_from(message).ok()?;
+    value(&dynamic).ok()
+}
+
+fn value(message: &DynamicMessage) -> Result<Value, serde_json::Error> {
     let options = SerializeOptions::new()
         .use_proto_field_name(true)
         .stringify_64_bit_integers(false)
         .skip_default_fields(false);
-    let value = message.serialize_with_options(serde_json::value::Serializer, &options);
-    // A message of the contract has a form in JSON.
-    value
-        .as_ref()
-        .map_or_else(ToString::to_string, Value::to_string)
+    message.serialize_with_options(serde_json::value::Serializer, &options)
 }
 
 /// An error in one line, as [`problem`] tells it.

@@ -24,6 +24,8 @@ mod stream;
 mod template;
 mod upload;
 
+pub use json::of as json_of;
+
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::methods::is_unary;

@@ -12,4 +12,5 @@ mod shares;
 mod tenants;
 mod upkeep;
 mod uploads;
+mod webhooks;
 mod workers;

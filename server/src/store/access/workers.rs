@@ -30,6 +30,11 @@ impl Store {
         workers::require_key(&mut self.db.read().await?, tenant, id, key).await
     }
 
+    /// Whether a worker of the tenant finds poses in films.
+    pub async fn reads_films(&self, tenant: &Tenant) -> Result<bool, StoreError> {
+        workers::any_reads_films(&mut self.db.read().await?, tenant).await
+    }
+
     /// The workers with a RUNNING job, and those that have asked for one lately. The time of a report is
     /// `lease_seconds` before the deadline of the lease.
     pub async fn active_workers(

@@ -89,6 +89,7 @@ impl Arena {
             kinds: kinds.to_vec(),
             version: String::new(),
             order_level: yoto_proto::orders::LEVEL,
+            reads_films: false,
         };
         let worker = self.pair.first.register_worker(&self.own, new).await;
         worker.expect("registers")

@@ -39,6 +39,7 @@ impl Stage {
             embedded: None,
             version: String::new(),
             order_level: 1,
+            reads_films: false,
         };
         let worker = store
             .register_worker(&own(), worker)

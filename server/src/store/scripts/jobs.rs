@@ -1,7 +1,7 @@
 //! The users' side of jobs: create, read, list, cancel.
 
 use super::positions::{self, Asked};
-use super::{attempts, consent_rule, models, operators, outcome, pins, quotas, requests};
+use super::{attempts, consent_rule, models, operators, outcome, pins, quotas, requests, uploads};
 use crate::store::db::{Lock, Row, Tx, sql, state};
 use crate::store::{
     Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, new_id,
@@ -133,10 +133,11 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
         people = pins::people(spec, &models::get(tx, tenant, target).await?);
     }
     let pinned = pins::chosen(tx, tenant, spec).await?;
+    let film = ingest && uploads::is_film(tx, target).await?;
     sql("INSERT INTO jobs
              (id, kind, capture, model, spec, pinned_step, priority, owner, create_time, tenant,
-              order_level, trace_parent)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)")
+              order_level, trace_parent, film)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)")
     .bind(&id)
     .bind(kind.as_str())
     .bind(ingest.then_some(target))
@@ -149,6 +150,7 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
     .bind(tenant.id())
     .bind(orders::level(spec))
     .bind(new.trace_parent.map(|it| it.to_string()))
+    .bind(film)
     .execute(tx, "queueing a job")
     .await?;
     pins::pin_others(tx, tenant, &id, spec).await?;

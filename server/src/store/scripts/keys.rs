@@ -39,10 +39,12 @@ pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, S
 
 /// All keys, for the check of each call.
 pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
-    let rows =
-        sql("SELECT id, tenant, sha256, scopes, expire_time, used_time, revoke_time FROM keys")
-            .rows(tx, "reading the keys")
-            .await?;
+    let rows = sql(
+        "SELECT k.id, k.tenant, k.sha256, k.scopes, k.expire_time, k.used_time, k.revoke_time, q.calls_per_second
+         FROM keys k LEFT JOIN quotas q ON q.tenant = k.tenant",
+    )
+    .rows(tx, "reading the keys")
+    .await?;
     rows.iter()
         .map(|row| {
             Ok(KeyRow {
@@ -53,6 +55,7 @@ pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
                 expire_time: row.real("expire_time")?,
                 used_time: row.real("used_time")?,
                 revoked: row.real("revoke_time")?.is_some(),
+                calls_per_second: row.real("calls_per_second")?,
             })
         })
         .collect()

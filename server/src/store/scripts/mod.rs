@@ -52,4 +52,5 @@ pub mod upload_parts;
 pub mod uploads;
 pub mod usage;
 pub mod versions;
+pub mod webhooks;
 pub mod workers;

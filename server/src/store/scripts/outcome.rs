@@ -4,7 +4,7 @@
 //! checkpoint's trade-off, so that the two never contradict each other.
 
 use super::leases::{bound, guarded};
-use super::{attempts, captures, checkpoints, helpers, jobs};
+use super::{attempts, captures, checkpoints, helpers, jobs, webhooks};
 use crate::rules::retries;
 use crate::store::db::{Row, Tx, sql};
 use crate::store::{Ending, LeaseKey, StoreError};
@@ -223,6 +223,7 @@ pub async fn cancel_queued(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError
         return Ok(false);
     };
     helpers::dismiss(tx, job_id, job::State::Cancelled).await?;
+    webhooks::job_ended(tx, job_id).await?;
     end_ingest(tx, &row, &[]).await?;
     Ok(true)
 }
@@ -243,6 +244,7 @@ pub async fn fail_queued(tx: &mut Tx, job_id: &str, error: &JobError) -> Result<
         return Ok(false);
     }
     helpers::dismiss(tx, job_id, job::State::Failed).await?;
+    webhooks::job_ended(tx, job_id).await?;
     Ok(true)
 }
 
@@ -295,5 +297,6 @@ async fn finish(tx: &mut Tx, lease: &LeaseKey, end: End<'_>) -> Result<Row, Stor
     };
     attempts::end(tx, lease, end.outcome, end.error).await?;
     helpers::dismiss(tx, &lease.job_id, end.state).await?;
+    webhooks::job_ended(tx, &lease.job_id).await?;
     Ok(row)
 }

@@ -1,6 +1,6 @@
 //! The order of the queue: the highest priority, then the owner with the fewest running jobs, then the oldest
 //! job. A model has one trainer at a time, paused kinds wait, a cordoned worker gets nothing, nor does anyone
-//! during a drain, and a worker gets no order that it does not understand. A
+//! during a drain, and a worker gets no order that it does not understand, nor a film without a pose model. A
 //! worker runs the jobs of its tenant. Without a job in the queue, it helps with a render.
 
 use super::operators::admitted;
@@ -34,6 +34,7 @@ macro_rules! waiting {
                           EXCEPT SELECT kind FROM paused_kinds
                           WHERE tenant = (SELECT tenant FROM workers WHERE id = $1))
            AND q.order_level <= (SELECT order_level FROM workers WHERE id = $1)
+           AND q.film <= (SELECT reads_films FROM workers WHERE id = $1)
            AND NOT (q.kind = 'train' AND EXISTS (
                SELECT 1 FROM jobs r
                WHERE r.model = q.model AND r.kind = 'train' AND r.state = 'RUNNING'))"

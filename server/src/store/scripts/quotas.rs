@@ -11,10 +11,10 @@ use yoto_proto::v1::Quota;
 pub async fn set(tx: &mut Tx, tenant: &Tenant, quota: &Quota) -> Result<(), StoreError> {
     let column = |field, value: Option<u64>| value.map(|it| integer(field, it)).transpose();
     sql(
-        "INSERT INTO quotas (tenant, people, bytes, open_jobs, device_seconds, pictures)
-         VALUES ($1, $2, $3, $4, $5, $6)
+        "INSERT INTO quotas (tenant, people, bytes, open_jobs, device_seconds, pictures, calls_per_second)
+         VALUES ($1, $2, $3, $4, $5, $6, $7)
          ON CONFLICT (tenant) DO UPDATE SET people = $2, bytes = $3, open_jobs = $4,
-             device_seconds = $5, pictures = $6",
+             device_seconds = $5, pictures = $6, calls_per_second = $7",
     )
     .bind(tenant.id())
     .bind(column("quota.people", quota.people)?)
@@ -22,6 +22,7 @@ pub async fn set(tx: &mut Tx, tenant: &Tenant, quota: &Quota) -> Result<(), Stor
     .bind(column("quota.open_jobs", quota.open_jobs)?)
     .bind(quota.device_seconds)
     .bind(column("quota.pictures", quota.pictures)?)
+    .bind(quota.calls_per_second)
     .execute(tx, "setting a quota")
     .await?;
     Ok(())

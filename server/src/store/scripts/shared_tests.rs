@@ -272,6 +272,7 @@ async fn a_worker_that_asked_one_coordinator_is_known_to_the_other(kind: Kind) {
         embedded: None,
         version: String::new(),
         order_level: 1,
+        reads_films: false,
     };
     let id = two.pair.first.register_worker(own(), worker).await;
     let id = id.expect("registers");

@@ -6,6 +6,7 @@ use crate::store::db::{Lock, Tx, integer, sql};
 use crate::store::{NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id};
 use crate::tenant::Tenant;
 use yoto_proto::keys;
+use yoto_proto::media_plan::film_alone;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Capture, ErrorReason, IngestSpec, JobSpec, job_spec};
 
@@ -231,6 +232,16 @@ async fn ingest(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError
     jobs::insert(tx, tenant, NewJob::normal(spec))
         .await
         .map(drop)
+}
+
+/// Whether the capture is a film without poses.
+pub async fn is_film(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
+    let rows = sql("SELECT path FROM capture_files WHERE capture = $1 LIMIT 2")
+        .bind(id)
+        .rows(tx, "looking for a film")
+        .await?;
+    let paths: Result<Vec<String>, _> = rows.iter().map(|row| row.text("path")).collect();
+    Ok(film_alone(paths?.iter().map(String::as_str)).is_some())
 }
 
 /// Queues another ingest job for a capture whose last one made no shard.

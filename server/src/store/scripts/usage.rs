@@ -56,6 +56,7 @@ fn read(row: &Row) -> Result<Quota, StoreError> {
         open_jobs: row.maybe_number("open_jobs")?,
         device_seconds: row.real("device_seconds")?,
         pictures: row.maybe_number("pictures")?,
+        calls_per_second: row.real("calls_per_second")?,
     })
 }
 

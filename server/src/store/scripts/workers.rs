@@ -15,8 +15,8 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
     sql("INSERT INTO workers
              (id, display_name, backend, adapter, gpu, memory_bytes, embedded, create_time, tenant,
-              version, order_level, instance, key)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)")
+              version, order_level, instance, key, reads_films)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)")
     .bind(&id)
     .bind(&new.display_name)
     .bind(&new.device.backend)
@@ -30,6 +30,7 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
     .bind(new.order_level)
     .bind(new.embedded)
     .bind(new.key)
+    .bind(new.reads_films)
     .execute(tx, "registering a worker")
     .await?;
     for kind in new.kinds {
@@ -142,6 +143,18 @@ pub async fn active(
     rows.iter().map(read).collect()
 }
 
+/// Whether a worker of the tenant with a pose model has a job, or has registered or asked for one lately.
+pub async fn any_reads_films(tx: &mut Tx, tenant: &Tenant) -> Result<bool, StoreError> {
+    sql("SELECT EXISTS (SELECT 1 FROM workers w
+             WHERE w.tenant = $1 AND w.reads_films = 1
+                 AND (coalesce(w.asked_time, w.create_time) > $2 OR EXISTS (SELECT 1 FROM leases l WHERE l.worker = w.id))) AS found")
+    .bind(tenant.id())
+    .bind(tx.now() - ACTIVE)
+    .one(tx, "looking for a worker with a pose model")
+    .await?
+    .flag("found")
+}
+
 /// Number of workers with a job, or that have asked for one lately, of all tenants.
 pub async fn count(tx: &mut Tx) -> Result<u64, StoreError> {
     sql("SELECT count(*) AS workers FROM workers w
@@ -212,5 +225,6 @@ fn read(row: &Row) -> Result<WorkerStatus, StoreError> {
         job: job.map_or_else(String::new, |id| Collection::Jobs.name(&id)),
         version: row.text("version")?,
         order_level: row.number("order_level")?,
+        reads_films: row.flag("reads_films")?,
     })
 }

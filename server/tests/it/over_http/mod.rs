@@ -3,6 +3,7 @@
 mod access;
 mod files;
 mod watches;
+mod web;
 
 use crate::support::{Service, ask_with, listen};
 use serde_json::{Value, json};

@@ -51,6 +51,7 @@ async fn content(service: &Service) -> Content {
         key: "keys/none".into(),
         erasure: erased(service).await,
         share: "shares/none".into(),
+        webhook: "webhooks/none".into(),
     }
 }
 
@@ -65,6 +66,17 @@ async fn shared(service: &Service, tenant: &str, content: &Content) -> String {
     );
     service.database.run(&insert).await;
     format!("shares/{id}")
+}
+
+/// An address that the tenant has told the service.
+async fn webhook(service: &Service, tenant: &str) -> String {
+    let id = yoto_proto::sha256_hex(format!("webhook of {tenant}").as_bytes())[..36].to_owned();
+    let insert = format!(
+        "INSERT INTO webhooks (id, tenant, url, secret, note, create_time)
+         VALUES ('{id}', '{tenant}', 'https://example.org/', 'whsec_', '', 1.0)"
+    );
+    service.database.run(&insert).await;
+    format!("webhooks/{id}")
 }
 
 /// The erasure of a person who is in nothing.
@@ -94,6 +106,7 @@ async fn two_tenants() -> TwoTenants {
     let mut service = Service::start().await;
     let mut theirs = content(&service).await;
     theirs.share = shared(&service, "default", &theirs).await;
+    theirs.webhook = webhook(&service, "default").await;
     theirs.key = service.key("default", &[Scope::Read]).await.name;
     let door = service.door(Admission::Nobody);
     let (mut keyed, mut of_worker) = (HashMap::new(), String::new());
@@ -107,6 +120,7 @@ async fn two_tenants() -> TwoTenants {
     let mut own = content(&service).await;
     own.key = revoked;
     own.share = shared(&service, "other", &own).await;
+    own.webhook = webhook(&service, "other").await;
     // As if it had registered with the key.
     let bound = format!(
         "UPDATE workers SET key = '{}' WHERE id = '{}'",

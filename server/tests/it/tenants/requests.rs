@@ -20,6 +20,7 @@ pub struct Content {
     pub key: String,
     pub erasure: String,
     pub share: String,
+    pub webhook: String,
 }
 
 impl Content {
@@ -36,9 +37,11 @@ impl Content {
             key,
             erasure,
             share,
+            webhook,
         } = self;
         let all = [
             subject, capture, upload, model, checkpoint, job, worker, object, key, erasure, share,
+            webhook,
         ];
         all.into_iter().map(String::as_str)
     }
@@ -89,6 +92,7 @@ const NO_NAMES: &[&str] = &[
     "slots",
     "tenant",
     "tier",
+    "url",
     "variant",
     "version",
 ];

@@ -23,7 +23,7 @@ enum Process {
 }
 
 fn main() -> anyhow::Result<ExitCode> {
-    yoto_ingest::become_ingest_child_if_asked();
+    yoto_ingest::become_ingest_child_if_asked(None);
     let cli = Cli::parse();
     let runtime = tokio::runtime::Runtime::new()?;
     let outcome = match cli.process {

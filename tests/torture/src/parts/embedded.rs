@@ -24,6 +24,8 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         ingest: IngestSettings::default(),
         lpips: None,
         require_consent: false,
+        allow_origins: Vec::new(),
+        private_webhooks: false,
         signed_urls: None,
         storage: StorageLimits {
             min_free_bytes: 0,

@@ -9,7 +9,7 @@ mod thumbnail;
 use super::context::id;
 use super::{JobContext, JobFailure};
 use fetch::fetch;
-use yoto_ingest::{IngestError, Ingested, Progress, ingest};
+use yoto_ingest::{IngestError, Ingested, Progress, Stage, ingest};
 use yoto_proto::keys;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{IngestResult, IngestSpec};
@@ -31,7 +31,11 @@ pub fn run(
     let files = fetch(context, inputs, folder.path())?;
     let watch = |progress: Option<&Progress>| {
         if let Some(progress) = progress {
-            context.report_pieces("decoding", progress.done, progress.total);
+            let stage = match progress.stage {
+                Stage::Poses => "finding poses",
+                Stage::Decoding => "decoding",
+            };
+            context.report_pieces(stage, progress.done, progress.total);
         }
         context.check()
     };

@@ -28,7 +28,8 @@ const arranged = (found) => {
   const posed = rules.tracks.some((it) => files.has(it));
   if (!posed && packed.length === 1) rename(packed[0], `capture${rules.packed.find((it) => ends(packed[0], [it]))}`);
   const plain = !paths.some((it) => /^(frames[./]|media\.json$)/.test(it));
-  if (posed && plain && films.length === 1) rename(films[0], `video.${films[0].split(".").pop()}`);
+  const alone = rules.films && paths.length === 1 && films.length === 1;
+  if ((alone || (posed && plain)) && films.length === 1) rename(films[0], `video.${films[0].split(".").pop()}`);
   return files;
 };
 
@@ -44,8 +45,10 @@ const faultsOf = (files) => {
       bad.push(`${path}: pictures are in frames/ and masks/: choose the folder that has both`);
     }
   }
-  if (![...rules.tracks, ...rules.archives].some((it) => files.has(it))) {
-    bad.unshift(paths.every((it) => ends(it, rules.videos)) ? rules.film : rules.none);
+  const film = rules.films && paths.length === 1 && ends(paths[0], rules.videos);
+  if (!film && ![...rules.tracks, ...rules.archives].some((it) => files.has(it))) {
+    const films = paths.every((it) => ends(it, rules.videos));
+    bad.unshift(!films ? rules.none : rules.films ? "One film makes one person: choose one." : rules.film);
   }
   return bad;
 };

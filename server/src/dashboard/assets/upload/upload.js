@@ -3,6 +3,8 @@
 const { display_name: name, consent_note: note, folder, files: several, token } = form.elements;
 const [chosen, says, faults, progress] = ["chosen", "says", "faults", "sent"].map((it) => document.getElementById(`upload-${it}`));
 const [send, drop] = form.querySelectorAll("button");
+// The person who gets a further capture, by id; none: somebody new.
+const { person } = form.dataset, slot = person ? `upload-${person}` : "upload";
 const box = form.parentElement, zone = form.querySelector(".drop");
 
 // Bytes of the first part. Milliseconds: of a good part, of the longest call, and of the longest pause.
@@ -24,8 +26,8 @@ const meter = (done, words) => {
 const keep = (what) => {
   kept = what;
   try {
-    if (what) localStorage.upload = JSON.stringify(what);
-    else delete localStorage.upload;
+    if (what) localStorage[slot] = JSON.stringify(what);
+    else delete localStorage[slot];
   } catch {
     list(["The browser can't note so many files: this upload does not go on after a reload of the page."]);
   }
@@ -96,13 +98,14 @@ const begin = async () => {
     done += file.size;
   }
   const id = hex(crypto.getRandomValues(new Uint8Array(16)));
-  const { name: subject } = await lasting(() => create("person", { display_name: name.value, consent_note: note.value }, id));
+  const made = () => create("person", { display_name: name.value, consent_note: note.value }, id);
+  const { name: subject } = person ? { name: `subjects/${person}` } : await lasting(made);
   try {
     const upload = await lasting(() => create("files", { subject, files: listed }, id));
     keep({ person: idOf(subject), id: idOf(upload.name), name: name.value, files: listed.map((it) => [it.path, it.bytes]) });
   } catch (fault) {
     // A person without files would only be in the way.
-    await call("POST", `cancel/${idOf(subject)}`).catch(() => {});
+    if (!person) await call("POST", `cancel/${idOf(subject)}`).catch(() => {});
     throw fault;
   }
 };
@@ -146,7 +149,7 @@ const set = (is) => {
   for (const it of [folder, several, send]) it.disabled = is;
   for (const it of [name, note]) it.disabled = is || kept;
   if (kept) name.value = kept.name;
-  note.parentElement.hidden = Boolean(kept);
+  note.parentElement.hidden = Boolean(kept || person);
   send.textContent = kept ? "Go on" : "Upload";
   drop.hidden = !is && !kept;
   progress.hidden &&= !is;
@@ -154,7 +157,7 @@ const set = (is) => {
 
 const giveUp = async () => {
   try {
-    if (kept) await call("POST", `cancel/${kept.person}`);
+    if (kept) await call("POST", person ? `cancel-capture/${kept.id}` : `cancel/${kept.person}`);
   } catch (fault) {
     if (fault.status !== 404) return show(fault);
   }
@@ -242,7 +245,7 @@ addEventListener("drop", async (event) => {
   }
 });
 
-try { kept = JSON.parse(localStorage.upload); } catch { /* There is none. */ }
+try { kept = JSON.parse(localStorage[slot]); } catch { /* There is none. */ }
 form.hidden = false;
 set(false);
 if (kept) {

@@ -26,6 +26,10 @@ pub fn migrations() -> Migrator {
     let quotas = include_str!("../../../../../migrations/postgres/0029_quotas.sql").into_sql_str();
     let audit = include_str!("../../../../../migrations/postgres/0030_audit.sql").into_sql_str();
     let shares = include_str!("../../../../../migrations/postgres/0031_shares.sql").into_sql_str();
+    let films = include_str!("../../../../../migrations/postgres/0032_films.sql").into_sql_str();
+    let webhooks =
+        include_str!("../../../../../migrations/postgres/0033_webhooks.sql").into_sql_str();
+    let rates = include_str!("../../../../../migrations/postgres/0034_rates.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -41,6 +45,9 @@ pub fn migrations() -> Migrator {
         step(29, "quotas", quotas),
         step(30, "audit", audit),
         step(31, "shares", shares),
+        step(32, "films", films),
+        step(33, "webhooks", webhooks),
+        step(34, "rates", rates),
     ])
 }
 

@@ -56,6 +56,10 @@ pub fn migrations() -> Migrator {
     let quotas = include_str!("../../../../../migrations/sqlite/0029_quotas.sql").into_sql_str();
     let audit = include_str!("../../../../../migrations/sqlite/0030_audit.sql").into_sql_str();
     let shares = include_str!("../../../../../migrations/sqlite/0031_shares.sql").into_sql_str();
+    let films = include_str!("../../../../../migrations/sqlite/0032_films.sql").into_sql_str();
+    let webhooks =
+        include_str!("../../../../../migrations/sqlite/0033_webhooks.sql").into_sql_str();
+    let rates = include_str!("../../../../../migrations/sqlite/0034_rates.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -91,6 +95,9 @@ pub fn migrations() -> Migrator {
         step(29, "quotas", quotas, false),
         step(30, "audit", audit, false),
         step(31, "shares", shares, false),
+        step(32, "films", films, false),
+        step(33, "webhooks", webhooks, false),
+        step(34, "rates", rates, false),
     ])
 }
 

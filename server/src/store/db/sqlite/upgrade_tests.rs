@@ -101,6 +101,7 @@ async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
         kinds: vec![JobKind::Evaluate],
         version: String::new(),
         order_level: 1,
+        reads_films: false,
     };
     let worker = store
         .register_worker(&Tenant::default(), new)
@@ -177,6 +178,7 @@ async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
         kinds: vec![JobKind::Train],
         version: String::new(),
         order_level: 1,
+        reads_films: false,
     };
     let worker = store.register_worker(&own, new).await.expect("registers");
     let again = store.lease_job(&own, &worker, "", false, 20.0).await;
@@ -280,6 +282,7 @@ async fn uploads_of_an_earlier_version_are_parts() {
         kinds: vec![JobKind::Ingest],
         version: String::new(),
         order_level,
+        reads_films: false,
     };
     let lease = async |order_level| {
         let id = store.register_worker(&own, worker(order_level)).await;

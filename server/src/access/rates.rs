@@ -1,0 +1,93 @@
+//! Calls per second of a tenant: a bucket of tokens for each, in this process. Several coordinators admit as many each.
+
+use crate::error::RequestError;
+use crate::tenant::Tenant;
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+/// Seconds of calls that a tenant who was quiet can make at once: a command asks several things one after the other.
+const BURST: f64 = 5.0;
+/// Fewest calls of a burst.
+const LEAST: f64 = 10.0;
+
+/// The buckets of this process.
+#[derive(Debug, Default)]
+pub struct Rates {
+    buckets: Mutex<HashMap<String, Bucket>>,
+}
+
+#[derive(Debug)]
+struct Bucket {
+    tokens: f64,
+    at: Instant,
+}
+
+impl Rates {
+    /// Takes a token of the tenant, who may make `rate` calls per second.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn take(&self, tenant: &Tenant, rate: f64) -> Result<(), RequestError> {
+        self.take_at(tenant, rate, Instant::now())
+    }
+
+    fn take_at(&self, tenant: &Tenant, rate: f64, now: Instant) -> Result<(), RequestError> {
+        let most = (BURST * rate).max(LEAST);
+        let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
+        let full = || Bucket {
+            tokens: most,
+            at: now,
+        };
+        let bucket = buckets.entry(tenant.id().to_owned()).or_insert_with(full);
+        let passed = now.saturating_duration_since(bucket.at).as_secs_f64();
+        bucket.tokens = (bucket.tokens + passed * rate).min(most);
+        bucket.at = now;
+        if bucket.tokens < 1.0 {
+            return Err(RequestError::Busy(format!(
+                "the tenant {tenant} may make {rate} calls per second (`calls_per_second` of its quota)"
+            )));
+        }
+        bucket.tokens -= 1.0;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_burst_is_followed_by_the_rate() {
+        let (rates, now) = (Rates::default(), Instant::now());
+        let tenant = Tenant::default();
+        let made = |seconds: f64, calls: usize| {
+            let at = now + Duration::from_secs_f64(seconds);
+            let all = (0..calls).filter(|_| rates.take_at(&tenant, 4.0, at).is_ok());
+            all.count()
+        };
+        assert_eq!(made(0.0, 100), 20);
+        assert_eq!(made(1.0, 100), 4);
+        assert_eq!(made(1000.0, 100), 20);
+        let other = Tenant::new("other").expect("a tenant");
+        assert!(
+            rates.take_at(&other, 4.0, now).is_ok(),
+            "a bucket of its own"
+        );
+        let error = rates.take_at(&tenant, 4.0, now + Duration::from_secs(1000));
+        assert!(
+            error
+                .expect_err("is empty")
+                .to_string()
+                .contains("4 calls per second")
+        );
+    }
+
+    #[test]
+    fn a_rate_of_0_ends_all_calls_after_a_burst() {
+        let (rates, now) = (Rates::default(), Instant::now());
+        let calls = (0..100).filter(|_| rates.take_at(&Tenant::default(), 0.0, now).is_ok());
+        assert_eq!(calls.count(), LEAST as usize);
+    }
+}

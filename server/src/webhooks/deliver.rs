@@ -1,0 +1,112 @@
+//! One request to one address.
+
+use super::address::{AddressError, check_url, resolved};
+use super::signature::sign;
+use crate::http::transcoding::json_of;
+use crate::store::DueDelivery;
+use reqwest::header::CONTENT_TYPE;
+use reqwest::{Client, redirect};
+use rustls::crypto::ring::default_provider;
+use rustls::{ClientConfig, RootCertStore};
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Duration;
+use thiserror::Error;
+
+/// Longest time of a request, from the search for the host to the answer.
+const LONGEST: Duration = Duration::from_secs(15);
+
+/// Why an address was told nothing.
+#[derive(Debug, Error)]
+pub enum SendError {
+    #[error(transparent)]
+    Address(#[from] AddressError),
+    #[error("{}", causes(.0))]
+    Http(#[from] reqwest::Error),
+    #[error("it has answered {0}")]
+    Status(reqwest::StatusCode),
+    #[error("TLS: {0}")]
+    Tls(#[from] rustls::Error),
+    #[error("the row of the webhook is invalid: its secret can't sign")]
+    Secret,
+}
+
+/// An error with what has caused it, and without the address, which may have a secret in it.
+fn causes(error: &reqwest::Error) -> String {
+    let first: &dyn std::error::Error = error;
+    let causes = std::iter::successors(first.source(), |it| it.source());
+    let words: Vec<String> = causes.map(ToString::to_string).collect();
+    match words.as_slice() {
+        [] if error.is_timeout() => "it does not answer in time".to_owned(),
+        [] => "the request has failed".to_owned(),
+        words => words.join(": "),
+    }
+}
+
+/// Sends requests.
+pub struct Sender {
+    private: bool,
+    tls: ClientConfig,
+}
+
+impl Sender {
+    /// Trusts whom the system trusts. `private` allows addresses of this machine and of private networks, and HTTP without TLS.
+    ///
+    /// # Errors
+    /// When TLS can't be used.
+    pub fn new(private: bool) -> Result<Self, SendError> {
+        let mut roots = RootCertStore::empty();
+        // Those that can't be read or used are left out, as by other programs.
+        roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
+        let tls = ClientConfig::builder_with_provider(Arc::new(default_provider()))
+            .with_safe_default_protocol_versions()?
+            .with_root_certificates(roots)
+            .with_no_client_auth();
+        Ok(Self { private, tls })
+    }
+
+    /// Makes one attempt.
+    ///
+    /// # Errors
+    /// When the address is not allowed, can't be reached, or answers with another status than 2xx.
+    pub async fn send(&self, delivery: &DueDelivery) -> Result<(), SendError> {
+        // The operator may have allowed more when it was added.
+        let url = check_url(&delivery.url, self.private)?;
+        let addresses = resolved(&url, self.private).await?;
+        let body = body(delivery);
+        let seconds = delivery.time as u64;
+        let signature = sign(&delivery.secret, &delivery.id, seconds, &body);
+        let signature = signature.ok_or(SendError::Secret)?;
+        // The request goes to the addresses that were checked, whatever the name leads to meanwhile.
+        let client = Client::builder()
+            .tls_backend_preconfigured(self.tls.clone())
+            .redirect(redirect::Policy::none())
+            .no_proxy()
+            .timeout(LONGEST)
+            .resolve_to_addrs(url.host_str().unwrap_or_default(), &addresses)
+            .build()?;
+        let request = client
+            .post(url)
+            .header(CONTENT_TYPE, "application/json")
+            .header("webhook-id", &delivery.id)
+            .header("webhook-timestamp", seconds.to_string())
+            .header("webhook-signature", signature)
+            .body(body);
+        let answer = request.send().await.map_err(reqwest::Error::without_url)?;
+        match answer.status().is_success() {
+            true => Ok(()),
+            false => Err(SendError::Status(answer.status())),
+        }
+    }
+}
+
+/// What is told: the job as `GET /v1/jobs/{id}` tells it.
+fn body(delivery: &DueDelivery) -> String {
+    let time = delivery.job.end_time.as_ref().map(ToString::to_string);
+    json!({
+        "type": "job.ended",
+        "timestamp": time,
+        "data": json_of(&delivery.job).unwrap_or(Value::Null),
+    })
+    .to_string()
+}
