@@ -7,6 +7,7 @@
 //! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, pauses between attempts, text that is safe to
 //! print, the names of tiers, variants and evaluation protocols, and the figures of the paper that reports show.
 
+pub mod alias;
 pub mod backoff;
 pub mod checks;
 pub mod correction;

@@ -8,7 +8,8 @@ use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::v1::{EraseSubjectRequest, Erasure, GetErasureRequest, ListErasuresRequest};
 
 impl YotoClient {
-    /// Begins to remove the person `subject`, who is called `display_name`. It goes on by itself.
+    /// Begins to remove the person `subject`, who is called `display_name`. It goes on by itself. `retrain` also trains the others of
+    /// models whose shared parameters were trained with them anew.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. when that is not their name.
@@ -16,10 +17,12 @@ impl YotoClient {
         &self,
         subject: &str,
         display_name: &str,
+        retrain: bool,
     ) -> Result<Erasure, ClientError> {
         let request = EraseSubjectRequest {
             name: subject.to_owned(),
             display_name: display_name.to_owned(),
+            retrain,
         };
         let erase = || {
             let (mut service, request) = (self.subject_service(), request.clone());

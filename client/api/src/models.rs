@@ -6,14 +6,13 @@ use super::{
 };
 use prost_types::FieldMask;
 use yoto_proto::key::Connection;
-use yoto_proto::names;
 use yoto_proto::pose_track::{PoseTrack, describe};
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::{
     AddIdentityRequest, Checkpoint, CreateModelRequest, DeleteCheckpointRequest,
-    DeleteModelRequest, Deleted, GetModelRequest, GetRefinedPosesRequest, GetTradeoffRequest,
-    IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model, RemoveIdentityRequest,
-    Retention, UpdateModelRequest,
+    DeleteModelRequest, Deleted, GetCheckpointRequest, GetModelRequest, GetRefinedPosesRequest,
+    GetTradeoffRequest, IdentitySlot, ListCheckpointsRequest, ListModelsRequest, Model,
+    RemoveAliasRequest, RemoveIdentityRequest, Retention, SetAliasRequest, UpdateModelRequest,
 };
 
 impl YotoClient {
@@ -153,18 +152,11 @@ impl YotoClient {
         }
     }
 
-    /// Name of the checkpoint of `model` at a `step`, or of the best one by held-out PSNR.
+    /// Name of the best checkpoint of `model` by held-out PSNR.
     ///
     /// # Errors
     /// [`ClientError::NoCheckpoint`] if the model has none yet; [`ClientError::Refused`].
-    pub async fn checkpoint_name(
-        &self,
-        model: &Model,
-        step: Option<u64>,
-    ) -> Result<String, ClientError> {
-        if let Some(step) = step {
-            return Ok(names::checkpoint(&model.name, step));
-        }
+    pub async fn checkpoint_name(&self, model: &Model) -> Result<String, ClientError> {
         let all = self.list_checkpoints(&model.name).await?;
         let best = all.into_iter().find(|checkpoint| checkpoint.best);
         let missing = || ClientError::NoCheckpoint(model.display_name.clone());
@@ -242,6 +234,61 @@ impl YotoClient {
         };
         let doing = format!("changing what {model} keeps");
         repeat(update).await.map_err(ClientError::refused(doing))
+    }
+
+    /// The checkpoint `name`, "models/{id}/checkpoints/{step}" or with an alias in place of the step.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. when there is none.
+    pub async fn get_checkpoint(&self, name: &str) -> Result<Checkpoint, ClientError> {
+        let get = || {
+            let mut service = self.model_service();
+            let name = name.to_owned();
+            async move { service.get_checkpoint(GetCheckpointRequest { name }).await }
+        };
+        let doing = format!("reading {name}");
+        read(get).await.map_err(ClientError::refused(doing))
+    }
+
+    /// Gives the `checkpoint` an alias, which another one of its model may lose.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn set_alias(
+        &self,
+        checkpoint: &str,
+        alias: &str,
+    ) -> Result<Checkpoint, ClientError> {
+        let request = SetAliasRequest {
+            checkpoint: checkpoint.to_owned(),
+            alias: alias.to_owned(),
+        };
+        let set = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.set_alias(request).await }
+        };
+        let doing = format!("naming {checkpoint}");
+        repeat(set).await.map_err(ClientError::refused(doing))
+    }
+
+    /// Takes an alias of a checkpoint of the `model`, "models/{id}", away.
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`].
+    pub async fn remove_alias(&self, model: &str, alias: &str) -> Result<(), ClientError> {
+        let request = RemoveAliasRequest {
+            model: model.to_owned(),
+            alias: alias.to_owned(),
+        };
+        let remove = || {
+            let (mut service, request) = (self.model_service(), request.clone());
+            async move { service.remove_alias(request).await }
+        };
+        let doing = format!("removing the alias {alias}");
+        repeat(remove)
+            .await
+            .map_err(ClientError::refused(doing))
+            .map(drop)
     }
 
     /// Deletes a model with its checkpoints and jobs, if its version is still `etag`; an empty `etag`

@@ -11,6 +11,7 @@ mod parse;
 pub(crate) mod person;
 pub(crate) mod span;
 pub(crate) mod train;
+pub(crate) mod version;
 
 #[cfg(feature = "embedded")]
 pub(crate) use lpips::LpipsArgs;

@@ -1,6 +1,7 @@
 //! The person of a command that works on a model of the service, or on the folder of a checkpoint.
 
 use crate::args::Server;
+use crate::args::version::Version;
 use anyhow::{Context, ensure};
 use clap::Args;
 #[cfg(feature = "embedded")]
@@ -27,9 +28,9 @@ pub(crate) struct PersonArgs {
     /// Identity slot in the folder of a checkpoint [default: 0].
     #[arg(long, value_name = "N")]
     slot: Option<usize>,
-    /// Step of the checkpoint, in a model of the service [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP")]
-    pub checkpoint: Option<u64>,
+    /// Step or alias of the checkpoint, in a model of the service [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP|ALIAS")]
+    pub checkpoint: Option<Version>,
     #[command(flatten)]
     pub server: Server,
 }

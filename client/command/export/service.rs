@@ -7,7 +7,6 @@ use crate::show::note_capture_end;
 use crate::waiting::wait_for_new;
 use anyhow::{Context, bail};
 use yoto_client::YotoClient;
-use yoto_proto::names;
 use yoto_proto::v1::{Distillation, DistilledSplats, ExportForm, ExportSpec, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
@@ -26,7 +25,7 @@ impl Export {
         let chosen = self.chosen(drivers, form)?;
         let found = client.find_model(model).await?;
         let person = client.find_subject(subject).await?;
-        let checkpoint = self.person.checkpoint;
+        let checkpoint = self.person.checkpoint.clone();
         let distilled = self.seconds.is_some() || self.size.is_some() || self.field_only;
         let spec = ExportSpec {
             subject: person.name,
@@ -41,9 +40,7 @@ impl Export {
                 size: self.size.unwrap_or_default(),
                 field_only: self.field_only,
             }),
-            checkpoint: checkpoint
-                .map(|step| names::checkpoint(&found.name, step))
-                .unwrap_or_default(),
+            checkpoint: checkpoint.map(|it| it.of(&found.name)).unwrap_or_default(),
             file: written.stem()?.to_owned(),
             max_bytes: self.max_bytes.unwrap_or_default(),
             model: found.name,

@@ -1,11 +1,11 @@
 //! `yoto evaluate`: quality of a trained model on held-out pictures.
 
 use crate::args;
+use crate::args::version::Version;
 use crate::args::{QueueArgs, Server};
 use crate::show;
 use crate::waiting::wait_for_new;
 use clap::Args;
-use yoto_proto::names;
 use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
 use yoto_proto::v1::{EvaluateSpec, job_result};
 use yoto_terminal::output::{self, others};
@@ -31,9 +31,9 @@ pub(crate) struct Evaluate {
     /// Pictures to compare, and the method.
     #[arg(long, default_value = HELD_OUT, value_parser = args::protocol, long_help = protocol_help())]
     protocol: String,
-    /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP")]
-    checkpoint: Option<u64>,
+    /// Step or alias of the checkpoint to measure [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP|ALIAS")]
+    checkpoint: Option<Version>,
     /// Longest side of compared pictures, pixels [default: that of the training images].
     #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true, value_parser = size)]
     size: u32,
@@ -70,9 +70,7 @@ impl Evaluate {
         for subject in &self.subjects {
             subjects.push(client.find_subject(subject).await?.name);
         }
-        let checkpoint = self
-            .checkpoint
-            .map(|step| names::checkpoint(&model.name, step));
+        let checkpoint = self.checkpoint.as_ref().map(|it| it.of(&model.name));
         let spec = EvaluateSpec {
             model: model.name.clone(),
             subjects,

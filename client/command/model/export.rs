@@ -1,6 +1,7 @@
 //! `yoto model export`: the files of a trained model, for use without the service.
 
 use crate::args::Server;
+use crate::args::version::Version;
 use crate::files::{OutFolder, download};
 use clap::Args;
 use yoto_terminal::output;
@@ -17,9 +18,9 @@ Examples:
 pub(crate) struct Export {
     /// The trained model, by name.
     model: String,
-    /// Step of the checkpoint [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP")]
-    checkpoint: Option<u64>,
+    /// Step or alias of the checkpoint [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP|ALIAS")]
+    checkpoint: Option<Version>,
     #[command(flatten)]
     folder: OutFolder,
     #[command(flatten)]
@@ -30,7 +31,10 @@ impl Export {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;
-        let checkpoint = client.checkpoint_name(&model, self.checkpoint).await?;
+        let checkpoint = match &self.checkpoint {
+            Some(version) => client.get_checkpoint(&version.of(&model.name)).await?.name,
+            None => client.checkpoint_name(&model).await?,
+        };
         let paths = download(&client, &checkpoint, &self.folder).await?;
         output::put("checkpoint", checkpoint);
         self.folder.show(&paths);

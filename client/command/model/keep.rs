@@ -1,6 +1,7 @@
 //! `yoto model checkpoints`, `keep`, `delete-checkpoint` and `delete`: what of a model is stored.
 
 use crate::args::Server;
+use crate::args::version::Version;
 use crate::show;
 use crate::show::{now, span};
 use clap::Args;
@@ -18,6 +19,15 @@ kept are removed at once.
 
 Example:
   yoto model keep duo --newest 5 --every 20";
+pub(crate) const ALIAS_HELP: &str = "\
+Commands with --checkpoint know the checkpoint by its alias, and so do orders over gRPC and HTTP. It is kept as long as it
+has one. An order keeps the checkpoint that had the alias when it was queued.
+
+Examples:
+  yoto model alias duo prod                     the best checkpoint becomes prod
+  yoto model alias duo prod --checkpoint 2000
+  yoto render duo --subject ada --checkpoint prod --orbit 0 --out out/ada
+  yoto model alias duo prod --remove";
 pub(crate) const DELETE_CHECKPOINT_HELP: &str = "\
 Example:
   yoto model delete-checkpoint duo 4000";
@@ -57,6 +67,40 @@ pub(crate) struct DeleteCheckpoint {
     which: Which,
     /// Its step.
     step: u64,
+}
+
+/// A checkpoint to name.
+#[derive(Debug, Args)]
+pub(crate) struct Alias {
+    /// The model, by name.
+    model: String,
+    /// The alias.
+    alias: String,
+    /// Step, or another alias, of the checkpoint [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP|ALIAS", conflicts_with = "remove")]
+    checkpoint: Option<Version>,
+    /// Take the alias away.
+    #[arg(long)]
+    remove: bool,
+    #[command(flatten)]
+    server: Server,
+}
+
+impl Alias {
+    pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let client = self.server.connect().await?;
+        let model = client.find_model(&self.model).await?;
+        if self.remove {
+            client.remove_alias(&model.name, &self.alias).await?;
+        } else {
+            let checkpoint = match &self.checkpoint {
+                Some(version) => version.of(&model.name),
+                None => client.checkpoint_name(&model).await?,
+            };
+            client.set_alias(&checkpoint, &self.alias).await?;
+        }
+        list(&client, &model.name).await
+    }
 }
 
 impl Which {

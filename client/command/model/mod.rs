@@ -73,6 +73,9 @@ enum Action {
     /// Choose which checkpoints a model keeps.
     #[command(after_help = keep::KEEP_HELP)]
     Keep(keep::Keep),
+    /// Give a checkpoint a name, such as prod, or take it away.
+    #[command(after_help = keep::ALIAS_HELP)]
+    Alias(keep::Alias),
     /// Delete a checkpoint.
     #[command(name = "delete-checkpoint", after_help = keep::DELETE_CHECKPOINT_HELP)]
     DeleteCheckpoint(keep::DeleteCheckpoint),
@@ -96,6 +99,7 @@ impl ModelCommand {
             Action::ErasePerson(erase) => erase.run(),
             Action::Checkpoints(which) => which.checkpoints().await,
             Action::Keep(keep) => keep.run().await,
+            Action::Alias(alias) => alias.run().await,
             Action::DeleteCheckpoint(checkpoint) => checkpoint.run().await,
             Action::Delete(which) => which.delete().await,
             Action::Export(export) => export.run().await,
@@ -145,10 +149,12 @@ fn notes(checkpoint: &Checkpoint) -> String {
         (checkpoint.best, "best"),
         (checkpoint.tradeoff.is_some(), "trade-off measured"),
     ];
-    let all: Vec<&str> = all
+    let all = all.iter().filter(|(is, _)| *is).map(|(_, it)| *it);
+    let all: Vec<&str> = checkpoint
+        .aliases
         .iter()
-        .filter(|(is, _)| *is)
-        .map(|(_, it)| *it)
+        .map(String::as_str)
+        .chain(all)
         .collect();
     all.join(", ")
 }

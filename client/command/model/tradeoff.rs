@@ -1,13 +1,13 @@
 //! `yoto tradeoff`: quality of a model's renders over their time.
 
 use crate::args::Server;
+use crate::args::version::Version;
 use crate::files::{OutFolder, is_of_tradeoff, read_tradeoff};
 use crate::waiting::wait_for_new;
 use anyhow::Context;
 use clap::Args;
 use yoto_avatar::tradeoff::{Curve, Tradeoff};
 use yoto_client::YotoClient;
-use yoto_proto::names;
 use yoto_proto::v1::{EvaluateSpec, TradeoffSpec, job_result};
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
@@ -36,9 +36,9 @@ pub(crate) struct TradeoffCommand {
     /// Measure again, even if this machine has measured the checkpoint before.
     #[arg(long)]
     again: bool,
-    /// Step of the checkpoint to measure [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP")]
-    checkpoint: Option<u64>,
+    /// Step or alias of the checkpoint to measure [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP|ALIAS")]
+    checkpoint: Option<Version>,
     /// Longest side of the pictures, pixels [default: the size that the model was trained at].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
@@ -72,9 +72,7 @@ impl TradeoffCommand {
     async fn of_model(&self, name: &str) -> anyhow::Result<Tradeoff> {
         let client = self.server.connect().await?;
         let model = client.find_model(name).await?;
-        let checkpoint = self
-            .checkpoint
-            .map(|step| names::checkpoint(&model.name, step));
+        let checkpoint = self.checkpoint.as_ref().map(|it| it.of(&model.name));
         if !self.again
             && let Some(kept) = self.kept(&client, &model.name).await?
         {
@@ -104,8 +102,13 @@ impl TradeoffCommand {
     /// What was measured before on the worker's machine, with the same pictures.
     async fn kept(&self, client: &YotoClient, model: &str) -> anyhow::Result<Option<Tradeoff>> {
         let checkpoints = client.list_checkpoints(model).await?;
-        let wanted = checkpoints.iter().find(|it| match self.checkpoint {
-            Some(step) => it.step == step,
+        let named = self.checkpoint.as_ref().map(|it| it.of(model));
+        let wanted = checkpoints.iter().find(|it| match &named {
+            Some(name) => {
+                let mut aliases = it.aliases.iter();
+                it.name == *name
+                    || aliases.any(|alias| *name == format!("{model}/checkpoints/{alias}"))
+            }
             None => it.best,
         });
         let Some(checkpoint) = wanted.filter(|it| it.tradeoff.is_some()) else {

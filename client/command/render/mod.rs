@@ -9,6 +9,7 @@ mod views;
 use crate::args;
 use crate::args::frame_range::FrameRange;
 use crate::args::motion::MotionArgs;
+use crate::args::version::Version;
 use crate::args::{QueueArgs, Server};
 use crate::files::{OutFolder, is_rendered};
 use crate::waiting::wait_for_new;
@@ -127,9 +128,9 @@ pub(crate) struct Render {
         value_name = "LIGHT"
     )]
     light: String,
-    /// Step of the checkpoint to render with [default: the best one by held-out PSNR].
-    #[arg(long, value_name = "STEP")]
-    checkpoint: Option<u64>,
+    /// Step or alias of the checkpoint to render with [default: the best one by held-out PSNR].
+    #[arg(long, value_name = "STEP|ALIAS")]
+    checkpoint: Option<Version>,
     /// Longest side of the pictures, pixels; a view list has its own.
     #[arg(
         long,

@@ -8,7 +8,6 @@ use crate::show::note_capture_end;
 use anyhow::Context;
 use std::path::Path;
 use yoto_client::YotoClient;
-use yoto_proto::names;
 use yoto_proto::v1::{
     Between, Layer, Light, Model, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderSpec,
     light, render_quality::Want, render_spec,
@@ -44,9 +43,7 @@ impl Render {
             Some(name) if scene.is_none() => client.find_subject(name).await?.name,
             _ => String::new(),
         };
-        let checkpoint = self
-            .checkpoint
-            .map(|step| names::checkpoint(&model.name, step));
+        let checkpoint = self.checkpoint.as_ref().map(|it| it.of(&model.name));
         let mut spec = RenderSpec {
             checkpoint: checkpoint.unwrap_or_default(),
             bones,

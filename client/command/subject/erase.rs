@@ -18,7 +18,8 @@ brings the person back. Backups and files that were downloaded are not touched.
 
 Examples:
   yoto subject erase ada                       asks for the name again
-  yoto subject erase ada --yes --no-wait";
+  yoto subject erase ada --yes --no-wait
+  yoto subject erase ada --retrain             what others learned with them is learned anew without them";
 pub(crate) const ERASURE_HELP: &str = "\
 The report is kept without the person's name: with the id that they had, and the SHA-256 of their name. `--out`
 writes the bytes that are signed (Ed25519); signature and key are in `--output json`.
@@ -41,6 +42,10 @@ pub(crate) struct Erase {
     /// Do not wait for the end: it goes on by itself.
     #[arg(long)]
     no_wait: bool,
+    /// Also train the others of models whose shared parameters were trained with the person anew, from scratch, in models of their
+    /// own, which the report names.
+    #[arg(long)]
+    retrain: bool,
     #[command(flatten)]
     server: Server,
 }
@@ -65,7 +70,7 @@ impl Erase {
             confirm(&subject.display_name)?;
         }
         let mut erasure = client
-            .erase_subject(&subject.name, &subject.display_name)
+            .erase_subject(&subject.name, &subject.display_name, self.retrain)
             .await?;
         let mut told = String::new();
         while !self.no_wait && erasure.state() == erasure::State::Running {

@@ -28,7 +28,10 @@ pub async fn begin(
             return Err(RequestError::invalid("display_name", message));
         }
     }
-    let begun = context.store.begin_erasure(tenant, &id).await?;
+    let begun = context
+        .store
+        .begin_erasure(tenant, &id, request.retrain)
+        .await?;
     tracing::info!(
         erasure = begun.name,
         subject = begun.subject,

@@ -1,6 +1,6 @@
 //! `yoto.v1.JobService`.
 
-use super::{fields, paging, public};
+use super::{aliases, fields, paging, public};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
@@ -84,7 +84,8 @@ impl JobService for JobApi {
         let trace_parent = TraceParent::of(&request);
         let request = request.into_inner();
         let key = fields::request_key("CreateJob", &request.request_id, &request);
-        let spec = request.spec.unwrap_or_default();
+        let mut spec = request.spec.unwrap_or_default();
+        aliases::resolve(&self.context, &tenant, &mut spec).await?;
         let new = fields::new_job(spec, request.priority, &request.owner);
         let (key, new) = both(key, new)?;
         if request.validate_only {

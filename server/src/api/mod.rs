@@ -1,6 +1,7 @@
 //! The gRPC services, one file each. They parse names and fields, call the layer below, and
 //! turn its answer into messages; the rules are in `jobs`, `uploads`, `objects` and `store`.
 
+mod aliases;
 mod consents;
 mod erasures;
 mod fields;

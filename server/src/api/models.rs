@@ -12,6 +12,7 @@ use futures::StreamExt;
 use futures::stream::{self, BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
+use yoto_proto::alias;
 use yoto_proto::limits::CHUNK_BYTES;
 use yoto_proto::manifest::files;
 use yoto_proto::names::{self, Collection};
@@ -22,7 +23,8 @@ use yoto_proto::v1::{
     DeleteModelRequest, Deleted, ErrorReason, GetCheckpointRequest, GetModelRequest,
     GetRefinedPosesRequest, GetRefinedPosesResponse, GetTradeoffRequest, IdentitySlot,
     ListCheckpointsRequest, ListCheckpointsResponse, ListModelsRequest, ListModelsResponse, Model,
-    ObjectRef, RemoveIdentityRequest, Retention, Tradeoff, UpdateModelRequest,
+    ObjectRef, RemoveAliasRequest, RemoveAliasResponse, RemoveIdentityRequest, Retention,
+    SetAliasRequest, Tradeoff, UpdateModelRequest,
 };
 
 /// The field of a model that can be changed.
@@ -45,6 +47,34 @@ pub struct ModelApi {
 }
 
 impl ModelApi {
+    /// The checkpoint called `name` in this field, by its step or an alias.
+    async fn checkpoint(
+        &self,
+        tenant: &Tenant,
+        field: &str,
+        name: &str,
+    ) -> Result<Checkpoint, RequestError> {
+        let called = alias::of_checkpoint(name);
+        let model = match called {
+            Some((model, _)) => model,
+            None => {
+                let parsed = names::parse_checkpoint(name);
+                parsed
+                    .map_err(|error| RequestError::invalid(field, error.to_string()))?
+                    .0
+            }
+        };
+        let checkpoints = self.explained(tenant, model).await?;
+        let is_called = |it: &Checkpoint| match called {
+            Some((_, alias)) => it.aliases.iter().any(|own| own == alias),
+            None => it.name == name,
+        };
+        let missing = || RequestError::NotFound {
+            name: name.to_owned(),
+        };
+        checkpoints.into_iter().find(is_called).ok_or_else(missing)
+    }
+
     /// All checkpoints of a model, newest first, with the best one marked and why each is kept. They come without
     /// manifests, whose keys contain the tokens of leases.
     async fn explained(
@@ -257,13 +287,45 @@ impl ModelService for ModelApi {
         request: Request<GetCheckpointRequest>,
     ) -> Result<Response<Checkpoint>, Status> {
         let tenant = Tenant::of(&request)?;
-        let name = &request.get_ref().name;
-        let (model, _) = names::parse_checkpoint(name)
-            .map_err(|error| RequestError::invalid("name", error.to_string()))?;
-        let checkpoints = self.explained(&tenant, model).await?;
-        let found = checkpoints.into_iter().find(|it| it.name == *name);
-        let found = found.ok_or_else(|| RequestError::NotFound { name: name.clone() })?;
-        Ok(Response::new(found))
+        let found = self.checkpoint(&tenant, "name", &request.get_ref().name);
+        Ok(Response::new(found.await?))
+    }
+
+    async fn set_alias(
+        &self,
+        request: Request<SetAliasRequest>,
+    ) -> Result<Response<Checkpoint>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let request = request.into_inner();
+        if !alias::is_alias(&request.alias) {
+            return Err(RequestError::invalid("alias", alias::RULE).into());
+        }
+        let found = self.checkpoint(&tenant, "checkpoint", &request.checkpoint);
+        let found = found.await?;
+        let (model, step) = names::parse_checkpoint(&found.name)
+            .map_err(|error| RequestError::invalid("checkpoint", error.to_string()))?;
+        let set = (self.context.store).set_alias(&tenant, model, step, &request.alias);
+        set.await.map_err(RequestError::from)?;
+        let (checkpoint, alias) = (&found.name, &request.alias);
+        tracing::info!(checkpoint, alias, "a checkpoint was named");
+        Ok(Response::new(
+            self.checkpoint(&tenant, "checkpoint", &found.name).await?,
+        ))
+    }
+
+    async fn remove_alias(
+        &self,
+        request: Request<RemoveAliasRequest>,
+    ) -> Result<Response<RemoveAliasResponse>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let request = request.into_inner();
+        let id = fields::id(Collection::Models, "model", &request.model)?;
+        let removed = self
+            .context
+            .store
+            .remove_alias(&tenant, &id, &request.alias);
+        removed.await.map_err(RequestError::from)?;
+        Ok(Response::new(RemoveAliasResponse {}))
     }
 
     async fn get_tradeoff(

@@ -57,6 +57,8 @@ pub fn reasons(published: &[Published], rule: Retention, pins: &Pins) -> Vec<Vec
         if rule.every > 0 && it.number.is_multiple_of(u64::from(rule.every)) {
             why.push(ordinal(rule.every));
         }
+        let aliases = it.checkpoint.aliases.iter();
+        why.extend(aliases.map(|alias| format!("alias {alias}")));
         let job = pins.steps.get(&it.checkpoint.step).or(pins.all.as_ref());
         why.extend(job.cloned());
         reasons.push(why);

@@ -240,7 +240,7 @@ pub(super) fn table(checkpoints: &[Checkpoint], now: f64) -> Markup {
                 tbody {
                     @for it in checkpoints {
                         tr {
-                            th scope="row" { (whole(it.step)) @if it.best { " " (badge("good", "best")) } }
+                            th scope="row" { (whole(it.step)) @if it.best { " " (badge("good", "best")) } @for alias in &it.aliases { " " (badge("calm", alias)) } }
                             td { (curves::figure(it.psnr, 2)) }
                             td { @if it.image_size == 0 { "as filmed" } @else { (it.image_size) } }
                             td { (bytes(it.bytes)) }

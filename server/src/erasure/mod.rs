@@ -1,7 +1,7 @@
 //! Removes a person from everything: jobs, models, rows, objects; then searches for what is left.
 //!
 //! The steps are in rows, so that any coordinator goes on with them, also after a restart: consents are revoked and open jobs end,
-//! a job of each model writes its checkpoints anew, rows go in one transaction, folders of the store after it, and the report comes
+//! a job of each model writes its checkpoints anew, others are trained anew where that was asked for, rows go in one transaction, folders of the store after it, and the report comes
 //! last. Each step may be repeated.
 
 mod report;
@@ -73,6 +73,12 @@ async fn advance(context: &Context, erasure: &OpenErasure) -> Result<(), Request
             stop_jobs(context, erasure).await?;
             if !leave_models(context, erasure).await? {
                 return Ok(());
+            }
+            if erasure.retrain {
+                for model in context.store.retrain(erasure).await? {
+                    context.queued(&erasure.tenant, JobKind::Train);
+                    tracing::info!(erasure = erasure.id, model, "others are trained anew");
+                }
             }
             match context.store.erase_rows(erasure).await? {
                 Some(work) => work,

@@ -95,9 +95,18 @@ fn of_model(left: &LeftModel) -> String {
         SharedWeights::Deleted => {
             format!("{model}: nobody else was in its checkpoints, which are deleted")
         }
-        SharedWeights::SawThem => format!(
-            "{model}: the shared weights were trained on them, and what they learned stays: only a new model, trained \
-             with `yoto train` on the others, has nothing of them"
-        ),
+        SharedWeights::SawThem => {
+            let stays = format!(
+                "{model}: the shared weights were trained on them, and what they learned stays"
+            );
+            match &left.retrained {
+                Some(new) => format!(
+                    "{stays} until the model is deleted; {new} is trained from scratch on the others, and has nothing of them"
+                ),
+                None => format!(
+                    "{stays}: only a new model, trained with `yoto train` on the others, has nothing of them"
+                ),
+            }
+        }
     }
 }

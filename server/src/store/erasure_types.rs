@@ -17,6 +17,8 @@ pub struct OpenErasure {
     pub subject_id: String,
     /// What is still to be done, once the rows are gone: [`Work`] as JSON.
     pub work: Option<String>,
+    /// Whether the others of models whose shared parameters have seen the person are trained anew.
+    pub retrain: bool,
 }
 
 /// How far a model is that a person leaves.
@@ -104,6 +106,9 @@ pub struct LeftModel {
     pub slot: u32,
     /// What the parameters that all share have of the person.
     pub shared_weights: SharedWeights,
+    /// `models/{id}` of the others, trained from scratch without the person; none where that was not asked for, or is not needed.
+    #[serde(default)]
+    pub retrained: Option<String>,
     /// Checkpoints that were written anew.
     pub checkpoints_rewritten: u64,
     /// Checkpoints that were deleted, because nobody else was in them or they were damaged.

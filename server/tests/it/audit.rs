@@ -245,6 +245,7 @@ async fn an_erasure_takes_the_names_and_leaves_the_chain() {
     let erase = EraseSubjectRequest {
         name: ada.name.clone(),
         display_name: "Ada".into(),
+        ..<_>::default()
     };
     let erasure = service.subjects().erase_subject(erase).await;
     let erasure = erasure.expect("begins").into_inner().name;

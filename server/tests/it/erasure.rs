@@ -19,9 +19,15 @@ const BYTES: &[u8] = b"before Residua Q7x after";
 
 impl Service {
     async fn erase(&self, subject: &Subject) -> Erasure {
+        self.erase_and(subject, false).await
+    }
+
+    /// The same, and others are trained anew if `retrain` is set.
+    async fn erase_and(&self, subject: &Subject, retrain: bool) -> Erasure {
         let request = EraseSubjectRequest {
             name: subject.name.clone(),
             display_name: subject.display_name.clone(),
+            retrain,
         };
         let begun = self.subjects().erase_subject(request).await;
         begun.expect("begins").into_inner()
@@ -178,6 +184,7 @@ async fn nothing_of_a_person_is_left_and_others_stay() {
     let wrong = EraseSubjectRequest {
         name: person.name.clone(),
         display_name: "Bob".into(),
+        ..<_>::default()
     };
     let refused = service.subjects().erase_subject(wrong).await;
     assert_invalid(refused, "display_name");
@@ -255,6 +262,77 @@ async fn nothing_of_a_person_is_left_and_others_stay() {
     assert_eq!(slots, [1, 2], "slot 0 is never used again");
     let again = service.erase(person).await;
     assert_eq!(again, done, "the answer stays");
+}
+
+#[tokio::test]
+async fn others_are_trained_anew_where_shared_weights_saw_the_person() {
+    for saw in [true, false] {
+        let stage = stage().await;
+        let Stage {
+            service,
+            person,
+            model,
+            worker,
+            ..
+        } = &stage;
+        let begun = service.erase_and(person, true).await;
+        let lease = service.lease_eventually(worker).await;
+        let result = TrainResult {
+            checkpoint: names::checkpoint(&model.name, 2),
+            removed: vec![RemovedPerson {
+                step: 2,
+                trunk_saw_them: saw,
+                ..<_>::default()
+            }],
+            ..<_>::default()
+        };
+        let ended = service.complete(&lease, job_result::Kind::Train(result));
+        ended.await.expect("ends");
+        let done = service.erasure_in(&begun.name, erasure::State::Done).await;
+        let told = report(&done);
+        let left = &told["models"][0];
+        if !saw {
+            assert!(left["retrained"].is_null(), "{told}");
+            assert!(service.lease(worker).await.is_none(), "nothing is trained");
+            continue;
+        }
+        let new = left["retrained"].as_str().expect("a new model");
+        assert!(
+            told["says"][0].as_str().is_some_and(|it| it.contains(new)),
+            "{told}"
+        );
+        let lease = service.lease_eventually(worker).await;
+        let order = lease.job.and_then(|it| it.spec).and_then(|it| it.kind);
+        let Some(job_spec::Kind::Train(order)) = order else {
+            panic!("{order:?}");
+        };
+        assert_eq!((&*order.model, &*order.leave), (new, ""));
+        let trained = service
+            .get_job(&stage.training)
+            .await
+            .spec
+            .and_then(|it| it.kind);
+        let Some(job_spec::Kind::Train(trained)) = trained else {
+            panic!("{trained:?}");
+        };
+        assert_eq!(
+            (order.seconds, order.steps),
+            (trained.seconds, trained.steps)
+        );
+        let inputs = lease.inputs.expect("inputs");
+        assert_eq!(
+            (inputs.checkpoints.len(), inputs.shards.len()),
+            (0, 1),
+            "Bob alone"
+        );
+        let made = inputs.model.expect("a model");
+        assert_eq!(made.display_name, "shared, trained anew");
+        assert_eq!(
+            (made.tier, made.variant),
+            (model.tier.clone(), model.variant.clone())
+        );
+        assert_eq!(service.residue(TOKEN).await, [""; 0]);
+    }
 }
 
 #[tokio::test]

@@ -1,6 +1,7 @@
 //! The coordinator as its clients and workers see it.
 
 mod access;
+mod aliases;
 mod audit;
 mod backups;
 mod captures;

@@ -1,7 +1,9 @@
 //! The catalogue: people, captures, models, checkpoints, and their deletion.
 
 use crate::checkpoints::retention::Retention;
-use crate::store::scripts::{capture_objects, captures, checkpoints, deletion, models, subjects};
+use crate::store::scripts::{
+    aliases, capture_objects, captures, checkpoints, deletion, models, subjects,
+};
 use crate::store::transaction::transaction;
 use crate::store::{
     Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, SubjectChange, Target,
@@ -165,6 +167,37 @@ impl Store {
         limit: u32,
     ) -> Result<Vec<Checkpoint>, StoreError> {
         checkpoints::list(&mut self.db.read().await?, tenant, model_id, limit).await
+    }
+
+    /// Gives a checkpoint of the tenant's model an alias.
+    pub async fn set_alias(
+        &self,
+        tenant: &Tenant,
+        model_id: &str,
+        step: u64,
+        alias: &str,
+    ) -> Result<(), StoreError> {
+        transaction!(self, |tx| aliases::set(tx, tenant, model_id, step, alias))
+    }
+
+    /// Takes an alias away. Returns whether a checkpoint of the model had it.
+    pub async fn remove_alias(
+        &self,
+        tenant: &Tenant,
+        model_id: &str,
+        alias: &str,
+    ) -> Result<bool, StoreError> {
+        transaction!(self, |tx| aliases::remove(tx, tenant, model_id, alias))
+    }
+
+    /// The step of the checkpoint with the alias, if the tenant's model has one.
+    pub async fn step_of_alias(
+        &self,
+        tenant: &Tenant,
+        model_id: &str,
+        alias: &str,
+    ) -> Result<Option<u64>, StoreError> {
+        aliases::step(&mut self.db.read().await?, tenant, model_id, alias).await
     }
 
     /// All checkpoints of a model, newest first, with the reasons to keep each.

@@ -1,6 +1,6 @@
 //! Removals of people, step by step.
 
-use crate::store::scripts::{audit, erasures, leaving, removal, traces};
+use crate::store::scripts::{audit, erasures, leaving, removal, retraining, traces};
 use crate::store::transaction::transaction;
 use crate::store::{
     Entry, Leaving, OpenErasure, Page, SignedReport, Store, StoreError, Trace, Work,
@@ -14,8 +14,9 @@ impl Store {
         &self,
         tenant: &Tenant,
         subject_id: &str,
+        retrain: bool,
     ) -> Result<Erasure, StoreError> {
-        transaction!(self, |tx| erasures::begin(tx, tenant, subject_id))
+        transaction!(self, |tx| erasures::begin(tx, tenant, subject_id, retrain))
     }
 
     /// The erasure of a person, if it was ever begun.
@@ -70,6 +71,24 @@ impl Store {
             found.push((model, leaving?));
         }
         Ok(found)
+    }
+
+    /// Queues trainings from scratch of the others, in a new model in place of each whose shared parameters have seen the person. Returns
+    /// the ids of the new models; a second call finds them again.
+    pub async fn retrain(&self, erasure: &OpenErasure) -> Result<Vec<String>, StoreError> {
+        let models = leaving::models_of(&mut self.db.read().await?, &erasure.subject_id).await?;
+        let mut made = Vec::new();
+        for old in &models {
+            let new: Result<Option<String>, StoreError> =
+                transaction!(self, |tx| retraining::model(tx, erasure, old));
+            if let Some(new) = new? {
+                let queued: Result<(), StoreError> =
+                    transaction!(self, |tx| retraining::job(tx, &erasure.tenant, old, &new));
+                queued?;
+                made.push(new);
+            }
+        }
+        Ok(made)
     }
 
     /// Removes the rows of the person, unless an open job still needs them.

@@ -10,6 +10,14 @@ use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Checkpoint, ObjectRef};
 
+/// The aliases of a checkpoint `c`, with commas between them.
+macro_rules! aliases {
+    () => {
+        "(SELECT string_agg(a.alias, ',' ORDER BY a.alias) FROM checkpoint_aliases a
+              WHERE a.model = c.model AND a.step = c.step) AS aliases"
+    };
+}
+
 /// Checkpoints of a model, newest first.
 pub async fn list(
     tx: &mut Tx,
@@ -18,11 +26,15 @@ pub async fn list(
     limit: u32,
 ) -> Result<Vec<Checkpoint>, StoreError> {
     let model = models::get(tx, tenant, model_id).await?;
-    let rows = sql("SELECT * FROM checkpoints WHERE model = $1 ORDER BY step DESC LIMIT $2")
-        .bind(model_id)
-        .bind(limit)
-        .rows(tx, "listing checkpoints")
-        .await?;
+    let rows = sql(concat!(
+        "SELECT c.*, ",
+        aliases!(),
+        " FROM checkpoints c WHERE c.model = $1 ORDER BY c.step DESC LIMIT $2"
+    ))
+    .bind(model_id)
+    .bind(limit)
+    .rows(tx, "listing checkpoints")
+    .await?;
     rows.iter().map(|row| read(&model.name, row)).collect()
 }
 
@@ -42,6 +54,7 @@ fn read(model: &str, row: &Row) -> Result<Checkpoint, StoreError> {
         best: false,
         kept_for: Vec::new(),
         etag: String::new(),
+        aliases: split(row.maybe_text("aliases")?),
     };
     checkpoint.etag = etag::of(&checkpoint);
     Ok(checkpoint)
@@ -72,10 +85,12 @@ async fn judged(
     model_id: &str,
     default: Retention,
 ) -> Result<Vec<(Checkpoint, Vec<String>)>, StoreError> {
-    let rows = sql(
-        "SELECT c.*, m.keep_newest, m.keep_every FROM checkpoints c JOIN models m ON m.id = c.model
-         WHERE c.model = $1 ORDER BY c.step DESC",
-    )
+    let rows = sql(concat!(
+        "SELECT c.*, m.keep_newest, m.keep_every, ",
+        aliases!(),
+        " FROM checkpoints c JOIN models m ON m.id = c.model
+         WHERE c.model = $1 ORDER BY c.step DESC"
+    ))
     .bind(model_id)
     .rows(tx, "listing checkpoints")
     .await?;

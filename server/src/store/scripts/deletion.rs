@@ -79,6 +79,11 @@ async fn checkpoint(
         return Err(StoreError::NotFound { name });
     };
     etag::check(&name, etag, &found.etag)?;
+    if let Some(alias) = found.aliases.first() {
+        let message =
+            format!("{name} is called {alias}: give the alias to another one, or remove it first");
+        return Err(refuse(ErrorReason::CheckpointBusy, message));
+    }
     let used = pins::of_model(tx, model_id).await?;
     let newest = all.first().is_some_and(|it| it.step == step);
     let mut job = used.steps.get(&step).or(used.all.as_ref()).cloned();

@@ -23,7 +23,13 @@ pub async fn of_subject(
 }
 
 /// Begins to remove a person, or tries again after a failure. From now on, no job needs the person.
-pub async fn begin(tx: &mut Tx, tenant: &Tenant, subject_id: &str) -> Result<Erasure, StoreError> {
+/// `retrain` also trains the others of models whose shared parameters have seen the person anew.
+pub async fn begin(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    subject_id: &str,
+    retrain: bool,
+) -> Result<Erasure, StoreError> {
     tx.lock(Lock::Subject(subject_id)).await?;
     if let Some(earlier) = of_subject(tx, tenant, subject_id).await? {
         if earlier.state() != erasure::State::Failed {
@@ -39,6 +45,12 @@ pub async fn begin(tx: &mut Tx, tenant: &Tenant, subject_id: &str) -> Result<Era
                 .execute(tx, "trying an erasure again")
                 .await?;
         }
+        if retrain {
+            sql("UPDATE erasures SET retrain = 1 WHERE id = $1")
+                .bind(&id)
+                .execute(tx, "noting a training anew")
+                .await?;
+        }
         return get(tx, tenant, &id).await;
     }
     let subject = subjects::get(tx, tenant, subject_id).await?;
@@ -50,12 +62,13 @@ pub async fn begin(tx: &mut Tx, tenant: &Tenant, subject_id: &str) -> Result<Era
     ];
     consents::revoke(tx, tenant, subject_id, &all, "", None).await?;
     let id = new_id();
-    sql("INSERT INTO erasures (id, tenant, subject, name_sha256, create_time) VALUES ($1, $2, $3, $4, $5)")
+    sql("INSERT INTO erasures (id, tenant, subject, name_sha256, create_time, retrain) VALUES ($1, $2, $3, $4, $5, $6)")
         .bind(&id)
         .bind(tenant.id())
         .bind(subject_id)
         .bind(sha256_hex(subject.display_name.as_bytes()))
         .bind(tx.now())
+        .bind(retrain)
         .execute(tx, "beginning an erasure")
         .await?;
     get(tx, tenant, &id).await
@@ -113,7 +126,7 @@ pub async fn list(
 /// Those that go on, of all tenants.
 pub async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
     let rows =
-        sql("SELECT id, tenant, subject, work FROM erasures WHERE state = 'RUNNING' ORDER BY ord")
+        sql("SELECT id, tenant, subject, work, retrain FROM erasures WHERE state = 'RUNNING' ORDER BY ord")
             .rows(tx, "listing open erasures")
             .await?;
     rows.iter()
@@ -128,6 +141,7 @@ pub async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
                 tenant: known?,
                 subject_id: row.text("subject")?,
                 work: row.maybe_text("work")?,
+                retrain: row.flag("retrain")?,
             })
         })
         .collect()

@@ -4,6 +4,7 @@
 //! Functions for users take the tenant first, after the transaction. Those that have only ids run after one that has found
 //! that the tenant has the resource.
 
+pub mod aliases;
 pub mod attempts;
 pub mod audit;
 pub mod capture_objects;
@@ -40,6 +41,7 @@ pub mod ranges;
 pub mod reaping;
 pub mod removal;
 pub mod requests;
+pub mod retraining;
 #[cfg(test)]
 mod shared_tests;
 pub mod shares;

@@ -221,6 +221,20 @@ async fn next_identity(
             ),
         });
     }
+    let slot = fill_slot(tx, model_id, subject_id).await?;
+    Ok(IdentitySlot {
+        slot,
+        subject: subject.name,
+        trained: false,
+    })
+}
+
+/// Gives a subject the next slot.
+pub(super) async fn fill_slot(
+    tx: &mut Tx,
+    model_id: &str,
+    subject_id: &str,
+) -> Result<u32, StoreError> {
     let row = sql(
         "UPDATE models SET next_slot = next_slot + 1 WHERE id = $1 RETURNING next_slot - 1 AS slot",
     )
@@ -234,11 +248,7 @@ async fn next_identity(
         .bind(subject_id)
         .execute(tx, "filling a slot")
         .await?;
-    Ok(IdentitySlot {
-        slot,
-        subject: subject.name,
-        trained: false,
-    })
+    Ok(slot)
 }
 
 /// Removes a subject's slot that no checkpoint was trained with. Its number is not used again.

@@ -2,11 +2,13 @@
 
 use super::leaving::{job_of, knows, models_of, slot_of};
 use super::{
-    audit, captures, checkpoints, consents, deletion, erasures, garbage, models, shares, subjects,
+    audit, captures, checkpoints, consents, deletion, erasures, garbage, models, retraining,
+    shares, subjects,
 };
 use crate::store::db::{Lock, Tx, sql};
 use crate::store::{LeftModel, OpenErasure, SharedWeights, StoreError, Work};
 use prost::Message;
+use yoto_proto::names::Collection;
 use yoto_proto::v1::{JobError, JobResult, JobSpec, job_result, job_spec};
 
 /// Removes all rows of the person and notes their objects as deleted. Returns what was removed and what is to be removed from the
@@ -130,6 +132,8 @@ async fn leave(
             true => SharedWeights::SawThem,
             false => SharedWeights::NeverSawThem,
         };
+        let retrained = retraining::made(tx, &erasure.id, model_id).await?;
+        left.retrained = retrained.map(|id| Collection::Models.name(&id));
     } else if left.checkpoints_deleted > 0 {
         left.shared_weights = SharedWeights::Deleted;
     }

@@ -1,7 +1,7 @@
 //! The others of a model whose shared parameters have seen a person who is erased: a new model of them, trained from scratch.
 
 use super::leaving::{job_of, slot_of};
-use super::{jobs, models, pins};
+use super::{jobs, models};
 use crate::store::db::{Lock, Tx, sql};
 use crate::store::{NewJob, NewModel, OpenErasure, StoreError};
 use crate::tenant::Tenant;
@@ -43,7 +43,10 @@ pub async fn model(
         retention,
     };
     let made = models::create(tx, tenant, new, None).await?;
-    let id = Collection::Models.parse(&made.name).unwrap_or_default().to_owned();
+    let id = Collection::Models
+        .parse(&made.name)
+        .unwrap_or_default()
+        .to_owned();
     for subject in others {
         let subject = Collection::Subjects.parse(subject).unwrap_or_default();
         models::fill_slot(tx, &id, subject).await?;
@@ -66,10 +69,11 @@ pub async fn job(
     new_id: &str,
 ) -> Result<(), StoreError> {
     tx.lock(Lock::Model(new_id)).await?;
-    let queued = sql("SELECT EXISTS (SELECT 1 FROM jobs WHERE model = $1 AND kind = 'train') AS found")
-        .bind(new_id)
-        .one(tx, "looking for a training")
-        .await?;
+    let queued =
+        sql("SELECT EXISTS (SELECT 1 FROM jobs WHERE model = $1 AND kind = 'train') AS found")
+            .bind(new_id)
+            .one(tx, "looking for a training")
+            .await?;
     let trained = trainings(tx, model_id).await?;
     let (false, Some(last)) = (queued.flag("found")?, trained.last()) else {
         return Ok(());
@@ -105,16 +109,15 @@ pub async fn made(
         .bind(model_id)
         .row(tx, "looking for a model that is trained anew")
         .await?;
-    Ok(row.map(|it| it.maybe_text("retrained")).transpose()?.flatten())
+    Ok(row
+        .map(|it| it.maybe_text("retrained"))
+        .transpose()?
+        .flatten())
 }
 
 /// Whether the job that took the person out of the model says that its shared parameters were trained with them. A job that was
 /// interrupted does not tell what it wrote before.
-async fn saw_them(
-    tx: &mut Tx,
-    erasure: &OpenErasure,
-    model_id: &str,
-) -> Result<bool, StoreError> {
+async fn saw_them(tx: &mut Tx, erasure: &OpenErasure, model_id: &str) -> Result<bool, StoreError> {
     let job = job_of(tx, &erasure.tenant, &erasure.id, model_id).await?;
     let result = job.and_then(|it| it.result).and_then(|it| it.kind);
     Ok(match result {
@@ -176,7 +179,10 @@ mod tests {
             ..TrainSpec::default()
         };
         assert_eq!(budget(&[of(60.0, 0), of(0.0, 100), of(30.0, 0)]), (90.0, 0));
-        assert_eq!(budget(&[of(60.0, 0), of(0.0, 100), of(0.0, 50)]), (0.0, 150));
+        assert_eq!(
+            budget(&[of(60.0, 0), of(0.0, 100), of(0.0, 50)]),
+            (0.0, 150)
+        );
         assert_eq!(budget(&[of(0.0, 0)]), (0.0, 0));
     }
 

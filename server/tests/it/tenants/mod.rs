@@ -85,6 +85,7 @@ async fn erased(service: &Service) -> String {
     let request = EraseSubjectRequest {
         name: nobody.name,
         display_name: "Nobody".into(),
+        ..<_>::default()
     };
     let erased = service.subjects().erase_subject(request).await;
     erased.expect("is erased").into_inner().name

@@ -62,6 +62,7 @@ impl Content {
 const NO_NAMES: &[&str] = &[
     "ExportMotion.name",
     "adapter",
+    "alias",
     "attempts",
     "backend",
     "bones",
@@ -119,6 +120,7 @@ const NEEDS: &[(&str, &str)] = &[
             "sha256": "0000000000000000000000000000000000000000000000000000000000000000"}]}"#,
     ),
     ("GrantConsentRequest", r#"{"purposes": ["CONSENT_TRAIN"]}"#),
+    ("SetAliasRequest", r#"{"alias": "prod"}"#),
     ("EndJobRequest", r#"{"returned": {}}"#),
     ("PublishCheckpointRequest", r#"{"checkpoint": {}}"#),
     ("TakeRangeRequest", r#"{"pictures": 1}"#),

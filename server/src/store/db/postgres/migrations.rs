@@ -30,6 +30,10 @@ pub fn migrations() -> Migrator {
     let webhooks =
         include_str!("../../../../../migrations/postgres/0033_webhooks.sql").into_sql_str();
     let rates = include_str!("../../../../../migrations/postgres/0034_rates.sql").into_sql_str();
+    let retraining =
+        include_str!("../../../../../migrations/postgres/0035_retraining.sql").into_sql_str();
+    let aliases =
+        include_str!("../../../../../migrations/postgres/0036_aliases.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -48,6 +52,8 @@ pub fn migrations() -> Migrator {
         step(32, "films", films),
         step(33, "webhooks", webhooks),
         step(34, "rates", rates),
+        step(35, "retraining", retraining),
+        step(36, "aliases", aliases),
     ])
 }
 

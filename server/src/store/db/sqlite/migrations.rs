@@ -60,6 +60,9 @@ pub fn migrations() -> Migrator {
     let webhooks =
         include_str!("../../../../../migrations/sqlite/0033_webhooks.sql").into_sql_str();
     let rates = include_str!("../../../../../migrations/sqlite/0034_rates.sql").into_sql_str();
+    let retraining =
+        include_str!("../../../../../migrations/sqlite/0035_retraining.sql").into_sql_str();
+    let aliases = include_str!("../../../../../migrations/sqlite/0036_aliases.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -98,6 +101,8 @@ pub fn migrations() -> Migrator {
         step(32, "films", films, false),
         step(33, "webhooks", webhooks, false),
         step(34, "rates", rates, false),
+        step(35, "retraining", retraining, false),
+        step(36, "aliases", aliases, false),
     ])
 }
 
