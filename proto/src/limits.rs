@@ -40,6 +40,10 @@ pub const PATH_BYTES: usize = 200;
 
 /// Length of a display name, bytes.
 pub const DISPLAY_NAME_BYTES: usize = 200;
+/// A file that proves a consent, bytes: it fits into a message.
+pub const EVIDENCE_BYTES: usize = 3 << 20;
+/// Its name, bytes.
+pub const EVIDENCE_NAME_BYTES: usize = 255;
 /// Length of a consent note, bytes.
 pub const CONSENT_NOTE_BYTES: usize = 10_000;
 /// Length of the owner of a job, characters.

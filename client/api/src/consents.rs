@@ -7,7 +7,8 @@ use super::{
 use prost_types::Timestamp;
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::v1::{
-    Consent, ConsentPurpose, GrantConsentRequest, ListConsentsRequest, RevokeConsentRequest,
+    Consent, ConsentEvidence, ConsentPurpose, GetConsentEvidenceRequest, GrantConsentRequest,
+    ListConsentsRequest, RevokeConsentRequest,
 };
 
 /// A consent to record.
@@ -21,6 +22,8 @@ pub struct NewConsent {
     pub note: String,
     /// When it runs out; none: never.
     pub expire_time: Option<Timestamp>,
+    /// Name and content of a file that proves it.
+    pub evidence: Option<(String, Vec<u8>)>,
 }
 
 fn numbers(purposes: &[ConsentPurpose]) -> Vec<i32> {
@@ -37,7 +40,10 @@ impl YotoClient {
         subject: &str,
         new: NewConsent,
     ) -> Result<Consent, ClientError> {
+        let (evidence_file_name, evidence) = new.evidence.unwrap_or_default();
         let request = GrantConsentRequest {
+            evidence,
+            evidence_file_name,
             subject: subject.to_owned(),
             purposes: numbers(&new.purposes),
             given_by: new.given_by,
@@ -51,6 +57,24 @@ impl YotoClient {
         };
         let doing = format!("recording a consent of {subject}");
         repeat(grant).await.map_err(ClientError::refused(doing))
+    }
+
+    /// The file that proves the consent `name`, "consents/{id}".
+    ///
+    /// # Errors
+    /// [`ClientError::Refused`], e.g. when there is none.
+    pub async fn consent_evidence(&self, name: &str) -> Result<ConsentEvidence, ClientError> {
+        let get = || {
+            let mut service = self.subject_service();
+            let name = name.to_owned();
+            async move {
+                service
+                    .get_consent_evidence(GetConsentEvidenceRequest { name })
+                    .await
+            }
+        };
+        let doing = format!("reading the evidence of {name}");
+        read(get).await.map_err(ClientError::refused(doing))
     }
 
     /// Revokes all consents of the person `subject` to these purposes, or to all if there are none. Returns the jobs that ended

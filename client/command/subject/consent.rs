@@ -2,10 +2,12 @@
 
 use crate::args::Server;
 use crate::show::now;
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use prost_types::Timestamp;
+use std::path::{Path, PathBuf};
 use yoto_client::NewConsent;
+use yoto_proto::limits::EVIDENCE_BYTES;
 use yoto_proto::v1::consent_item::State;
 use yoto_proto::v1::{Consent, ConsentPurpose};
 use yoto_terminal::output::{self, others};
@@ -22,6 +24,7 @@ service only records.
 
 Examples:
   yoto subject consent ada --for train,render --until 2027-12-31
+  yoto subject consent ada --evidence signed-form.pdf
   yoto subject consent ada --by \"Ada's father\" --note \"signed form 17\"";
 pub(crate) const REVOKE_HELP: &str = "\
 Open jobs of these purposes that need the person end at once, and new ones are refused. What was made so far stays:
@@ -74,6 +77,9 @@ pub(crate) struct Grant {
     /// Anything else: where the signed form is, for instance.
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
+    /// A file that proves it, such as a signed form, at most 3 MiB. It is stored with the record, and deleted with the person.
+    #[arg(long, value_name = "FILE")]
+    evidence: Option<PathBuf>,
     #[command(flatten)]
     server: Server,
 }
@@ -108,7 +114,9 @@ impl Grant {
         }
         let client = self.server.connect().await?;
         let subject = client.find_subject(&self.name).await?;
+        let evidence = self.evidence.as_deref().map(file).transpose()?;
         let new = NewConsent {
+            evidence,
             purposes: self.purposes.into_iter().map(Into::into).collect(),
             given_by: self.by,
             note: self.note,
@@ -119,6 +127,21 @@ impl Grant {
         say!("{}: {}", others(&subject.display_name), line(&consent));
         Ok(())
     }
+}
+
+/// Name and content of a file.
+fn file(path: &Path) -> anyhow::Result<(String, Vec<u8>)> {
+    let bytes = std::fs::metadata(path)
+        .with_context(|| format!("reading {}", path.display()))?
+        .len();
+    ensure!(
+        (1..=EVIDENCE_BYTES as u64).contains(&bytes),
+        "{}: {bytes} bytes; the file that proves a consent has 1 to {EVIDENCE_BYTES}",
+        path.display()
+    );
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let content = std::fs::read(path).with_context(|| format!("reading {}", path.display()))?;
+    Ok((name.into_owned(), content))
 }
 
 impl Revoke {
@@ -164,6 +187,9 @@ pub(super) fn line(consent: &Consent) -> String {
     }
     if !consent.given_by.is_empty() {
         line.push_str(&format!(", given by {}", others(&consent.given_by)));
+    }
+    if let Some(evidence) = &consent.evidence {
+        line.push_str(&format!(", proved by {}", others(&evidence.file_name)));
     }
     if !consent.note.is_empty() {
         line.push_str(&format!(": {}", others(&consent.note)));

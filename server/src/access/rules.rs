@@ -43,10 +43,11 @@ const PAGES: [(&str, Rule); 3] = [
 ];
 
 /// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 29] = [
+const DASHBOARD: [(&str, &str); 31] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),
     ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
+    ("/people/*/avatar", "/yoto.v1.JobService/CreateJob"),
     (
         "/people/upload/person",
         "/yoto.v1.SubjectService/CreateSubject",
@@ -74,6 +75,7 @@ const DASHBOARD: [(&str, &str); 29] = [
     ("/models/*/report.html", "/yoto.v1.ModelService/GetModel"),
     ("/models/*/train", "/yoto.v1.JobService/CreateJob"),
     ("/models/*/player", "/yoto.v1.JobService/CreateJob"),
+    ("/models/*/film", "/yoto.v1.JobService/CreateJob"),
     ("/compare", "/yoto.v1.ModelService/GetModel"),
     ("/jobs", "/yoto.v1.JobService/ListJobs"),
     ("/jobs/*", "/yoto.v1.JobService/GetJob"),

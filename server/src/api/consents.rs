@@ -5,13 +5,17 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
 use crate::jobs::consent;
-use crate::store::NewConsent;
+use crate::store::{NewConsent, NewEvidence};
 use crate::tenant::Tenant;
-use yoto_proto::limits::{CONSENT_NOTE_BYTES, OWNER_CHARACTERS};
+use yoto_proto::limits::{
+    CONSENT_NOTE_BYTES, EVIDENCE_BYTES, EVIDENCE_NAME_BYTES, OWNER_CHARACTERS,
+};
 use yoto_proto::names::Collection;
+use yoto_proto::sha256_hex;
 use yoto_proto::v1::{
-    Consent, ConsentPurpose, GrantConsentRequest, ListConsentsRequest, ListConsentsResponse,
-    RevokeConsentRequest, RevokeConsentResponse,
+    Consent, ConsentEvidence, ConsentPurpose, Evidence, GetConsentEvidenceRequest,
+    GrantConsentRequest, ListConsentsRequest, ListConsentsResponse, RevokeConsentRequest,
+    RevokeConsentResponse,
 };
 
 /// All purposes.
@@ -39,14 +43,18 @@ pub async fn grant(
     };
     let given_by = fields::line("given_by", &request.given_by, OWNER_CHARACTERS);
     let note = fields::lines("note", &request.note, CONSENT_NOTE_BYTES);
-    let ((key, id), (purposes, (given_by, ()))) =
-        both(both(key, id), both(purposes, both(given_by, note)))?;
+    let evidence = evidence(request.evidence, &request.evidence_file_name);
+    let ((key, id), ((purposes, evidence), (given_by, ()))) = both(
+        both(key, id),
+        both(both(purposes, evidence), both(given_by, note)),
+    )?;
     let end = request.expire_time.as_ref();
     let new = NewConsent {
         purposes,
         given_by,
         note: request.note,
         expire_time: end.map(|it| it.seconds as f64 + f64::from(it.nanos) * 1e-9),
+        evidence,
     };
     let consent = context.store.grant_consent(tenant, &id, &new, key).await?;
     tracing::info!(
@@ -76,6 +84,41 @@ pub async fn revoke(
     tracing::info!(subject = request.subject, "a consent was revoked");
     let jobs = consent::stop(context, Some(&id)).await?;
     Ok(RevokeConsentResponse { jobs })
+}
+
+/// A file that proves a consent, and its name; neither, or both.
+fn evidence(content: Vec<u8>, name: &str) -> Result<Option<NewEvidence>, RequestError> {
+    if content.is_empty() && name.is_empty() {
+        return Ok(None);
+    }
+    if content.is_empty() || content.len() > EVIDENCE_BYTES {
+        let message = format!("{} bytes; a file has 1 to {EVIDENCE_BYTES}", content.len());
+        return Err(RequestError::invalid("evidence", message));
+    }
+    let file_name = fields::line("evidence_file_name", name, EVIDENCE_NAME_BYTES)?;
+    if matches!(&*file_name, "" | "." | "..") || file_name.contains(['/', '\\']) {
+        let message = "is the name of a file, without a folder";
+        return Err(RequestError::invalid("evidence_file_name", message));
+    }
+    Ok(Some(NewEvidence { file_name, content }))
+}
+
+/// `GetConsentEvidence`.
+pub async fn get_evidence(
+    context: &Context,
+    tenant: &Tenant,
+    request: &GetConsentEvidenceRequest,
+) -> Result<ConsentEvidence, RequestError> {
+    let id = fields::id(Collection::Consents, "name", &request.name)?;
+    let file = context.store.consent_evidence(tenant, &id).await?;
+    Ok(ConsentEvidence {
+        evidence: Some(Evidence {
+            bytes: file.content.len() as u64,
+            sha256: sha256_hex(&file.content),
+            file_name: file.file_name,
+        }),
+        content: file.content,
+    })
 }
 
 /// `ListConsents`.

@@ -27,6 +27,7 @@ pub use jobs::JobApi;
 pub use keys::{KeyApi, new_key};
 pub use models::ModelApi;
 pub use objects::ObjectApi;
+pub use public::job as public_job;
 pub use renders::RenderApi;
 pub use service_status::StatusApi;
 pub use shares::{ShareApi, page_of};

@@ -13,12 +13,13 @@ use yoto_proto::limits;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
-    Capture, Consent, CreateSubjectRequest, DeleteCaptureRequest, DeleteSubjectRequest, Deleted,
-    EraseSubjectRequest, Erasure, GetCaptureRequest, GetErasureRequest, GetSubjectRequest,
-    GrantConsentRequest, IngestCaptureRequest, ListCapturesRequest, ListCapturesResponse,
-    ListConsentsRequest, ListConsentsResponse, ListErasuresRequest, ListErasuresResponse,
-    ListSubjectsRequest, ListSubjectsResponse, RevokeConsentRequest, RevokeConsentResponse,
-    Subject, UpdateSubjectRequest,
+    Capture, Consent, ConsentEvidence, CreateSubjectRequest, DeleteCaptureRequest,
+    DeleteSubjectRequest, Deleted, EraseSubjectRequest, Erasure, GetCaptureRequest,
+    GetConsentEvidenceRequest, GetErasureRequest, GetSubjectRequest, GrantConsentRequest,
+    IngestCaptureRequest, ListCapturesRequest, ListCapturesResponse, ListConsentsRequest,
+    ListConsentsResponse, ListErasuresRequest, ListErasuresResponse, ListSubjectsRequest,
+    ListSubjectsResponse, RevokeConsentRequest, RevokeConsentResponse, Subject,
+    UpdateSubjectRequest,
 };
 
 /// People, and the captures of them.
@@ -239,6 +240,15 @@ impl SubjectService for SubjectApi {
         let tenant = Tenant::of(&request)?;
         let listed = consents::list(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(listed))
+    }
+
+    async fn get_consent_evidence(
+        &self,
+        request: Request<GetConsentEvidenceRequest>,
+    ) -> Result<Response<ConsentEvidence>, Status> {
+        let tenant = Tenant::of(&request)?;
+        let found = consents::get_evidence(&self.context, &tenant, request.get_ref()).await?;
+        Ok(Response::new(found))
     }
 
     async fn erase_subject(

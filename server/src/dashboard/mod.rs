@@ -16,6 +16,7 @@
 mod actions;
 mod asker;
 mod assets;
+mod avatar;
 mod chart;
 mod compare;
 mod curves;
@@ -64,6 +65,7 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) ->
         .route("/", get(overview::page))
         .route("/people", get(people::page))
         .route("/people/{id}", get(person::page))
+        .route("/people/{id}/avatar", post(avatar::make))
         .route("/people/upload/person", post(upload::person))
         .route("/people/upload/files", post(upload::begin))
         .route("/people/upload/files/{id}", get(upload::state))
@@ -79,6 +81,7 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) ->
         .route("/models/{id}/report.html", get(report::page))
         .route("/models/{id}/train", post(orders::train))
         .route("/models/{id}/player", post(orders::player))
+        .route("/models/{id}/film", post(orders::film))
         .route("/compare", get(compare::page))
         .route("/jobs", get(jobs::page))
         .route("/jobs/{id}", get(job::page))

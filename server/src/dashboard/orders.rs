@@ -1,4 +1,4 @@
-//! Orders from a model's page: a training, and a player of one of its people.
+//! Orders from a model's page: a training, a film and a player of one of its people.
 
 use super::actions::{form, request_of, see, sent};
 use super::asker::Asker;
@@ -13,13 +13,22 @@ use maud::{Markup, html};
 use tonic::Status;
 use yoto_proto::v1::job_service_server::JobService;
 use yoto_proto::v1::{
-    CreateJobRequest, ExportForm, ExportSpec, JobSpec, Model, Subject, TrainSpec, job_spec,
+    Actor, CaptureMotion, CreateJobRequest, ExportForm, ExportSpec, JobSpec, Model, RenderSpec,
+    Scene, SceneCamera, SceneOrbit, Subject, TrainSpec, actor, job_spec, render_spec, scene_camera,
 };
 
 /// Minutes of a training unless the form says otherwise.
 const MINUTES: u32 = 5;
 /// Longest training that the form orders, minutes: a week.
 const LONGEST: u32 = 7 * 24 * 60;
+/// Longest film that the form orders, seconds.
+const LONGEST_FILM: f64 = 60.0;
+/// Heights of films to choose from, the one unless the form says otherwise, and the largest, pixels.
+const SIZES: [u32; 4] = [256, 512, 768, 1024];
+const SIZE: u32 = 512;
+const LARGEST: u32 = 2048;
+/// Level of the background, on which a shadow shows.
+const WALL: f32 = 0.85;
 
 /// The forms of a model with these people; the flag of each says whether the model was trained with them.
 ///
@@ -39,19 +48,55 @@ pub fn forms(asker: &Asker, model: &Model, people: &[(Subject, bool)]) -> Result
             }
         }
         @if !trained.is_empty() {
+            details #film .act {
+                summary { "Render a film…" }
+                p { "A person moves as they were filmed, or as somebody else was, before a camera of yours." }
+                (form(asker, &format!("{path}/film"), &[], html! {
+                    label { "Person " (choice("subject", trained.iter().copied(), None)) }
+                    label { "Motion of " (choice("driver", people.iter().map(|it| &it.0), Some("the person's own capture"))) }
+                    label { "Camera to the right, degrees " input name="azimuth" type="number" min="-180" max="180" value="0" required; }
+                    label { "Camera above the ground, degrees " input name="elevation" type="number" min="-80" max="80" value="10" required; }
+                    label { "It orbits by, degrees " input name="sweep" type="number" min="-3600" max="3600" value="0" required; }
+                    label { "Seconds " input name="seconds" type="number" min="1" max=(LONGEST_FILM) value="4" required; }
+                    label { "Height, pixels "
+                        select name="size" { @for size in SIZES { option value=(size) selected[size == SIZE] { (size) } } }
+                    }
+                    button { "Render" }
+                })?)
+            }
             details #play .act {
                 summary { "Make a player…" }
                 p { "A page that plays the person, in this browser and as one file." }
                 (form(asker, &format!("{path}/player"), &[], html! {
-                    label { "Person "
-                        select name="subject" {
-                            @for it in trained { option value=(it.name) { (told(&it.display_name)) } }
-                        }
-                    }
+                    label { "Person " (choice("subject", trained.iter().copied(), None)) }
                     button { "Make it" }
                 })?)
             }
         }
+    })
+}
+
+/// A list of people to choose from; `none` stands for nobody.
+fn choice<'a>(
+    field: &str,
+    people: impl Iterator<Item = &'a Subject>,
+    none: Option<&str>,
+) -> Markup {
+    html! {
+        select name=(field) {
+            @if let Some(words) = none { option value="" { (words) } }
+            @for it in people { option value=(it.name) { (told(&it.display_name)) } }
+        }
+    }
+}
+
+/// A number of a form.
+fn number(form: &Fields, field: &str, least: f64, most: f64) -> Result<f64, Fault> {
+    let number = form.get(field).trim().parse::<f64>().ok();
+    let number = number.filter(|it| (least..=most).contains(it));
+    number.ok_or_else(|| {
+        let words = format!("{field} is a number from {least} to {most}");
+        Fault::of(StatusCode::BAD_REQUEST, words)
     })
 }
 
@@ -86,6 +131,50 @@ pub async fn train(
         ..TrainSpec::default()
     };
     order(&asker, &form, job_spec::Kind::Train(spec)).await
+}
+
+/// `POST /models/{id}/film`
+pub async fn film(
+    asker: Asker,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Fault> {
+    let form = sent(&asker, &headers, body).await?;
+    let size = number(&form, "size", 16.0, f64::from(LARGEST))? as u32;
+    let motion = CaptureMotion {
+        driver: form.get("driver").to_owned(),
+        ..CaptureMotion::default()
+    };
+    let orbit = SceneOrbit {
+        azimuth: number(&form, "azimuth", -180.0, 180.0)?,
+        elevation: number(&form, "elevation", -80.0, 80.0)?,
+        sweep: number(&form, "sweep", -3600.0, 3600.0)?,
+        ..SceneOrbit::default()
+    };
+    let scene = Scene {
+        actors: vec![Actor {
+            subject: form.get("subject").to_owned(),
+            motion: Some(actor::Motion::Capture(motion)),
+            ..Actor::default()
+        }],
+        camera: Some(SceneCamera {
+            path: Some(scene_camera::Path::Orbit(orbit)),
+        }),
+        width: size * 3 / 4,
+        height: size,
+        seconds: number(&form, "seconds", 0.1, LONGEST_FILM)?,
+        shadow: true,
+        ..Scene::default()
+    };
+    let spec = RenderSpec {
+        model: format!("models/{id}"),
+        what: Some(render_spec::What::Scene(scene)),
+        background: vec![WALL; 3],
+        animate: true,
+        ..RenderSpec::default()
+    };
+    order(&asker, &form, job_spec::Kind::Render(spec)).await
 }
 
 /// `POST /models/{id}/player`

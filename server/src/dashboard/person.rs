@@ -1,6 +1,7 @@
 //! One person: captures with what the check has found, and the models that have them.
 
 use super::asker::Asker;
+use super::avatar;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::findings;
@@ -37,7 +38,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     };
     let captures = asker.subjects().list_captures(asker.request(request));
     let captures = captures.await?.into_inner().captures;
-    let models = models_with(&asker, &resource).await?;
+    let (models, others) = models_with(&asker, &resource).await?;
     let consents = consents_of(&asker, &resource).await?;
     let now = asker.now();
     let mut shown = Vec::new();
@@ -45,6 +46,10 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         shown.push(section(&asker, now, &subject.display_name, capture).await?);
     }
     let title = told(&subject.display_name);
+    let avatar = match subject.state() {
+        subject::State::Ready => Some(avatar::form_of(&asker, &subject, &others)?),
+        _ => None,
+    };
     let takes_more = match subject.state() {
         subject::State::Ready | subject::State::Rejected => true,
         // The upload of a further capture goes on; that of the first one does on the page of all people.
@@ -73,6 +78,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
             } }
             div { dt { "Id" } dd { code { (id) } } }
         }
+        @if let Some(avatar) = avatar { (avatar) }
         @if !subject.consent_note.is_empty() || !consents.is_empty() {
             h2 { "Consent" }
             @if !subject.consent_note.is_empty() { p .note { (visible(&subject.consent_note)) } }
@@ -115,6 +121,7 @@ pub fn agreed(now: f64, consent: &Consent) -> Markup {
         (ago(now, consent.create_time.as_ref()))
         @if let Some(end) = &consent.expire_time { ", until " (end.to_string()) }
         @if !consent.given_by.is_empty() { ", given by " (visible(&consent.given_by)) }
+        @if let Some(evidence) = &consent.evidence { ", proved by " (visible(&evidence.file_name)) }
         @if !consent.note.is_empty() { ": " (visible(&consent.note)) }
     }
 }
@@ -125,9 +132,12 @@ fn purpose(purpose: ConsentPurpose) -> String {
     name.to_ascii_lowercase()
 }
 
-/// The models with the person, and whether their newest checkpoints know them.
-async fn models_with(asker: &Asker, subject: &str) -> Result<Vec<(Model, bool)>, Status> {
-    let mut found = Vec::new();
+/// The models with the person, and whether their newest checkpoints know them; and all others.
+async fn models_with(
+    asker: &Asker,
+    subject: &str,
+) -> Result<(Vec<(Model, bool)>, Vec<Model>), Status> {
+    let (mut found, mut others) = (Vec::new(), Vec::new());
     let mut page_token = String::new();
     loop {
         let request = ListModelsRequest {
@@ -138,13 +148,14 @@ async fn models_with(asker: &Asker, subject: &str) -> Result<Vec<(Model, bool)>,
         let list = list.await?.into_inner();
         for model in list.models {
             let slot = model.slots.iter().find(|it| it.subject == subject);
-            if let Some(trained) = slot.map(|it| it.trained) {
-                found.push((model, trained));
+            match slot.map(|it| it.trained) {
+                Some(trained) => found.push((model, trained)),
+                None => others.push(model),
             }
         }
         page_token = list.next_page_token;
         if page_token.is_empty() {
-            return Ok(found);
+            return Ok((found, others));
         }
     }
 }

@@ -29,10 +29,10 @@ pub use job_types::{
     LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, StoppedJob, TakenRange,
 };
 pub use types::{
-    DueDelivery, Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewKey, NewModel,
-    NewPart, NewPiece, NewShare, NewSubject, NewUpload, NewWebhook, NewWorker, Page, PartId,
-    Reference, References, RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target,
-    Upload, UploadFile, UploadPart, UploadedFile, new_id,
+    DueDelivery, Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewEvidence,
+    NewKey, NewModel, NewPart, NewPiece, NewShare, NewSubject, NewUpload, NewWebhook, NewWorker,
+    Page, PartId, Reference, References, RequestKey, ShareFilter, Shared, StoredPart,
+    SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
 };
 
 use crate::clock::Clock;

@@ -85,6 +85,8 @@ pub struct NewConsent {
     pub note: String,
     /// When it runs out, seconds since 1970; none: never.
     pub expire_time: Option<f64>,
+    /// The file that proves it.
+    pub evidence: Option<NewEvidence>,
 }
 
 /// An upload to open.
@@ -334,6 +336,15 @@ pub struct ShareFilter {
     pub job_id: Option<String>,
     /// Id of the person; none: of all.
     pub subject_id: Option<String>,
+}
+
+/// A file that proves a consent.
+#[derive(Debug, Clone)]
+pub struct NewEvidence {
+    /// Its name.
+    pub file_name: String,
+    /// Its bytes.
+    pub content: Vec<u8>,
 }
 
 /// A key, as the check of a call needs it.

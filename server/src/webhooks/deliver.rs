@@ -2,6 +2,7 @@
 
 use super::address::{AddressError, check_url, resolved};
 use super::signature::sign;
+use crate::api::public_job;
 use crate::http::transcoding::json_of;
 use crate::store::DueDelivery;
 use reqwest::header::CONTENT_TYPE;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
-/// Longest time of a request, from the search for the host to the answer.
+/// Longest time of the search for the host, and of the request.
 const LONGEST: Duration = Duration::from_secs(15);
 
 /// Why an address was told nothing.
@@ -25,6 +26,8 @@ pub enum SendError {
     Http(#[from] reqwest::Error),
     #[error("it has answered {0}")]
     Status(reqwest::StatusCode),
+    #[error("its host's addresses are not told in time")]
+    Slow,
     #[error("TLS: {0}")]
     Tls(#[from] rustls::Error),
     #[error("the row of the webhook is invalid: its secret can't sign")]
@@ -72,7 +75,8 @@ impl Sender {
     pub async fn send(&self, delivery: &DueDelivery) -> Result<(), SendError> {
         // The operator may have allowed more when it was added.
         let url = check_url(&delivery.url, self.private)?;
-        let addresses = resolved(&url, self.private).await?;
+        let found = tokio::time::timeout(LONGEST, resolved(&url, self.private)).await;
+        let addresses = found.map_err(|_| SendError::Slow)??;
         let body = body(delivery);
         let seconds = delivery.time as u64;
         let signature = sign(&delivery.secret, &delivery.id, seconds, &body);
@@ -106,7 +110,7 @@ fn body(delivery: &DueDelivery) -> String {
     json!({
         "type": "job.ended",
         "timestamp": time,
-        "data": json_of(&delivery.job).unwrap_or(Value::Null),
+        "data": json_of(&public_job(delivery.job.clone())).unwrap_or(Value::Null),
     })
     .to_string()
 }

@@ -10,9 +10,9 @@ use tonic::Code;
 use yoto_proto::v1::consent_item::State;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    Consent, ConsentPurpose, CreateJobRequest, ErrorReason, GrantConsentRequest, Job, JobSpec,
-    ListConsentsRequest, Orbit, RenderSpec, RevokeConsentRequest, RevokeConsentResponse, TrainSpec,
-    job, job_spec,
+    Consent, ConsentPurpose, CreateJobRequest, DeleteSubjectRequest, ErrorReason,
+    GetConsentEvidenceRequest, GrantConsentRequest, Job, JobSpec, ListConsentsRequest, Orbit,
+    RenderSpec, RevokeConsentRequest, RevokeConsentResponse, TrainSpec, job, job_spec,
 };
 use yoto_proto::worker::v1::HeartbeatRequest;
 use yoto_server::clock::ManualClock;
@@ -334,4 +334,60 @@ async fn a_consent_names_a_person_and_purposes() {
         };
         assert_invalid(service.subjects().grant_consent(bad).await, field);
     }
+}
+
+#[tokio::test]
+async fn a_file_proves_a_consent_and_goes_with_the_person() {
+    let service = Service::start().await;
+    let subject = service.subject("Ada").await;
+    let request = |evidence: &[u8], name: &str| GrantConsentRequest {
+        subject: subject.name.clone(),
+        purposes: vec![TRAIN.into()],
+        evidence: evidence.to_vec(),
+        evidence_file_name: name.into(),
+        ..<_>::default()
+    };
+    let form = [&b"%PDF signed"[..], &[0, 255]].concat();
+    let granted = service
+        .subjects()
+        .grant_consent(request(&form, "form.pdf"))
+        .await;
+    let granted = granted.expect("is recorded").into_inner();
+    let evidence = granted.evidence.clone().expect("a file");
+    assert_eq!((&*evidence.file_name, evidence.bytes), ("form.pdf", 13));
+    assert_eq!(evidence.sha256, yoto_proto::sha256_hex(&form));
+    assert_eq!(service.consents(&subject.name).await, [granted.clone()]);
+    let get = GetConsentEvidenceRequest {
+        name: granted.name.clone(),
+    };
+    let file = service.subjects().get_consent_evidence(get.clone()).await;
+    assert_eq!(file.expect("is there").into_inner().content, form);
+
+    let large = vec![0; yoto_proto::limits::EVIDENCE_BYTES + 1];
+    for (bytes, name, field) in [
+        (&form[..], "", "evidence_file_name"),
+        (&form[..], "../form.pdf", "evidence_file_name"),
+        (&form[..], "..", "evidence_file_name"),
+        (b"", "form.pdf", "evidence"),
+        (&large[..], "form.pdf", "evidence"),
+    ] {
+        let refused = service.subjects().grant_consent(request(bytes, name)).await;
+        assert_invalid(refused, field);
+    }
+    let without = service.grant(&subject.name, RENDER, None).await;
+    let none = GetConsentEvidenceRequest { name: without.name };
+    let refused = service.subjects().get_consent_evidence(none).await;
+    assert_refused(refused, Code::NotFound, "NOT_FOUND");
+
+    let delete = DeleteSubjectRequest {
+        name: subject.name.clone(),
+        ..<_>::default()
+    };
+    service
+        .subjects()
+        .delete_subject(delete)
+        .await
+        .expect("is deleted");
+    let refused = service.subjects().get_consent_evidence(get).await;
+    assert_refused(refused, Code::NotFound, "NOT_FOUND");
 }

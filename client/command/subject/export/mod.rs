@@ -1,6 +1,7 @@
 //! `yoto subject export`: all that the service holds of a person, as files that other programs read.
 
 mod captures;
+mod consents;
 mod jobs;
 mod models;
 
@@ -21,6 +22,7 @@ The folder has:
   captures/ID/       the frames and masks that are kept, poses.json, thumbnail and check report. `yoto subject add`
                      reads this folder
   models/ID/STEP/    person.safetensors: their own parameters in a checkpoint; refined-poses.json
+  consents/ID/       the file that proves a consent
   jobs/ID/           files of renders and exports, and scores of evaluations, that are of them alone
 
 What shows somebody else too is not given out: it is named under `left_out` in person.json. What all people of a model
@@ -72,16 +74,16 @@ impl Export {
             subject: &subject,
             out: &self.out,
         };
-        let consents = client.list_consents(&subject.name).await?;
+        let consents = person.consents().await?;
         let shares = client.list_shares(&subject.name).await?;
         let captures = person.captures().await?;
         let models = person.models().await?;
         let jobs = person.jobs().await?;
-        let parts = [&captures, &models, &jobs];
+        let parts = [&consents, &captures, &models, &jobs];
         let left_out: Vec<&String> = parts.iter().flat_map(|part| &part.left_out).collect();
         let about = json!({
             "subject": output::message(&subject),
-            "consents": output::messages(&consents),
+            "consents": consents.about,
             "shares": output::messages(&shares),
             "captures": captures.about,
             "models": models.about,

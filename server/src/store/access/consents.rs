@@ -2,7 +2,9 @@
 
 use crate::store::scripts::{consent_rule, consents};
 use crate::store::transaction::transaction;
-use crate::store::{Entry, NewConsent, Page, RequestKey, StoppedJob, Store, StoreError};
+use crate::store::{
+    Entry, NewConsent, NewEvidence, Page, RequestKey, StoppedJob, Store, StoreError,
+};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Consent, ConsentPurpose, JobSpec};
@@ -52,6 +54,15 @@ impl Store {
         page: Page,
     ) -> Result<Vec<Entry<Consent>>, StoreError> {
         consents::list(&mut self.db.read().await?, tenant, subject_id, page).await
+    }
+
+    /// The file that proves a consent of the tenant.
+    pub async fn consent_evidence(
+        &self,
+        tenant: &Tenant,
+        id: &str,
+    ) -> Result<NewEvidence, StoreError> {
+        consents::file(&mut self.db.read().await?, tenant, id).await
     }
 
     /// Refuses the order of a job, whose names were checked, if a person in it lacks consent.

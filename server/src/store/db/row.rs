@@ -131,6 +131,14 @@ impl Row {
         Ok(self.real(column)?.map(timestamp))
     }
 
+    /// A column of bytes.
+    ///
+    /// # Errors
+    /// When the column holds something else.
+    pub fn bytes(&self, column: &'static str) -> Result<Vec<u8>, StoreError> {
+        self.get(column)
+    }
+
     /// An encoded message that may be NULL.
     ///
     /// # Errors

@@ -2,12 +2,13 @@
 
 use super::{erasures, page, requests, subjects};
 use crate::rules::rights;
-use crate::store::db::{Lock, Row, Tx, sql, timestamp};
-use crate::store::{Entry, NewConsent, Page, RequestKey, StoreError, new_id};
+use crate::store::db::{Lock, Row, Tx, integer, sql, timestamp};
+use crate::store::{Entry, NewConsent, NewEvidence, Page, RequestKey, StoreError, new_id};
 use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
+use yoto_proto::sha256_hex;
 use yoto_proto::v1::consent_item::State;
-use yoto_proto::v1::{Consent, ConsentItem, ConsentPurpose};
+use yoto_proto::v1::{Consent, ConsentItem, ConsentPurpose, Evidence};
 
 /// Records a consent, or returns the one that `request` recorded before.
 pub async fn grant(
@@ -26,6 +27,16 @@ pub async fn grant(
     let id = insert(tx, subject_id, new).await?;
     for purpose in &new.purposes {
         insert_purpose(tx, &id, *purpose, None).await?;
+    }
+    if let Some(evidence) = &new.evidence {
+        sql("INSERT INTO consent_evidence (consent, file_name, bytes, sha256, content) VALUES ($1, $2, $3, $4, $5)")
+            .bind(&id)
+            .bind(&evidence.file_name)
+            .bind(integer("evidence.bytes", evidence.content.len() as u64)?)
+            .bind(sha256_hex(&evidence.content))
+            .bind(evidence.content.clone())
+            .execute(tx, "storing the evidence of a consent")
+            .await?;
     }
     requests::remember(tx, tenant, request.as_ref(), &id).await?;
     get(tx, tenant, &id).await
@@ -138,7 +149,8 @@ pub async fn ids(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreErro
 
 async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Consent, StoreError> {
     let row = sql(
-        "SELECT c.* FROM consents c JOIN subjects s ON s.id = c.subject
+        "SELECT c.*, e.file_name, e.bytes, e.sha256 FROM consents c JOIN subjects s ON s.id = c.subject
+             LEFT JOIN consent_evidence e ON e.consent = c.id
          WHERE c.id = $1 AND s.tenant = $2",
     )
     .bind(id)
@@ -162,7 +174,8 @@ pub async fn list(
 ) -> Result<Vec<Entry<Consent>>, StoreError> {
     subjects::get(tx, tenant, subject_id).await?;
     let rows =
-        sql("SELECT * FROM consents WHERE subject = $1 AND ord < $2 ORDER BY ord DESC LIMIT $3")
+        sql("SELECT c.*, e.file_name, e.bytes, e.sha256 FROM consents c LEFT JOIN consent_evidence e ON e.consent = c.id
+             WHERE c.subject = $1 AND c.ord < $2 ORDER BY c.ord DESC LIMIT $3")
             .bind(subject_id)
             .bind(page.after.unwrap_or(i64::MAX))
             .bind(page.limit)
@@ -201,6 +214,39 @@ fn read(row: &Row) -> Result<Consent, StoreError> {
         note: row.text("note")?,
         create_time: row.time("create_time")?,
         expire_time: row.time("expire_time")?,
+        evidence: evidence(row)?,
+    })
+}
+
+/// The file in a row that has one.
+fn evidence(row: &Row) -> Result<Option<Evidence>, StoreError> {
+    let Some(file_name) = row.maybe_text("file_name")? else {
+        return Ok(None);
+    };
+    Ok(Some(Evidence {
+        file_name,
+        bytes: row.number("bytes")?,
+        sha256: row.text("sha256")?,
+    }))
+}
+
+/// The file that proves a consent of the tenant.
+pub async fn file(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<NewEvidence, StoreError> {
+    let row = sql(
+        "SELECT e.file_name, e.content FROM consent_evidence e JOIN consents c ON c.id = e.consent
+             JOIN subjects s ON s.id = c.subject
+         WHERE c.id = $1 AND s.tenant = $2",
+    )
+    .bind(id)
+    .bind(tenant.id())
+    .row(tx, "reading the evidence of a consent")
+    .await?;
+    let row = row.ok_or_else(|| StoreError::NotFound {
+        name: Collection::Consents.name(id),
+    })?;
+    Ok(NewEvidence {
+        file_name: row.text("file_name")?,
+        content: row.bytes("content")?,
     })
 }
 

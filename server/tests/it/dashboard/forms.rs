@@ -1,9 +1,10 @@
 //! What the forms of pages change, and who may send them.
 
 use super::stage::{HOSTILE, Stage};
-use crate::support::{Service, ask, ask_with, listen};
+use crate::support::{Service, ask, ask_with, id, listen};
 use std::net::SocketAddr;
-use yoto_proto::v1::{JobKind, job, job_spec};
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{JobKind, ListModelsRequest, job, job_spec};
 
 /// The headers of a form.
 pub const FORM: &str =
@@ -187,6 +188,94 @@ async fn a_training_and_a_player_are_ordered_from_the_page_of_their_model() {
     assert_eq!(job.kind(), JobKind::Export);
     let nobody = format!("token={token}&subject=%3Cb%3E");
     assert_eq!(send(address, &player, &nobody).await.0, 400);
+    let film = format!("{page}/film");
+    let rest = "driver=&azimuth=30&elevation=10&sweep=360&seconds=2";
+    let body = format!(
+        "token={token}&subject={}&size=256&{rest}",
+        stage.subject.name
+    );
+    let (status, place) = send(address, &film, &body).await;
+    assert_eq!(status, 303);
+    let job = stage.service.get_job(place.trim_start_matches('/')).await;
+    let Some(job_spec::Kind::Render(spec)) = job.spec.and_then(|it| it.kind) else {
+        panic!("{place} is no render");
+    };
+    let Some(What::Scene(scene)) = spec.what else {
+        panic!("{spec:?}");
+    };
+    assert_eq!((scene.width, scene.height, scene.seconds), (192, 256, 2.0));
+    assert_eq!(scene.actors[0].subject, stage.subject.name);
+    for bad in [
+        "size=256&azimuth=x",
+        "size=9999&azimuth=0",
+        "size=256&azimuth=200",
+    ] {
+        let rest = "driver=&elevation=10&sweep=0&seconds=2";
+        let body = format!("token={token}&subject={}&{bad}&{rest}", stage.subject.name);
+        assert_eq!(send(address, &film, &body).await.0, 400, "{bad}");
+    }
     assert_eq!(send(address, &train, "minutes=7").await.0, 403);
+    serving.abort();
+}
+
+#[tokio::test]
+async fn an_avatar_is_ordered_from_the_page_of_the_person() {
+    let service = Service::start().await;
+    let subject = service.ready_subject("Ada").await;
+    let (address, serving) = listen(&service).await;
+    let page = format!("/people/{}", id(&subject.name));
+    let token = token(address, &page).await;
+    let make = format!("{page}/avatar");
+    let body = format!("token={token}&request=one&model=&minutes=3");
+    let (status, place) = send(address, &make, &body).await;
+    assert_eq!(status, 303);
+    let again = send(address, &make, &body).await;
+    assert_eq!(
+        again,
+        (303, place.clone()),
+        "a form that is sent twice is carried out once"
+    );
+    let job = service.get_job(place.trim_start_matches('/')).await;
+    let Some(job_spec::Kind::Train(spec)) = job.spec.and_then(|it| it.kind) else {
+        panic!("{place} is no training");
+    };
+    assert_eq!((spec.seconds, &*spec.only), (180.0, ""));
+    let list = service
+        .models()
+        .list_models(ListModelsRequest::default())
+        .await;
+    let models = list.expect("lists").into_inner().models;
+    let named: Vec<_> = models
+        .iter()
+        .map(|it| (&*it.display_name, &*it.tier))
+        .collect();
+    assert_eq!(named, [("Ada", "splat")]);
+    assert_eq!(models[0].slots[0].subject, subject.name);
+
+    // Bob joins what is trained already: only what is his is trained.
+    let trained = service.trained().await;
+    let bob = service.ready_subject("Bob").await;
+    let make = format!("/people/{}/avatar", id(&bob.name));
+    let body = format!(
+        "token={token}&request=two&model={}&minutes=1",
+        trained.model.name
+    );
+    let (status, place) = send(address, &make, &body).await;
+    assert_eq!(status, 303);
+    let job = service.get_job(place.trim_start_matches('/')).await;
+    let Some(job_spec::Kind::Train(spec)) = job.spec.and_then(|it| it.kind) else {
+        panic!("{place} is no training");
+    };
+    assert_eq!((spec.model, spec.only), (trained.model.name, bob.name));
+    for bad in [
+        "minutes=0&model=",
+        "minutes=x&model=",
+        "minutes=1&model=models/none",
+    ] {
+        let status = send(address, &make, &format!("token={token}&{bad}"))
+            .await
+            .0;
+        assert!(status == 400 || status == 404, "{bad}: {status}");
+    }
     serving.abort();
 }

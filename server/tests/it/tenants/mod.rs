@@ -52,6 +52,7 @@ async fn content(service: &Service) -> Content {
         erasure: erased(service).await,
         share: "shares/none".into(),
         webhook: "webhooks/none".into(),
+        consent: "consents/none".into(),
     }
 }
 
@@ -77,6 +78,25 @@ async fn webhook(service: &Service, tenant: &str) -> String {
     );
     service.database.run(&insert).await;
     format!("webhooks/{id}")
+}
+
+/// A consent of the tenant's person, with a file that proves it.
+async fn proved(service: &Service, content: &Content) -> String {
+    let subject = requests::id(&content.subject);
+    let id = yoto_proto::sha256_hex(format!("consent of {subject}").as_bytes())[..36].to_owned();
+    let insert = format!(
+        "INSERT INTO consents (id, subject, given_by, note, create_time) VALUES ('{id}', '{subject}', '', '', 1.0)"
+    );
+    service.database.run(&insert).await;
+    let file = format!(
+        "INSERT INTO consent_evidence (consent, file_name, bytes, sha256, content) VALUES ('{id}', 'form.pdf', 1, '{id}', "
+    );
+    let (sqlite, postgres) = (
+        format!("{file}x'00')"),
+        format!("{file}decode('00', 'hex'))"),
+    );
+    service.database.run_either(&sqlite, &postgres).await;
+    format!("consents/{id}")
 }
 
 /// The erasure of a person who is in nothing.
@@ -108,6 +128,7 @@ async fn two_tenants() -> TwoTenants {
     let mut theirs = content(&service).await;
     theirs.share = shared(&service, "default", &theirs).await;
     theirs.webhook = webhook(&service, "default").await;
+    theirs.consent = proved(&service, &theirs).await;
     theirs.key = service.key("default", &[Scope::Read]).await.name;
     let door = service.door(Admission::Nobody);
     let (mut keyed, mut of_worker) = (HashMap::new(), String::new());
@@ -122,6 +143,7 @@ async fn two_tenants() -> TwoTenants {
     own.key = revoked;
     own.share = shared(&service, "other", &own).await;
     own.webhook = webhook(&service, "other").await;
+    own.consent = proved(&service, &own).await;
     // As if it had registered with the key.
     let bound = format!(
         "UPDATE workers SET key = '{}' WHERE id = '{}'",

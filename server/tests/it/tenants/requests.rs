@@ -21,6 +21,7 @@ pub struct Content {
     pub erasure: String,
     pub share: String,
     pub webhook: String,
+    pub consent: String,
 }
 
 impl Content {
@@ -38,10 +39,11 @@ impl Content {
             erasure,
             share,
             webhook,
+            consent,
         } = self;
         let all = [
             subject, capture, upload, model, checkpoint, job, worker, object, key, erasure, share,
-            webhook,
+            webhook, consent,
         ];
         all.into_iter().map(String::as_str)
     }
@@ -71,6 +73,7 @@ const NO_NAMES: &[&str] = &[
     "consent_note",
     "display_name",
     "etag",
+    "evidence_file_name",
     "field",
     "file",
     "given_by",

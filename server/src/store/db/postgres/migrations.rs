@@ -34,6 +34,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/postgres/0035_retraining.sql").into_sql_str();
     let aliases =
         include_str!("../../../../../migrations/postgres/0036_aliases.sql").into_sql_str();
+    let evidence =
+        include_str!("../../../../../migrations/postgres/0037_evidence.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -54,6 +56,7 @@ pub fn migrations() -> Migrator {
         step(34, "rates", rates),
         step(35, "retraining", retraining),
         step(36, "aliases", aliases),
+        step(37, "evidence", evidence),
     ])
 }
 

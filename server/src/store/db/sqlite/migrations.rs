@@ -63,6 +63,8 @@ pub fn migrations() -> Migrator {
     let retraining =
         include_str!("../../../../../migrations/sqlite/0035_retraining.sql").into_sql_str();
     let aliases = include_str!("../../../../../migrations/sqlite/0036_aliases.sql").into_sql_str();
+    let evidence =
+        include_str!("../../../../../migrations/sqlite/0037_evidence.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -103,6 +105,7 @@ pub fn migrations() -> Migrator {
         step(34, "rates", rates, false),
         step(35, "retraining", retraining, false),
         step(36, "aliases", aliases, false),
+        step(37, "evidence", evidence, false),
     ])
 }
 
