@@ -78,7 +78,9 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
             } }
             div { dt { "Id" } dd { code { (id) } } }
         }
-        @if let Some(avatar) = avatar { (avatar) }
+        // Always here, so that an update of the page finds the form where it was, with what it sends.
+        div #orders { @if let Some(avatar) = avatar { (avatar) } }
+        div #more { @if let Some(more) = more { (more) } }
         @if !subject.consent_note.is_empty() || !consents.is_empty() {
             h2 { "Consent" }
             @if !subject.consent_note.is_empty() { p .note { (visible(&subject.consent_note)) } }
@@ -87,7 +89,6 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         h2 { "Captures" }
         @if shown.is_empty() { p .empty { "None." } }
         @for section in shown { (section) }
-        @if let Some(more) = more { (more) }
     };
     Ok(document::live(&title, "/people", "", body))
 }

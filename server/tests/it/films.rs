@@ -1,24 +1,8 @@
 //! Films without poses: they are taken where a worker has a pose model, and no other worker gets them.
 
 use crate::support::{Service, assert_invalid, file};
-use yoto_proto::orders::LEVEL;
+use yoto_proto::v1::GetLimitsRequest;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
-use yoto_proto::v1::{GetLimitsRequest, JobKind, WorkerDevice};
-use yoto_proto::worker::v1::RegisterWorkerRequest;
-
-/// Registers a worker that ingests, films too if it `reads_films`.
-async fn reader(service: &Service, reads_films: bool) -> String {
-    let request = RegisterWorkerRequest {
-        display_name: "reader".into(),
-        device: Some(WorkerDevice::default()),
-        kinds: vec![JobKind::Ingest.into()],
-        order_level: LEVEL,
-        reads_films,
-        ..RegisterWorkerRequest::default()
-    };
-    let registered = service.workers().register_worker(request).await;
-    registered.expect("registers").into_inner().worker
-}
 
 /// Whether the service says that it takes films.
 async fn takes_films(service: &Service) -> bool {
@@ -34,12 +18,12 @@ async fn a_film_needs_a_worker_with_a_pose_model() {
     let service = Service::start().await;
     let subject = service.subject("Ada").await;
     let film = || vec![file("walk.MOV", b"film")];
-    let plain = reader(&service, false).await;
+    let plain = service.worker(&["ingest"]).await;
     assert!(service.lease(&plain).await.is_none(), "nothing waits");
     assert!(!takes_films(&service).await);
     assert_invalid(service.upload(&subject.name, film()).await, "files");
 
-    let seeing = reader(&service, true).await;
+    let seeing = service.worker_for_films().await;
     assert!(takes_films(&service).await);
     let two = [film(), vec![file("other.mp4", b"film")]].concat();
     assert_invalid(service.upload(&subject.name, two).await, "files");

@@ -1,10 +1,10 @@
 //! The form that adds a person, in a browser.
 
 use super::browser::Browser;
-use crate::support::{Service, listen, listen_as};
+use crate::support::{Service, id, listen, listen_as};
 use std::path::Path;
 use tempfile::TempDir;
-use yoto_proto::v1::{ListSubjectsRequest, Scope, capture};
+use yoto_proto::v1::{ListCapturesRequest, ListSubjectsRequest, Scope, capture, subject};
 use yoto_server::Admission;
 
 /// Bytes of a picture that takes several parts.
@@ -269,5 +269,97 @@ async fn the_end_of_a_key_is_told_and_another_one_goes_on() {
     });
     service.revoke(&told.await.expect("the page sends")).await;
     driven.await.expect("the page does its part");
+    serving.abort();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_film_alone_is_sent_where_a_worker_has_a_pose_model() {
+    let Some(mut browser) = Browser::start() else {
+        return;
+    };
+    let service = Service::start().await;
+    let (address, serving) = listen(&service).await;
+    let dir = TempDir::new().expect("a folder");
+    let film = written(dir.path(), "IMG_7.MOV", b"film");
+    let second = written(dir.path(), "second.mp4", b"film");
+    let (one, two) = (film.clone(), second);
+    let driven = tokio::task::spawn_blocking(move || {
+        browser.open(&format!("http://{address}/people"));
+        browser.write("display_name", "Ada");
+        browser.choose(&[one]);
+        browser.until("document.querySelector('#upload-faults').textContent.includes('no worker of this service')");
+        browser
+    });
+    let mut browser = driven.await.expect("the page refuses");
+    let worker = service.worker_for_films().await;
+    let driven = tokio::task::spawn_blocking(move || {
+        browser.call("Page.reload", serde_json::json!({}));
+        browser.until("document.readyState === 'complete' && document.querySelector('#add .drop').textContent.includes('Drop a film')");
+        browser.write("display_name", "Ada");
+        browser.choose(&[film.clone(), two]);
+        browser.until("document.querySelector('#upload-faults').textContent.includes('One film makes one person')");
+        browser.choose(&[film]);
+        browser.until("document.querySelector('#upload-chosen').textContent.includes('IMG_7.MOV becomes video.MOV')");
+        browser.press("Upload");
+        browser.until(
+            "location.pathname.startsWith('/people/') && document.readyState === 'complete'",
+        );
+    });
+    driven.await.expect("the page does its part");
+    let lease = service
+        .lease(&worker)
+        .await
+        .expect("the ingest of the film");
+    assert_eq!(service.ingested(&lease, "video.MOV"), b"film");
+    serving.abort();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_further_capture_is_sent_from_the_page_of_its_person_and_given_up_alone() {
+    let Some(mut browser) = Browser::start() else {
+        return;
+    };
+    let service = Service::start().await;
+    let ada = service.ready_subject("Ada").await;
+    let (address, serving) = listen(&service).await;
+    let dir = TempDir::new().expect("a folder");
+    let folder = capture_in(dir.path());
+    let page = format!("http://{address}/people/{}", id(&ada.name));
+    let driven = tokio::task::spawn_blocking(move || {
+        browser.open(&page);
+        browser.drop_onto_form(&[&folder]);
+        browser.until("document.querySelector('#upload-chosen').textContent.startsWith('4 files')");
+        browser.network(Some(2 << 20));
+        browser.press("Upload");
+        browser.until(&format!(
+            "document.querySelector('#upload-says').textContent === 'Sending.' && {SENT} > 2 << 20"
+        ));
+        browser
+    });
+    let browser = driven.await.expect("the page sends");
+    let captures = async || {
+        let request = ListCapturesRequest {
+            parent: ada.name.clone(),
+            ..ListCapturesRequest::default()
+        };
+        let listed = service.subjects().list_captures(request).await;
+        listed.expect("lists").into_inner().captures
+    };
+    let states: Vec<capture::State> = captures().await.iter().map(|it| it.state()).collect();
+    assert_eq!(states.len(), 2, "{states:?}");
+    assert!(states.contains(&capture::State::Uploading), "{states:?}");
+    let driven = tokio::task::spawn_blocking(move || {
+        let mut browser = browser;
+        browser.of("window.confirm = () => true");
+        browser.press("Give it up");
+        browser
+            .until("document.querySelector('#upload-says').textContent.includes('was given up')");
+        assert_eq!(browser.of("localStorage.length"), 0);
+    });
+    driven.await.expect("the page gives it up");
+    let states: Vec<capture::State> = captures().await.iter().map(|it| it.state()).collect();
+    assert_eq!(states, [capture::State::Ready]);
+    let left = service.get_subject(&ada.name).await;
+    assert_eq!(left.state(), subject::State::Ready);
     serving.abort();
 }

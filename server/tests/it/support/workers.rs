@@ -41,6 +41,20 @@ impl Service {
             .worker
     }
 
+    /// Registers a worker that ingests, and has a pose model for films.
+    pub async fn worker_for_films(&self) -> String {
+        let request = RegisterWorkerRequest {
+            display_name: "sees people".into(),
+            device: Some(WorkerDevice::default()),
+            kinds: vec![JobKind::Ingest.into()],
+            order_level: LEVEL,
+            reads_films: true,
+            ..RegisterWorkerRequest::default()
+        };
+        let registered = self.workers().register_worker(request).await;
+        registered.expect("registers").into_inner().worker
+    }
+
     /// Asks for a lease once.
     pub async fn lease(&self, worker: &str) -> Option<Lease> {
         self.lease_by(worker, "").await
