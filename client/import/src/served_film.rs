@@ -35,10 +35,10 @@ pub fn read_film(given: &Film<'_>, tell: Tell) -> Result<FilmCapture, ReadFailur
     })
 }
 
-/// Opens the pose model at `path`, a file or a folder, and forgets it again.
+/// Checks that `path`, a file or a folder, has a pose model that can be read.
 ///
 /// # Errors
-/// When it is none, or can't be read.
+/// When the path has no pose model, or it can't be read.
 pub fn check_pose_model(path: &Path) -> Result<(), ClientError> {
     let opened = PoseModel::open(path).map(drop);
     opened.map_err(|error| crate::clip::fault(path, "POSE_MODEL", error.to_string()))

@@ -1,6 +1,6 @@
 //! `yoto.v1.ModelService`.
 
-use super::{fields, paging};
+use super::{aliases, fields, paging};
 use crate::checkpoints::best::best_first;
 use crate::checkpoints::manifest;
 use crate::context::Context;
@@ -12,7 +12,6 @@ use futures::StreamExt;
 use futures::stream::{self, BoxStream};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
-use yoto_proto::alias;
 use yoto_proto::limits::CHUNK_BYTES;
 use yoto_proto::manifest::files;
 use yoto_proto::names::{self, Collection};
@@ -47,37 +46,9 @@ pub struct ModelApi {
 }
 
 impl ModelApi {
-    /// The checkpoint called `name` in this field, by its step or an alias.
-    async fn checkpoint(
-        &self,
-        tenant: &Tenant,
-        field: &str,
-        name: &str,
-    ) -> Result<Checkpoint, RequestError> {
-        let called = alias::of_checkpoint(name);
-        let model = match called {
-            Some((model, _)) => model,
-            None => {
-                let parsed = names::parse_checkpoint(name);
-                parsed
-                    .map_err(|error| RequestError::invalid(field, error.to_string()))?
-                    .0
-            }
-        };
-        let checkpoints = self.explained(tenant, model).await?;
-        let is_called = |it: &Checkpoint| match called {
-            Some((_, alias)) => it.aliases.iter().any(|own| own == alias),
-            None => it.name == name,
-        };
-        let missing = || RequestError::NotFound {
-            name: name.to_owned(),
-        };
-        checkpoints.into_iter().find(is_called).ok_or_else(missing)
-    }
-
     /// All checkpoints of a model, newest first, with the best one marked and why each is kept. They come without
     /// manifests, whose keys contain the tokens of leases.
-    async fn explained(
+    pub(super) async fn explained(
         &self,
         tenant: &Tenant,
         model_id: &str,
@@ -287,7 +258,7 @@ impl ModelService for ModelApi {
         request: Request<GetCheckpointRequest>,
     ) -> Result<Response<Checkpoint>, Status> {
         let tenant = Tenant::of(&request)?;
-        let found = self.checkpoint(&tenant, "name", &request.get_ref().name);
+        let found = aliases::checkpoint(self, &tenant, "name", &request.get_ref().name);
         Ok(Response::new(found.await?))
     }
 
@@ -296,21 +267,8 @@ impl ModelService for ModelApi {
         request: Request<SetAliasRequest>,
     ) -> Result<Response<Checkpoint>, Status> {
         let tenant = Tenant::of(&request)?;
-        let request = request.into_inner();
-        if !alias::is_alias(&request.alias) {
-            return Err(RequestError::invalid("alias", alias::RULE).into());
-        }
-        let found = self.checkpoint(&tenant, "checkpoint", &request.checkpoint);
-        let found = found.await?;
-        let (model, step) = names::parse_checkpoint(&found.name)
-            .map_err(|error| RequestError::invalid("checkpoint", error.to_string()))?;
-        let set = (self.context.store).set_alias(&tenant, model, step, &request.alias);
-        set.await.map_err(RequestError::from)?;
-        let (checkpoint, alias) = (&found.name, &request.alias);
-        tracing::info!(checkpoint, alias, "a checkpoint was named");
-        Ok(Response::new(
-            self.checkpoint(&tenant, "checkpoint", &found.name).await?,
-        ))
+        let named = aliases::set(self, &tenant, request.get_ref()).await?;
+        Ok(Response::new(named))
     }
 
     async fn remove_alias(
@@ -318,13 +276,7 @@ impl ModelService for ModelApi {
         request: Request<RemoveAliasRequest>,
     ) -> Result<Response<RemoveAliasResponse>, Status> {
         let tenant = Tenant::of(&request)?;
-        let request = request.into_inner();
-        let id = fields::id(Collection::Models, "model", &request.model)?;
-        let removed = self
-            .context
-            .store
-            .remove_alias(&tenant, &id, &request.alias);
-        removed.await.map_err(RequestError::from)?;
+        aliases::remove(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(RemoveAliasResponse {}))
     }
 

@@ -1,23 +1,23 @@
 //! From a person's page to an avatar: a model with them, new or there already, and its training.
 
-use super::actions::{form, request_of, see, sent};
+use super::actions::{form, request_of, sent};
 use super::asker::Asker;
 use super::fault::Fault;
+use super::orders::{minutes, order};
 use super::query::Fields;
 use super::words::{page_of, told};
 use axum::body::Body;
 use axum::extract::Path;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::HeaderMap;
 use axum::response::Response;
 use maud::{Markup, html};
 use tonic::Status;
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::job_service_server::JobService;
 use yoto_proto::v1::model_service_server::ModelService;
 use yoto_proto::v1::subject_service_server::SubjectService;
 use yoto_proto::v1::{
-    AddIdentityRequest, CreateJobRequest, CreateModelRequest, GetModelRequest, GetSubjectRequest,
-    JobSpec, Model, Subject, TrainSpec, job_spec,
+    AddIdentityRequest, CreateModelRequest, GetModelRequest, GetSubjectRequest, Model, Subject,
+    TrainSpec, job_spec,
 };
 
 /// Minutes of a training unless the form says otherwise.
@@ -60,12 +60,7 @@ pub async fn make(
     body: Body,
 ) -> Result<Response, Fault> {
     let sent = sent(&asker, &headers, body).await?;
-    let minutes = sent.get("minutes").trim().parse::<u32>();
-    let minutes = minutes.ok().filter(|it| (1..=LONGEST).contains(it));
-    let minutes = minutes.ok_or_else(|| {
-        let words = format!("a training takes 1 to {LONGEST} minutes, a whole number");
-        Fault::of(StatusCode::BAD_REQUEST, words)
-    })?;
+    let minutes = minutes(&sent, LONGEST)?;
     let request = GetSubjectRequest {
         name: format!("subjects/{id}"),
     };
@@ -87,15 +82,7 @@ pub async fn make(
         seconds: 60.0 * f64::from(minutes),
         ..TrainSpec::default()
     };
-    let request = CreateJobRequest {
-        spec: Some(JobSpec {
-            kind: Some(job_spec::Kind::Train(spec)),
-        }),
-        request_id: request_of(&sent),
-        ..CreateJobRequest::default()
-    };
-    let job = asker.jobs().create_job(asker.request(request)).await?;
-    see(&page_of(&job.into_inner().name))
+    order(&asker, &sent, job_spec::Kind::Train(spec)).await
 }
 
 /// The model that the form names, or a new one that is called like the person.

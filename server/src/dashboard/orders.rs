@@ -100,8 +100,24 @@ fn number(form: &Fields, field: &str, least: f64, most: f64) -> Result<f64, Faul
     })
 }
 
+/// The minutes of a training in a form, 1 to `longest`.
+///
+/// # Errors
+/// When it is another text.
+pub fn minutes(form: &Fields, longest: u32) -> Result<u32, Fault> {
+    let minutes = form.get("minutes").trim().parse::<u32>();
+    let minutes = minutes.ok().filter(|it| (1..=longest).contains(it));
+    minutes.ok_or_else(|| {
+        let words = format!("a training takes 1 to {longest} minutes, a whole number");
+        Fault::of(StatusCode::BAD_REQUEST, words)
+    })
+}
+
 /// Queues what the form asks for, and leads to its page.
-async fn order(asker: &Asker, form: &Fields, kind: job_spec::Kind) -> Result<Response, Fault> {
+///
+/// # Errors
+/// Those of `CreateJob`.
+pub async fn order(asker: &Asker, form: &Fields, kind: job_spec::Kind) -> Result<Response, Fault> {
     let request = CreateJobRequest {
         spec: Some(JobSpec { kind: Some(kind) }),
         request_id: request_of(form),
@@ -119,15 +135,9 @@ pub async fn train(
     body: Body,
 ) -> Result<Response, Fault> {
     let form = sent(&asker, &headers, body).await?;
-    let minutes = form.get("minutes").trim().parse::<u32>();
-    let minutes = minutes.ok().filter(|it| (1..=LONGEST).contains(it));
-    let minutes = minutes.ok_or_else(|| {
-        let words = format!("a training takes 1 to {LONGEST} minutes, a whole number");
-        Fault::of(StatusCode::BAD_REQUEST, words)
-    })?;
     let spec = TrainSpec {
         model: format!("models/{id}"),
-        seconds: 60.0 * f64::from(minutes),
+        seconds: 60.0 * f64::from(minutes(&form, LONGEST)?),
         ..TrainSpec::default()
     };
     order(&asker, &form, job_spec::Kind::Train(spec)).await

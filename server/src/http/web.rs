@@ -16,14 +16,12 @@ use url::{Origin, Url};
 /// How the content types of gRPC-Web begin.
 const KIND: &[u8] = b"application/grpc-web";
 /// Headers of calls beside the usual ones.
-const ASKED: [&str; 7] = [
+const ASKED: [&str; 5] = [
     "x-grpc-web",
     "x-user-agent",
     "grpc-timeout",
     "idempotency-key",
     "last-event-id",
-    "connect-protocol-version",
-    "connect-timeout-ms",
 ];
 /// Headers of answers that a script reads.
 const TOLD: [&str; 3] = ["grpc-status", "grpc-message", "grpc-status-details-bin"];

@@ -17,6 +17,7 @@ mod scripts;
 pub mod stage;
 mod transaction;
 mod types;
+mod webhook_types;
 
 pub use audit_types::{AuditEntry, NewAuditEntry};
 pub use db::{Listener, PostgresUrl, UrlError};
@@ -29,11 +30,12 @@ pub use job_types::{
     LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, StoppedJob, TakenRange,
 };
 pub use types::{
-    DueDelivery, Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewEvidence,
-    NewKey, NewModel, NewPart, NewPiece, NewShare, NewSubject, NewUpload, NewWebhook, NewWorker,
-    Page, PartId, Reference, References, RequestKey, ShareFilter, Shared, StoredPart,
-    SubjectChange, Target, Upload, UploadFile, UploadPart, UploadedFile, new_id,
+    Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewEvidence, NewKey, NewModel,
+    NewPart, NewPiece, NewShare, NewSubject, NewUpload, NewWorker, Page, PartId, Reference,
+    References, RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload,
+    UploadFile, UploadPart, UploadedFile, new_id,
 };
+pub use webhook_types::{DueDelivery, NewWebhook};
 
 use crate::clock::Clock;
 use db::Database;

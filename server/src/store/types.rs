@@ -5,7 +5,7 @@ use crate::tenant::Tenant;
 use prost::Message;
 use std::collections::{HashMap, HashSet};
 use yoto_objects::Part;
-use yoto_proto::v1::{self, ConsentPurpose, Job, ObjectRef, Scope, WorkerDevice};
+use yoto_proto::v1::{self, ConsentPurpose, ObjectRef, Scope, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -286,36 +286,6 @@ pub struct NewShare {
     pub embed: bool,
     /// When it ends, seconds since 1970; none: never.
     pub expire_time: Option<f64>,
-}
-
-/// An address that is added.
-#[derive(Debug, Clone)]
-pub struct NewWebhook {
-    /// Where it is.
-    pub url: String,
-    /// What its requests are signed with.
-    pub secret: String,
-    /// What it is for.
-    pub note: String,
-}
-
-/// The end of a job that an address is to be told now.
-#[derive(Debug, Clone)]
-pub struct DueDelivery {
-    /// Its id, the same for all attempts.
-    pub id: String,
-    /// Id of the webhook.
-    pub webhook_id: String,
-    /// Where it is.
-    pub url: String,
-    /// What the request is signed with.
-    pub secret: String,
-    /// Number of attempts, with this one.
-    pub attempts: u32,
-    /// The time of this attempt, seconds since 1970.
-    pub time: f64,
-    /// The job.
-    pub job: Job,
 }
 
 /// What a valid link shows.

@@ -73,7 +73,7 @@ async fn ensure_room(context: &Context, bytes: u64) -> Result<(), RequestError> 
 }
 
 /// What a film without poses gets where no worker has a pose model.
-pub const NO_POSE_MODEL: &str = "a film alone has no poses, and no worker of this service has a pose model to find them \
+const NO_POSE_MODEL: &str = "a film alone has no poses, and no worker of this service has a pose model to find them \
      (`yoto serve --pose-model`, `yoto worker --pose-model`)";
 
 /// Checks that the files can be a capture together; a film alone where there are `films`.
