@@ -5,6 +5,7 @@ use crate::clock::{Clock, SystemClock};
 use crate::error::ServerError;
 use crate::faults::Faults;
 use crate::otlp::OtlpConfig;
+use crate::sign_in::OidcConfig;
 use crate::store::PostgresUrl;
 use crate::traffic::TrafficLimits;
 use std::path::PathBuf;
@@ -59,6 +60,8 @@ pub struct ServerConfig {
     pub otlp: Option<OtlpConfig>,
     /// Sites whose pages may make calls with a key, `https://app.example.org`.
     pub allow_origins: Vec<String>,
+    /// An issuer by which people sign in. With one, callers are asked for a key also before there is any.
+    pub oidc: Option<OidcConfig>,
     /// Whether webhooks may lead to this machine and to private networks, also without TLS.
     pub private_webhooks: bool,
     /// Injected faults, for tests of the service.
@@ -168,6 +171,7 @@ impl ServerConfig {
             traffic: TrafficLimits::default(),
             otlp: None,
             allow_origins: Vec::new(),
+            oidc: None,
             private_webhooks: false,
             faults: None,
         }
@@ -204,6 +208,9 @@ impl ServerConfig {
         if self.upload.part_bytes == 0 || self.upload.part_bytes > limits::FILE_BYTES {
             let message = "upload.part_bytes must be above 0, and no more than a file".to_owned();
             return Err(ServerError::Config(message));
+        }
+        if let Some(oidc) = &self.oidc {
+            oidc.check()?;
         }
         if self.max_lost_workers == 0 {
             return Err(ServerError::Config(

@@ -12,6 +12,7 @@ use crate::error::ServerError;
 use crate::faults::FaultLayer;
 use crate::health::{self, Health};
 use crate::http;
+use crate::sign_in;
 use crate::traffic::{Traffic, TrafficLayer};
 use futures::{Stream, StreamExt};
 use std::future::Future;
@@ -94,7 +95,10 @@ async fn routes(
     let router = router.layer(recorded());
     let calls = http::transcoding::routes(router.clone(), context());
     let pages = dashboard::routes(context(), drain(), calls.clone()).layer(recorded());
-    let router = router.merge(pages).merge(calls);
+    let router = router
+        .merge(pages)
+        .merge(calls)
+        .merge(sign_in::routes(context()));
     *routes.axum_router_mut() = http::pages(router, context());
     Ok((routes, reporter))
 }
@@ -113,7 +117,10 @@ where
     IE: Into<Box<dyn std::error::Error + Send + Sync>>,
 {
     let drain = context.stop.child_token();
-    if admission == Admission::Nobody && !context.keys.current(&context.store).await?.any() {
+    if admission == Admission::Nobody
+        && context.config.oidc.is_none()
+        && !context.keys.current(&context.store).await?.any()
+    {
         tracing::warn!(
             "the service has no key yet, so nobody can call it: `yoto key create` makes one on this host, with --data or --database"
         );

@@ -26,8 +26,8 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
-    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, OtlpConfig,
-    PostgresUrl, ServerConfig, ServerError, StorageLimits, TlsFiles, in_memory,
+    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, OidcConfig,
+    OtlpConfig, PostgresUrl, ServerConfig, ServerError, StorageLimits, TlsFiles, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -70,6 +70,8 @@ pub struct EmbeddedOptions {
     pub allow_origins: Vec<String>,
     /// Whether webhooks may lead to this machine and to private networks.
     pub private_webhooks: bool,
+    /// An issuer by which people sign in.
+    pub oidc: Option<OidcConfig>,
     /// How long clients can read an object of a remote store by a signed URL, if they get URLs at all.
     pub signed_urls: Option<Duration>,
     /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
@@ -128,6 +130,7 @@ impl Embedded {
             require_consent: options.require_consent,
             allow_origins: options.allow_origins,
             private_webhooks: options.private_webhooks,
+            oidc: options.oidc,
             signed_urls: options.signed_urls,
             ..ServerConfig::new(&options.data)
         };
@@ -339,6 +342,7 @@ mod tests {
             require_consent: false,
             allow_origins: Vec::new(),
             private_webhooks: false,
+            oidc: None,
             signed_urls: None,
             scratch: None,
             drain: Duration::ZERO,

@@ -10,9 +10,9 @@ use anyhow::Context;
 use clap::Args;
 use clap::builder::BoolishValueParser;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
-use yoto_server::StorageLimits;
+use yoto_server::{OidcConfig, StorageLimits};
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
@@ -83,6 +83,10 @@ pub(crate) struct Serve {
         value_delimiter = ','
     )]
     allow_origins: Vec<String>,
+    /// Let people sign in to the dashboard at an issuer of OpenID Connect: a file in TOML that names the issuer, and who may do what
+    /// (docs/security.md). Callers are then asked for a key also before there is one.
+    #[arg(long, env = "YOTO_OIDC", value_name = "FILE")]
+    oidc: Option<PathBuf>,
     /// Allow webhooks (`yoto webhook`) that lead to this machine or to a private network, also without TLS. Whoever has a key can then
     /// make the service send requests there.
     #[arg(long, env = "YOTO_PRIVATE_WEBHOOKS", value_parser = BoolishValueParser::new())]
@@ -180,6 +184,15 @@ impl Storage {
     }
 }
 
+/// The settings of an issuer.
+fn oidc(path: &Path) -> anyhow::Result<OidcConfig> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    let config: OidcConfig =
+        toml::from_str(&text).with_context(|| format!("--oidc {}", path.display()))?;
+    Ok(config.in_folder(path.parent().unwrap_or(Path::new(""))))
+}
+
 fn bytes(gib: f64) -> u64 {
     (gib * (1_u64 << 30) as f64) as u64
 }
@@ -219,6 +232,7 @@ impl Serve {
             require_consent: self.require_consent,
             allow_origins: self.allow_origins,
             private_webhooks: self.private_webhooks,
+            oidc: self.oidc.as_deref().map(oidc).transpose()?,
             signed_urls: self.signed_urls.life(),
             scratch: self.scratch,
             drain,

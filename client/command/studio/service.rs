@@ -33,6 +33,7 @@ pub async fn with_service<T>(
         require_consent: false,
         allow_origins: Vec::new(),
         private_webhooks: false,
+        oidc: None,
         signed_urls: None,
         scratch: None,
         drain: std::time::Duration::ZERO,

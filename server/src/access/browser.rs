@@ -10,7 +10,7 @@ use crate::error::RequestError;
 use std::net::IpAddr;
 use tonic::codegen::http::header::{HOST, ORIGIN};
 use tonic::codegen::http::uri::Authority;
-use tonic::codegen::http::{HeaderMap, Uri};
+use tonic::codegen::http::{HeaderMap, Method, Uri};
 use yoto_proto::v1::ErrorReason;
 
 const SITE: &str = "sec-fetch-site";
@@ -47,6 +47,16 @@ pub fn check(uri: &Uri, headers: &HeaderMap, on_loopback: bool) -> Result<(), Re
         true => Err(refused("a page of another site calls the service")),
         false => Ok(()),
     }
+}
+
+/// Whether a browser asks for a page to show it by itself, as after a click on a link in another site: that site sees nothing of it,
+/// and asking for a page changes nothing.
+pub fn shows_page(method: &Method, headers: &HeaderMap) -> bool {
+    let says = |name: &str, value: &str| headers.get(name).is_some_and(|it| it == value);
+    method == Method::GET
+        && says("sec-fetch-mode", "navigate")
+        && says("sec-fetch-dest", "document")
+        && !headers.contains_key(ORIGIN)
 }
 
 fn refused(message: &str) -> RequestError {

@@ -2,10 +2,12 @@
 
 use super::browser;
 use crate::error::RequestError;
+use crate::sign_in::session_of;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use tonic::body::Body;
-use tonic::codegen::http::{HeaderMap, Request, Uri};
+use tonic::codegen::http::header::COOKIE;
+use tonic::codegen::http::{HeaderMap, Method, Request, Uri};
 use yoto_proto::key::{HEADER, SCHEME, is_key};
 
 /// What a browser has before user name and password (RFC 7617).
@@ -13,6 +15,7 @@ const BASIC: &str = "Basic ";
 
 /// What of a call says who makes it.
 pub struct Head {
+    pub method: Method,
     pub uri: Uri,
     pub headers: HeaderMap,
     pub key: Option<Sent>,
@@ -22,8 +25,8 @@ pub struct Head {
 pub enum Sent {
     /// By a program, which chose to send it.
     Chosen(String),
-    /// By a browser, as the password of a user of any name. It sends it with every request to this service, also for pages of
-    /// other sites.
+    /// By a browser, in the cookie of a session or as the password of a user of any name. It sends it with every request to this
+    /// service, also for pages of other sites.
     Kept(String),
 }
 
@@ -36,7 +39,9 @@ impl Sent {
         match self {
             Self::Chosen(key) => Ok(key),
             Self::Kept(key) => {
-                browser::check(&head.uri, &head.headers, false)?;
+                if !browser::shows_page(&head.method, &head.headers) {
+                    browser::check(&head.uri, &head.headers, false)?;
+                }
                 Ok(key)
             }
         }
@@ -44,15 +49,21 @@ impl Sent {
 }
 
 impl Head {
-    /// Takes the key out of the request: nothing behind the layer needs it, or can log it. For a `page`, it can be a
+    /// Takes the key out of the request: nothing behind the layer needs it, or can log it. For a `page`, it can be in a cookie, or a
     /// password.
     pub fn of(request: &mut Request<Body>, page: bool) -> Self {
         let sent = request.headers_mut().remove(HEADER);
-        let key = sent
+        let chosen = sent
             .as_ref()
             .and_then(|it| it.to_str().ok())
             .map(|text| sent_as(text, page));
+        let session = page.then(|| session_of(request.headers())).flatten();
+        if page {
+            request.headers_mut().remove(COOKIE);
+        }
+        let key = chosen.or_else(|| session.as_deref().map(own).map(Sent::Kept));
         Self {
+            method: request.method().clone(),
             uri: request.uri().clone(),
             headers: request.headers().clone(),
             key,
@@ -66,13 +77,16 @@ fn sent_as(text: &str, page: bool) -> Sent {
         let (found, rest) = text.split_at_checked(scheme.len())?;
         found.eq_ignore_ascii_case(scheme).then_some(rest)
     };
-    let own = |key: &str| match is_key(key) {
-        true => key.to_owned(),
-        false => String::new(),
-    };
     match behind(BASIC).filter(|_| page) {
         Some(encoded) => Sent::Kept(password(encoded).as_deref().map(own).unwrap_or_default()),
         None => Sent::Chosen(behind(SCHEME).map(own).unwrap_or_default()),
+    }
+}
+
+fn own(key: &str) -> String {
+    match is_key(key) {
+        true => key.to_owned(),
+        false => String::new(),
     }
 }
 

@@ -35,7 +35,7 @@ pub fn ended(context: Arc<Context>, admission: Admission, sha256: Option<String>
             };
             let still = match &sha256 {
                 Some(sha256) => keys.find(sha256).map(drop),
-                None => admission.without_key(&keys),
+                None => admission.without_key(&keys, context.config.oidc.is_some()),
             };
             if let Err(error) = still {
                 return error.into();

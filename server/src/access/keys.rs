@@ -34,8 +34,14 @@ impl Keys {
         !self.rows.is_empty()
     }
 
-    fn now(&self) -> f64 {
+    /// The time of the database, seconds since 1970.
+    pub fn now(&self) -> f64 {
         self.time + self.read.elapsed().as_secs_f64()
+    }
+
+    /// Whether the key with this id is that of a session.
+    pub fn is_session(&self, id: &str) -> bool {
+        self.rows.values().any(|it| it.id == id && it.session)
     }
 
     /// The key with this SHA-256.
@@ -155,6 +161,7 @@ mod tests {
             used_time: None,
             revoked,
             calls_per_second: None,
+            session: false,
         };
         let rows = [
             row("good", Some(1000.0), false),

@@ -9,14 +9,15 @@ use crate::context::Context;
 use crate::error::RequestError;
 use crate::http::{self, is_grpc, transcoding};
 use crate::methods::is_unary;
+use crate::sign_in::{self, OidcConfig};
 use crate::store::KeyRow;
 use crate::tenant::Tenant;
 use futures::future::BoxFuture;
 use std::sync::Arc;
 use std::task::{self, Poll};
-use tonic::Status;
 use tonic::body::Body;
-use tonic::codegen::http::{Request, Response};
+use tonic::codegen::http::{Method, Request, Response};
+use tonic::{Code, Status};
 use tower::{Layer, Service};
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ErrorReason, Scope};
@@ -89,10 +90,14 @@ impl Form {
     }
 
     /// The answer to a caller who may not call.
-    fn refusal(self, status: &Status) -> Response<Body> {
+    ///
+    /// `to` is the page that is shown after a sign-in.
+    fn refusal(self, status: &Status, oidc: Option<&OidcConfig>, to: &str) -> Response<Body> {
         match self {
             Self::Json => transcoding::refusal(status).map(Body::new),
-            Self::Page => http::sign_in(status),
+            Self::Page if status.code() == Code::Unauthenticated => {
+                sign_in::asked(oidc, to, status.message()).map(Body::new)
+            }
             _ => http::refusal(status, self == Self::Grpc),
         }
     }
@@ -102,14 +107,14 @@ impl Form {
 type Admitted = (Caller, Option<String>);
 
 impl Admission {
-    /// Admits a caller without a key.
+    /// Admits a caller without a key; where people sign in at an issuer (`oidc`), as if the service had keys.
     ///
     /// # Errors
     /// When a key is asked for.
-    pub(super) fn without_key(&self, keys: &Keys) -> Result<(), RequestError> {
+    pub(super) fn without_key(&self, keys: &Keys, oidc: bool) -> Result<(), RequestError> {
         let admitted = match self {
             Self::Process(_) => true,
-            Self::Machine | Self::Anyone => !keys.any(),
+            Self::Machine | Self::Anyone => !keys.any() && !oidc,
             Self::Nobody => false,
         };
         match admitted {
@@ -128,11 +133,12 @@ impl AccessLayer {
         if let Admission::Process(tenant) = &self.admission {
             return Ok((Caller::trusted(tenant.clone()), None));
         }
+        let oidc = self.context.config.oidc.is_some();
         let keys = self.context.keys.current(&self.context.store).await?;
         let key = match &request.key {
-            Some(key) if keys.any() => key.of_caller(request)?,
+            Some(key) if keys.any() || oidc => key.of_caller(request)?,
             _ => {
-                self.admission.without_key(&keys)?;
+                self.admission.without_key(&keys, oidc)?;
                 let on_loopback = self.admission == Admission::Machine;
                 browser::check(&request.uri, &request.headers, on_loopback)?;
                 return Ok((Caller::trusted(Tenant::default()), None));
@@ -229,6 +235,11 @@ where
         let mut inner = std::mem::replace(&mut self.inner, next);
         Box::pin(async move {
             let form = Form::of(&request);
+            // A form is not sent again after a sign-in.
+            let to = match (form, request.uri().path_and_query()) {
+                (Form::Page, Some(page)) if request.method() == Method::GET => page.to_string(),
+                _ => String::new(),
+            };
             let head = Head::of(&mut request, matches!(form, Form::Page | Form::Script));
             let path = request.uri().path();
             let rule = match rules::of_request(request.method(), path) {
@@ -243,7 +254,10 @@ where
             };
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,
-                Err(error) => return Ok(form.refusal(&error.into())),
+                Err(error) => {
+                    let oidc = access.context.config.oidc.as_ref();
+                    return Ok(form.refusal(&error.into(), oidc, &to));
+                }
             };
             request.extensions_mut().insert(caller.tenant.clone());
             request.extensions_mut().insert(caller);
@@ -266,6 +280,6 @@ async fn until<E>(
 ) -> Result<Response<Body>, E> {
     tokio::select! {
         answer = answer => Ok(answer?.map(|body| Body::new(Guarded::new(body, ended)))),
-        status = &mut ended => Ok(form.refusal(&status)),
+        status = &mut ended => Ok(form.refusal(&status, None, "")),
     }
 }

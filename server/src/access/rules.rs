@@ -1,6 +1,7 @@
 //! What each path needs, by the options of the contract's calls and the rules of the pages.
 
 use crate::http::transcoding::{self, Needed};
+use crate::sign_in;
 use axum::http;
 use prost::Message;
 use std::collections::HashMap;
@@ -43,7 +44,7 @@ const PAGES: [(&str, Rule); 3] = [
 ];
 
 /// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 31] = [
+const DASHBOARD: [(&str, &str); 32] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),
     ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
@@ -92,6 +93,7 @@ const DASHBOARD: [(&str, &str); 31] = [
     ("/workers/cordon", "/yoto.v1.StatusService/CordonWorker"),
     ("/workers/uncordon", "/yoto.v1.StatusService/UncordonWorker"),
     ("/service", "/yoto.v1.StatusService/GetStatus"),
+    ("/sign-out", "/yoto.v1.StatusService/GetStatus"),
     (EVENTS, "/yoto.v1.JobService/WatchJobs"),
 ];
 /// The page whose answer is a stream.
@@ -210,6 +212,7 @@ fn all() -> HashMap<String, Rule> {
         rules.insert(path, Rule::Open);
     }
     rules.extend(REFLECTION.map(|path| (path.to_owned(), Rule::Key)));
+    rules.extend(sign_in::OPEN.map(|path| (path.to_owned(), Rule::Open)));
     rules.extend(PAGES.map(|(path, rule)| (path.to_owned(), rule)));
     rules
 }

@@ -90,6 +90,7 @@ pub fn new_key(request: &CreateKeyRequest) -> Result<(NewKey, String), RequestEr
         sha256: yoto_proto::sha256_hex(secret.as_bytes()),
         scopes,
         expire_time: end.map(|it| it.seconds as f64 + f64::from(it.nanos) * 1e-9),
+        session: false,
     };
     Ok((new, secret))
 }

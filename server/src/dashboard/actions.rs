@@ -52,6 +52,16 @@ pub async fn sent(asker: &Asker, headers: &HeaderMap, body: Body) -> Result<Fiel
     token::checked(&asker.token()?, headers, body).await
 }
 
+/// `/sign-out`: ends the session.
+pub async fn sign_out(asker: Asker, headers: HeaderMap, body: Body) -> Result<Response, Fault> {
+    sent(&asker, &headers, body).await?;
+    if let Some(key) = asker.key() {
+        let ended = crate::sign_in::sign_out(asker.context(), &key).await;
+        ended.map_err(Status::from)?;
+    }
+    Ok(crate::sign_in::signed_out())
+}
+
 /// The id of the request that a form makes.
 pub fn request_of(form: &Fields) -> String {
     form.get(REQUEST).to_owned()

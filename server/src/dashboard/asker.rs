@@ -1,6 +1,7 @@
 //! Who asks for a page, and the calls made for them.
 
 use super::token;
+use crate::access::Caller;
 use crate::api::{JobApi, ModelApi, ObjectApi, ShareApi, StatusApi, SubjectApi, TenantApi};
 use crate::context::Context;
 use crate::tenant::Tenant;
@@ -79,6 +80,12 @@ impl Asker {
     /// The shared parts, for what is told to everybody: the health and the last collection.
     pub fn context(&self) -> &Arc<Context> {
         &self.site.context
+    }
+
+    /// The id of the asker's key; none if no key is asked for.
+    pub fn key(&self) -> Option<String> {
+        let caller = Caller::of(&self.request(())).ok()?;
+        caller.key().map(str::to_owned)
     }
 
     /// The service's time, seconds since 1970.

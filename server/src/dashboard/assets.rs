@@ -51,6 +51,7 @@ pub static UPLOAD: LazyLock<Asset> = LazyLock::new(|| {
     let text = concat!(
         include_str!("assets/upload/sha256.js"),
         include_str!("assets/upload/capture.js"),
+        include_str!("assets/upload/pack.js"),
         include_str!("assets/upload/upload.js"),
     );
     Asset::new("upload.js", "text/javascript; charset=utf-8", text)

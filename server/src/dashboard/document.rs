@@ -1,6 +1,7 @@
 //! The document around what a page shows.
 
 use super::assets::{BUILD, ICON, SCRIPT, STYLE};
+use super::headers::secure;
 use axum::response::{IntoResponse, Response};
 use maud::{DOCTYPE, Markup, html};
 
@@ -28,15 +29,21 @@ const PARTS: [(&str, &str); 6] = [
 ///
 /// The script compares elements at the same place. So a part of `body` that comes and goes stands in an element that stays.
 pub fn live(title: &str, part: &str, events: &str, body: Markup) -> Page {
-    document(title, part, Some(events), body)
+    document(title, Some(part), Some(events), body)
 }
 
 /// A page that stays as it is.
 pub fn still(title: &str, body: Markup) -> Page {
-    document(title, "", None, body)
+    document(title, Some(""), None, body)
 }
 
-fn document(title: &str, part: &str, events: Option<&str>, body: Markup) -> Page {
+/// A page for somebody who may see no other one.
+pub fn outside(title: &str, body: Markup) -> Response {
+    secure(document(title, None, None, body).into_response())
+}
+
+/// `part` is the path of the part of the navigation; none without a navigation.
+fn document(title: &str, part: Option<&str>, events: Option<&str>, body: Markup) -> Page {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -57,12 +64,12 @@ fn document(title: &str, part: &str, events: Option<&str>, body: Markup) -> Page
                 a .skip href="#main" { "Skip to the content" }
                 header {
                     a .brand href="/" { "yoto" }
-                    nav aria-label="Parts" {
+                    @if let Some(part) = part { nav aria-label="Parts" {
                         @for (name, path) in PARTS {
                             @let current = (path == part).then_some("page");
                             a href=(path) aria-current=[current] { (name) }
                         }
-                    }
+                    } }
                     span #live hidden {}
                 }
                 p #notice role="status" hidden {}

@@ -48,7 +48,10 @@ mod usage;
 mod words;
 mod workers;
 
+pub use document::outside;
 pub use files::{EMBEDDED_PLAYER, Kind, LONE_PLAYER};
+pub use query::Fields;
+pub use token::is_of_other_site;
 
 use crate::context::Context;
 use axum::Router;
@@ -95,6 +98,7 @@ pub fn routes(context: Arc<Context>, drain: CancellationToken, calls: Router) ->
         .route("/workers/cordon", post(actions::cordon))
         .route("/workers/uncordon", post(actions::uncordon))
         .route("/service", get(service::page))
+        .route("/sign-out", post(actions::sign_out))
         .route("/events", get(events::stream))
         .route("/assets/{file}", get(assets::file))
         .layer(map_response(headers::secured))

@@ -55,8 +55,8 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let checkpoints = checkpoints_of(&asker, &resource).await?;
     let people = people(&asker, &model).await?;
     let cards = cards(&asker, &model, &people).await?;
-    let orders = orders::forms(&asker, &model, &people)?;
     let player = player(&asker, &resource).await?;
+    let orders = orders::forms(&asker, &model, &people, player.is_some())?;
     let pictures = newest_pictures(&asker, &resource).await?;
     let tradeoff = tradeoff::of(&asker, &checkpoints).await?;
     let now = asker.now();
@@ -92,7 +92,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         div #curves { @if curves::any(&curve) { h2 { "Curves" } (curves::curves(&curve)) } }
         h2 { "People" }
         div #people { (cards) }
-        div #player { (player) }
+        div #player { @if let Some(player) = player { (player) } }
         div #pictures { (pictures) }
         div #tradeoff { (tradeoff) }
         h2 { "Checkpoints" }
@@ -181,7 +181,7 @@ async fn cards(asker: &Asker, model: &Model, people: &[(Subject, bool)]) -> Resu
 }
 
 /// The player of the newest export that has one.
-async fn player(asker: &Asker, model: &str) -> Result<Markup, Status> {
+async fn player(asker: &Asker, model: &str) -> Result<Option<Markup>, Status> {
     let exports = of_model(
         asker,
         model,
@@ -193,13 +193,13 @@ async fn player(asker: &Asker, model: &str) -> Result<Markup, Status> {
         let files = files(asker, &export.name).await?;
         let id = export.name.trim_start_matches("jobs/");
         if let Some(file) = files.iter().find(|it| Kind::of(&it.file) == Kind::Player) {
-            return Ok(html! {
+            return Ok(Some(html! {
                 h2 { a href=(page_of(&export.name)) { "Player" } }
                 (frame(id, &file.file))
-            });
+            }));
         }
     }
-    Ok(html! {})
+    Ok(None)
 }
 
 /// Pictures of the newest render.

@@ -30,11 +30,17 @@ const LARGEST: u32 = 2048;
 /// Level of the background, on which a shadow shows.
 const WALL: f32 = 0.85;
 
-/// The forms of a model with these people; the flag of each says whether the model was trained with them.
+/// The forms of a model with these people; the flag of each says whether the model was trained with them. `plays` says whether the
+/// page has a player, whose camera becomes that of a film.
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn forms(asker: &Asker, model: &Model, people: &[(Subject, bool)]) -> Result<Markup, Status> {
+pub fn forms(
+    asker: &Asker,
+    model: &Model,
+    people: &[(Subject, bool)],
+    plays: bool,
+) -> Result<Markup, Status> {
     let path = page_of(&model.name);
     let trained: Vec<&Subject> = people.iter().filter(|it| it.1).map(|it| &it.0).collect();
     Ok(html! {
@@ -51,6 +57,7 @@ pub fn forms(asker: &Asker, model: &Model, people: &[(Subject, bool)]) -> Result
             details #film .act {
                 summary { "Render a film…" }
                 p { "A person moves as they were filmed, or as somebody else was, before a camera of yours." }
+                p #camera { @if plays { "Drag the player on this page: the camera of the film follows." } }
                 (form(asker, &format!("{path}/film"), &[], html! {
                     label { "Person " (choice("subject", trained.iter().copied(), None)) }
                     label { "Motion of " (choice("driver", people.iter().map(|it| &it.0), Some("the person's own capture"))) }

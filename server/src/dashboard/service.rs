@@ -1,12 +1,15 @@
 //! The service itself: version, health, queue, storage, usage and limits.
 
+use super::actions;
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::usage;
 use super::words::{ago, badge, bytes, kind_word, name, span, told, whole};
+use crate::error::RequestError;
 use crate::metrics::METRICS;
 use maud::{Markup, html};
+use tonic::Status;
 use yoto_proto::v1::status_service_server::StatusService;
 use yoto_proto::v1::tenant_service_server::TenantService;
 use yoto_proto::v1::{
@@ -27,6 +30,7 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
         .tenants()
         .get_usage(asker.request(GetUsageRequest::default()));
     let usage = usage.await?.into_inner();
+    let signed_in = signed_in(&asker).await?;
     let faults = asker.context().health.borrow().faults();
     let now = asker.now();
     let body = html! {
@@ -43,6 +47,7 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
             div { dt { "Queued" } dd { (status.queued) } }
             div { dt { "Active workers" } dd { (status.workers.len()) } }
         }
+        div #signed-in { (signed_in) }
         h2 { "Storage" }
         (storage(&asker, &status, &limits, now))
         (usage::table(&usage))
@@ -50,6 +55,27 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
         (limits_table(&limits))
     };
     Ok(document::live("Service", "/service", "", body))
+}
+
+/// Who looks, and the button by which they sign out. Empty where no key is asked for.
+async fn signed_in(asker: &Asker) -> Result<Markup, Fault> {
+    let Some(id) = asker.key() else {
+        return Ok(html! {});
+    };
+    let key = asker.context().store.key(&id).await;
+    let key = key.map_err(|error| Status::from(RequestError::from(error)))?;
+    let now = asker.now();
+    let end = key.expire_time.as_ref().map(|it| it.seconds as f64 - now);
+    let leave = actions::form(asker, "/sign-out", &[], html! { button { "Sign out" } })?;
+    Ok(html! {
+        h2 { "You" }
+        dl .facts {
+            div { dt { "Key" } dd { (told(&key.display_name)) } }
+            div { dt { "Tenant" } dd { (told(&key.tenant)) } }
+            div { dt { "Ends" } dd { @match end { Some(left) => { "in " (span(left)) }, None => "never by itself" } } }
+        }
+        (leave)
+    })
 }
 
 /// What keeps jobs from being taken.

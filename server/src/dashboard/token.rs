@@ -33,7 +33,7 @@ pub fn of(store_id: &str, tenant: &Tenant) -> String {
 /// When it has no token, or the browser says that another site sends it.
 pub fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> {
     let refused = |words: &str| Err(Fault::of(StatusCode::FORBIDDEN, words));
-    if headers.get(SITE).is_some_and(|it| it != "same-origin") {
+    if is_of_other_site(headers) {
         return refused("another site's page has sent this");
     }
     let sent = headers.get(HEADER).map_or(&b""[..], |it| it.as_bytes());
@@ -41,6 +41,11 @@ pub fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> 
         return refused("this has no token of this service: reload the page and try again");
     }
     Ok(())
+}
+
+/// Whether the browser says that another site's page has sent a request.
+pub fn is_of_other_site(headers: &HeaderMap) -> bool {
+    headers.get(SITE).is_some_and(|it| it != "same-origin")
 }
 
 /// Whether `sent` is the token. Digests are compared: the time of it tells nothing that would help to guess the token.
@@ -61,7 +66,7 @@ pub async fn checked(token: &str, headers: &HeaderMap, body: Body) -> Result<Fie
     if !is_form {
         return refused("only a form of this page can ask for this");
     }
-    if headers.get(SITE).is_some_and(|it| it != "same-origin") {
+    if is_of_other_site(headers) {
         return refused("another site's page has sent this form");
     }
     let Ok(body) = to_bytes(body, LONGEST).await else {

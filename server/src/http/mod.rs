@@ -53,20 +53,12 @@ pub fn unknown(grpc: bool) -> Response<Body> {
 pub fn refusal(status: &Status, grpc: bool) -> Response<Body> {
     match grpc {
         true => status.clone().into_http(),
-        false => refused(status, "Bearer"),
+        false => refused(status),
     }
 }
 
-/// The answer to somebody who may not see a page for people: a browser asks for a key as a password.
-pub fn sign_in(status: &Status) -> Response<Body> {
-    refused(
-        status,
-        "Basic realm=\"yoto: any name, and a key as the password\", charset=\"UTF-8\"",
-    )
-}
-
-/// A refusal in one line. Who has no key is told the `scheme` to send it by.
-fn refused(status: &Status, scheme: &'static str) -> Response<Body> {
+/// A refusal in one line.
+fn refused(status: &Status) -> Response<Body> {
     let code = match status.code() {
         Code::Unauthenticated => StatusCode::UNAUTHORIZED,
         Code::PermissionDenied => StatusCode::FORBIDDEN,
@@ -74,7 +66,7 @@ fn refused(status: &Status, scheme: &'static str) -> Response<Body> {
     };
     let mut refused = text(code, status.message());
     if code == StatusCode::UNAUTHORIZED {
-        let scheme = HeaderValue::from_static(scheme);
+        let scheme = HeaderValue::from_static("Bearer");
         refused.headers_mut().insert(WWW_AUTHENTICATE, scheme);
     }
     refused

@@ -269,6 +269,8 @@ pub struct NewKey {
     pub scopes: Vec<Scope>,
     /// When it ends, seconds since 1970; none: never.
     pub expire_time: Option<f64>,
+    /// Whether the service makes it for somebody who signs in.
+    pub session: bool,
 }
 
 /// A link that is made.
@@ -336,6 +338,8 @@ pub struct KeyRow {
     pub revoked: bool,
     /// Calls per second of its tenant; none: no limit.
     pub calls_per_second: Option<f64>,
+    /// Whether the service has made it for somebody who has signed in.
+    pub session: bool,
 }
 
 /// A file that was uploaded and written to the object store.

@@ -4,13 +4,12 @@ use super::address::{AddressError, check_url, resolved};
 use super::signature::sign;
 use crate::api::public_job;
 use crate::http::transcoding::json_of;
+use crate::outgoing;
 use crate::store::DueDelivery;
 use reqwest::header::CONTENT_TYPE;
 use reqwest::{Client, redirect};
-use rustls::crypto::ring::default_provider;
-use rustls::{ClientConfig, RootCertStore};
+use rustls::ClientConfig;
 use serde_json::{Value, json};
-use std::sync::Arc;
 use std::time::Duration;
 use thiserror::Error;
 
@@ -53,19 +52,15 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Trusts whom the system trusts. `private` allows addresses of this machine and of private networks, and HTTP without TLS.
+    /// `private` allows addresses of this machine and of private networks, and HTTP without TLS.
     ///
     /// # Errors
     /// When TLS can't be used.
     pub fn new(private: bool) -> Result<Self, SendError> {
-        let mut roots = RootCertStore::empty();
-        // Those that can't be read or used are left out, as by other programs.
-        roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
-        let tls = ClientConfig::builder_with_provider(Arc::new(default_provider()))
-            .with_safe_default_protocol_versions()?
-            .with_root_certificates(roots)
-            .with_no_client_auth();
-        Ok(Self { private, tls })
+        Ok(Self {
+            private,
+            tls: outgoing::tls()?,
+        })
     }
 
     /// Makes one attempt.

@@ -94,6 +94,15 @@
     if (!(event.repeat && event.key === " ")) action();
   });
 
+  // A page around this one can order a film by the camera here: degrees to the right of the person's front, and above the ground.
+  if (parent !== window) {
+    const degrees = (x) => (180 / Math.PI) * x;
+    state.turned = () => {
+      const azimuth = degrees(Math.atan2(Math.sin(state.turn), Math.cos(state.turn)));
+      parent.postMessage({ yoto: "camera", azimuth, elevation: degrees(state.tilt) }, "*");
+    };
+  }
+
   // For scripts.
   window.yoto = { hold: player.hold, release: player.release };
   play(player.clips[0].seconds > 0);

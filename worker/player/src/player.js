@@ -416,8 +416,10 @@ function createPlayer(canvas, person) {
   }
 
   const change = (values) => Object.assign(state, values, { changed: true });
-  const turnBy = (x, y) =>
+  const turnBy = (x, y) => {
     change({ turn: state.turn + x, tilt: Math.min(1.5, Math.max(-1.5, state.tilt + y)) });
+    state.turned?.();
+  };
   const zoomBy = (factor) =>
     change({ distance: Math.min(12, Math.max(0.6, state.distance * factor)) });
   const pointers = new Map();

@@ -140,6 +140,17 @@
     source.addEventListener("error", lost);
   };
 
+  // The camera of a player in the page becomes that of the film that is being ordered.
+  addEventListener("message", ({ data, source }) => {
+    const film = document.querySelector("#film[open] form");
+    const own = [...document.querySelectorAll("iframe.player")].some((it) => it.contentWindow === source);
+    if (!film || !own || data?.yoto !== "camera") return;
+    for (const name of ["azimuth", "elevation"]) {
+      const field = film.elements[name];
+      if (Number.isFinite(data[name])) field.value = Math.min(field.max, Math.max(field.min, Math.round(data[name])));
+    }
+  });
+
   // A page that nobody sees keeps no connection: browsers have only a few for one service.
   document.addEventListener("visibilitychange", () => {
     if (document.hidden) close();

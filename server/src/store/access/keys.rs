@@ -24,6 +24,11 @@ impl Store {
         keys::list(&mut self.db.read().await?, tenant, page).await
     }
 
+    /// A key of any tenant.
+    pub async fn key(&self, id: &str) -> Result<Key, StoreError> {
+        keys::get(&mut self.db.read().await?, None, id).await
+    }
+
     /// Revokes a key of the tenant; without one, of any.
     pub async fn revoke_key(&self, tenant: Option<&Tenant>, id: &str) -> Result<Key, StoreError> {
         transaction!(self, |tx| keys::revoke(tx, tenant, id))

@@ -7,14 +7,17 @@ use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Key, Scope};
 
+/// A day, seconds.
+const DAY: f64 = 86_400.0;
+
 /// Adds a key.
 pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, StoreError> {
     let id = new_id();
     let names: Vec<&str> = new.scopes.iter().map(Scope::as_str_name).collect();
     let now = tx.now();
     sql(
-        "INSERT INTO keys (id, tenant, display_name, sha256, scopes, create_time, expire_time)
-         VALUES ($1, $2, $3, $4, $5, $6, $7)",
+        "INSERT INTO keys (id, tenant, display_name, sha256, scopes, create_time, expire_time, session)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8)",
     )
     .bind(&id)
     .bind(tenant.id())
@@ -23,6 +26,7 @@ pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, S
     .bind(names.join(" "))
     .bind(now)
     .bind(new.expire_time)
+    .bind(new.session)
     .execute(tx, "creating a key")
     .await?;
     Ok(Key {
@@ -37,12 +41,16 @@ pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, S
     })
 }
 
-/// All keys, for the check of each call.
+/// All keys, for the check of each call. Of sessions that ended a day ago, only the newest key: a service that ever had one asks for
+/// one.
 pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
     let rows = sql(
-        "SELECT k.id, k.tenant, k.sha256, k.scopes, k.expire_time, k.used_time, k.revoke_time, q.calls_per_second
-         FROM keys k LEFT JOIN quotas q ON q.tenant = k.tenant",
+        "SELECT k.id, k.tenant, k.sha256, k.scopes, k.expire_time, k.used_time, k.revoke_time, k.session,
+             q.calls_per_second
+         FROM keys k LEFT JOIN quotas q ON q.tenant = k.tenant
+         WHERE k.session = 0 OR k.expire_time > $1 OR k.ord = (SELECT max(ord) FROM keys)",
     )
+    .bind(tx.now() - DAY)
     .rows(tx, "reading the keys")
     .await?;
     rows.iter()
@@ -56,6 +64,7 @@ pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
                 used_time: row.real("used_time")?,
                 revoked: row.real("revoke_time")?.is_some(),
                 calls_per_second: row.real("calls_per_second")?,
+                session: row.flag("session")?,
             })
         })
         .collect()
@@ -81,6 +90,11 @@ pub async fn revoke(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Ke
     .bind(tx.now())
     .execute(tx, "revoking a key")
     .await?;
+    get(tx, tenant, id).await
+}
+
+/// A key of the tenant, or of any tenant.
+pub async fn get(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Key, StoreError> {
     let row = sql("SELECT * FROM keys WHERE id = $1 AND ($2 IS NULL OR tenant = $2)")
         .bind(id)
         .bind(tenant.map(Tenant::id).map(str::to_owned))

@@ -1,6 +1,8 @@
 //! Who may call what: keys, their scopes and their ends, workers' keys, and browsers.
 
 mod ends;
+mod issuer;
+mod sign_in;
 mod sites;
 mod table;
 mod workers;

@@ -118,7 +118,7 @@ async fn a_browser_signs_in_to_the_dashboard_with_a_key_as_the_password() {
     let (status, text) = get(address, "/people", &[&own]).await;
     assert_eq!(status, 401);
     assert!(
-        text.to_lowercase().contains("www-authenticate: basic"),
+        text.to_lowercase().contains("www-authenticate: bearer") && text.contains("Sign in"),
         "{text}"
     );
     assert_eq!(get(address, "/assets/nothing", &[&own]).await.0, 404);

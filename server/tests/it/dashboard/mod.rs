@@ -1,6 +1,6 @@
 //! The pages for people: what they show, whom they answer, what their forms change, and how they follow changes.
 
-mod browser;
+pub mod browser;
 mod events;
 pub mod forms;
 mod report;
@@ -257,5 +257,40 @@ async fn a_player_has_an_origin_of_its_own() {
         head.contains(policy) && !head.contains("allow-same-origin"),
         "{head}"
     );
+    serving.abort();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_camera_of_a_player_becomes_that_of_the_film_that_is_ordered() {
+    let Some(mut browser) = browser::Browser::start() else {
+        return;
+    };
+    let stage = Stage::set().await;
+    let player = b"<script>
+        setInterval(() => parent.postMessage({ yoto: 'camera', azimuth: 33.4, elevation: 99 }, '*'), 20);
+    </script>";
+    stage.export("ada.html", player).await;
+    let (address, serving) = listen(&stage.service).await;
+    let page = format!("http://{address}/{}", stage.model.name);
+    let driven = tokio::task::spawn_blocking(move || {
+        let value = |field: &str| format!("document.querySelector('#film [name={field}]').value");
+        browser.call("Page.navigate", serde_json::json!({"url": page}));
+        browser
+            .until("document.readyState === 'complete' && document.querySelector('iframe.player')");
+        assert!(browser.text("#camera").contains("Drag the player"));
+        // Only of a player, and only while a film is ordered.
+        browser.of("document.querySelector('iframe.player').scrollIntoView()");
+        browser.of("new Promise((done) => setTimeout(done, 300))");
+        assert_eq!(browser.of(&value("azimuth")), "0");
+        browser.of("document.getElementById('film').open = true");
+        browser.of("postMessage({ yoto: 'camera', azimuth: 5, elevation: 5 }, '*')");
+        let followed = format!(
+            "{} === '33' && {} === '80'",
+            value("azimuth"),
+            value("elevation")
+        );
+        browser.until(&followed);
+    });
+    driven.await.expect("the page follows");
     serving.abort();
 }

@@ -26,6 +26,7 @@ pub async fn run(data: PathBuf, port: u16) -> Result<()> {
         require_consent: false,
         allow_origins: Vec::new(),
         private_webhooks: false,
+        oidc: None,
         signed_urls: None,
         storage: StorageLimits {
             min_free_bytes: 0,

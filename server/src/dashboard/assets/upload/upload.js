@@ -9,7 +9,7 @@ const box = form.parentElement, zone = form.querySelector(".drop");
 
 // Bytes of the first part. Milliseconds: of a good part, of the longest call, and of the longest pause.
 const FIRST = 1 << 20, GOOD = 2000, LONGEST = 120000, PAUSE = 30000;
-let files = new Map(), all = 0, busy = false, stopped = false, size = FIRST, failures = 0, taken = 0, kept, wake, current;
+let files = new Map(), sending = files, all = 0, busy = false, stopped = false, size = FIRST, failures = 0, taken = 0, kept, wake, current;
 
 // What others wrote is text, with hidden characters written out.
 const shown = (text) => String(text).replace(/\p{C}/gu, (it) => `\\u{${it.codePointAt(0).toString(16)}}`);
@@ -86,11 +86,20 @@ const lasting = async (work) => {
   }
 };
 
+// What is sent: the files, or an archive of them.
+const collect = async () => {
+  const pack = kept ? kept.packed : arePacked(files);
+  const failed = () => { throw new Refused(0, "A file can't be read; was it moved or changed?"); };
+  if (pack) say("Packing the files.");
+  sending = pack ? new Map([["capture.zip", await packed(files, (path, done) => { stop(); meter(done, path); }).catch(failed)]]) : files;
+  all = total(sending);
+};
+
 const begin = async () => {
   say(`Checking the files.${crypto.subtle ? "" : " This address has no TLS, so the page computes checksums by itself, which takes longer."}`);
   const listed = [];
   let done = 0;
-  for (const [path, file] of files) {
+  for (const [path, file] of sending) {
     stop();
     meter(done, path);
     const sum = await sha256(file).catch(() => { throw new Refused(0, `${path}: can't be read; was it moved or changed?`); });
@@ -102,7 +111,7 @@ const begin = async () => {
   const { name: subject } = person ? { name: `subjects/${person}` } : await lasting(made);
   try {
     const upload = await lasting(() => create("files", { subject, files: listed }, id));
-    keep({ person: idOf(subject), id: idOf(upload.name), name: name.value, files: listed.map((it) => [it.path, it.bytes]) });
+    keep({ person: idOf(subject), id: idOf(upload.name), name: name.value, packed: sending !== files, files: [...files].map(([path, it]) => [path, it.size]) });
   } catch (fault) {
     // A person without files would only be in the way.
     if (!person) await call("POST", `cancel/${idOf(subject)}`).catch(() => {});
@@ -115,7 +124,7 @@ const deliver = async () => {
   const there = new Map(state.committed.map((it) => [it.path, Number(it.bytes)]));
   let done = Number(state.committed_bytes);
   say(done ? `Sending goes on after ${mib(done)}.` : "Sending.");
-  for (const [path, file] of state.state === "OPEN" ? files : []) {
+  for (const [path, file] of state.state === "OPEN" ? sending : []) {
     for (let from = there.get(path) ?? 0, to; from < file.size; from = to) {
       meter(done, path);
       to = Math.min(file.size, from + size);
@@ -170,6 +179,7 @@ const run = async () => {
   list([]);
   set(true);
   try {
+    await collect();
     if (!kept) await begin();
     await lasting(deliver);
     const page = `/people/${kept.person}`;

@@ -36,6 +36,8 @@ pub fn migrations() -> Migrator {
         include_str!("../../../../../migrations/postgres/0036_aliases.sql").into_sql_str();
     let evidence =
         include_str!("../../../../../migrations/postgres/0037_evidence.sql").into_sql_str();
+    let sessions =
+        include_str!("../../../../../migrations/postgres/0038_sessions.sql").into_sql_str();
     let step = |version, name: &'static str, sql| {
         Migration::new(version, name.into(), MigrationType::Simple, sql, false)
     };
@@ -57,6 +59,7 @@ pub fn migrations() -> Migrator {
         step(35, "retraining", retraining),
         step(36, "aliases", aliases),
         step(37, "evidence", evidence),
+        step(38, "sessions", sessions),
     ])
 }
 

@@ -65,6 +65,8 @@ pub fn migrations() -> Migrator {
     let aliases = include_str!("../../../../../migrations/sqlite/0036_aliases.sql").into_sql_str();
     let evidence =
         include_str!("../../../../../migrations/sqlite/0037_evidence.sql").into_sql_str();
+    let sessions =
+        include_str!("../../../../../migrations/sqlite/0038_sessions.sql").into_sql_str();
     let step = |version, name: &'static str, sql, own_transaction| {
         let kind = MigrationType::Simple;
         Migration::new(version, name.into(), kind, sql, own_transaction)
@@ -106,6 +108,7 @@ pub fn migrations() -> Migrator {
         step(35, "retraining", retraining, false),
         step(36, "aliases", aliases, false),
         step(37, "evidence", evidence, false),
+        step(38, "sessions", sessions, false),
     ])
 }
 

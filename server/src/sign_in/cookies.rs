@@ -1,0 +1,159 @@
+//! Cookies: the key of a session, and what is known of somebody who is at the issuer.
+//!
+//! Scripts can't read them, and a browser sends neither with what another site's page asks for, except when a person follows a link.
+
+use axum::http::header::{COOKIE, ORIGIN};
+use axum::http::{HeaderMap, HeaderValue};
+use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+use std::time::Duration;
+
+/// The cookie of a session.
+const SESSION: &str = "yoto-session";
+/// The cookie of a sign-in that has begun.
+const BEGUN: &str = "yoto-sign-in";
+/// Time that somebody may take at the issuer.
+const AT_ISSUER: Duration = Duration::from_secs(600);
+
+/// What is known of somebody who was sent to the issuer. It stands in the browser, so that any coordinator can go on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Begun {
+    /// What the issuer sends back: nobody else's browser has begun this.
+    pub state: String,
+    /// What the ID token must contain: it was made for this sign-in.
+    pub nonce: String,
+    /// What proves to the issuer that the code is used by who has begun (PKCE).
+    pub verifier: String,
+    /// The page that was asked for.
+    pub to: String,
+}
+
+/// The key of a session.
+pub fn session_of(headers: &HeaderMap) -> Option<String> {
+    value(headers, SESSION)
+}
+
+/// Begins the session of `key`, for as long as `life`; until the browser is closed without one.
+pub fn session(key: &str, life: Option<Duration>, encrypted: bool) -> Option<HeaderValue> {
+    cookie(SESSION, key, "/", life, encrypted)
+}
+
+/// Ends the session in the browser.
+pub fn no_session() -> Option<HeaderValue> {
+    cookie(SESSION, "", "/", Some(Duration::ZERO), false)
+}
+
+impl Begun {
+    /// What an earlier answer has told the browser.
+    pub fn of(headers: &HeaderMap) -> Option<Self> {
+        let text = value(headers, BEGUN)?;
+        let mut parts = text.split('.').map(|part| {
+            let text = percent_decode_str(part).decode_utf8();
+            text.ok().map(|it| it.into_owned())
+        });
+        let mut next = || parts.next().flatten();
+        Some(Self {
+            state: next().filter(|it| !it.is_empty())?,
+            nonce: next()?,
+            verifier: next()?,
+            to: next()?,
+        })
+    }
+
+    /// Tells the browser.
+    pub fn cookie(&self, encrypted: bool) -> Option<HeaderValue> {
+        let parts = [&self.state, &self.nonce, &self.verifier, &self.to];
+        let parts = parts.map(|it| utf8_percent_encode(it, NON_ALPHANUMERIC).to_string());
+        cookie(
+            BEGUN,
+            &parts.join("."),
+            super::PAGE,
+            Some(AT_ISSUER),
+            encrypted,
+        )
+    }
+
+    /// Has the browser forget it: a code is used once.
+    pub fn over() -> Option<HeaderValue> {
+        cookie(BEGUN, "", super::PAGE, Some(Duration::ZERO), false)
+    }
+}
+
+/// Whether the page from which a form comes was encrypted on its way, perhaps by a proxy.
+pub fn is_encrypted(headers: &HeaderMap) -> bool {
+    let origin = headers.get(ORIGIN).and_then(|it| it.to_str().ok());
+    origin.is_some_and(|it| it.starts_with("https://"))
+}
+
+fn value(headers: &HeaderMap, name: &str) -> Option<String> {
+    let all = headers.get_all(COOKIE).iter();
+    let texts = all.filter_map(|it| it.to_str().ok());
+    texts
+        .flat_map(|it| it.split(';'))
+        .filter_map(|it| it.trim().split_once('='))
+        .find(|(found, _)| *found == name)
+        .map(|(_, value)| value.to_owned())
+}
+
+/// `None` for a value that is no text of a header: it is percent-encoded, or hexadecimal.
+fn cookie(
+    name: &str,
+    value: &str,
+    path: &str,
+    life: Option<Duration>,
+    encrypted: bool,
+) -> Option<HeaderValue> {
+    let mut text = format!("{name}={value}; Path={path}; HttpOnly; SameSite=Lax");
+    if let Some(life) = life {
+        text.push_str(&format!("; Max-Age={}", life.as_secs()));
+    }
+    if encrypted {
+        text.push_str("; Secure");
+    }
+    HeaderValue::from_str(&text).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sent(text: &str) -> HeaderMap {
+        let mut headers = HeaderMap::new();
+        headers.append(COOKIE, text.parse().expect("a header"));
+        headers
+    }
+
+    #[test]
+    fn a_sign_in_that_has_begun_comes_back_as_it_was() {
+        let begun = Begun {
+            state: "a-b_c".to_owned(),
+            nonce: "n.1".to_owned(),
+            verifier: "v~2".to_owned(),
+            to: "/models/x?y=ä&z=;".to_owned(),
+        };
+        let cookie = begun.cookie(true).expect("a header");
+        let cookie = cookie.to_str().expect("text");
+        let (pair, rest) = cookie.split_once(';').expect("attributes");
+        assert_eq!(Begun::of(&sent(&format!("x=1; {pair}; y"))), Some(begun));
+        assert!(
+            rest.contains("HttpOnly; SameSite=Lax; Max-Age=600; Secure"),
+            "{rest}"
+        );
+        for other in [
+            "",
+            "yoto-sign-in=",
+            "yoto-sign-in=a.b",
+            "yoto-sign-in=%FF.b.c.d",
+        ] {
+            assert_eq!(Begun::of(&sent(other)), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_session_is_found_among_cookies() {
+        let headers = sent("a=yoto-session; yoto-session=yoto_1 ; yoto-session-2=x");
+        assert_eq!(session_of(&headers).as_deref(), Some("yoto_1"));
+        assert_eq!(session_of(&sent("session=1")), None);
+        let cookie = session("k", None, false).expect("a header");
+        assert_eq!(cookie, "yoto-session=k; Path=/; HttpOnly; SameSite=Lax");
+    }
+}

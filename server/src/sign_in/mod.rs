@@ -1,0 +1,37 @@
+//! Sign-in of people: by a key, or at an issuer of OpenID Connect that the operator names.
+//!
+//! ```text
+//! a page ─► 401 with the sign-in page ─┬─► a key ──────────────────────────────────────┐
+//!                                      └─► the issuer ─► /sign-in/back ─► a new key ───┴─► a cookie with the key
+//! ```
+//!
+//! A session is a key: the service makes one for whoever an issuer vouches for, with the tenant and the scopes that the
+//! operator's settings grant, and it ends by itself. So a session is listed, expires, is revoked and stands in the audit log as every
+//! other key does, on all coordinators of a database. Programs keep keys that are made for them.
+
+mod cookies;
+mod fetch;
+mod grants;
+mod issuer;
+mod page;
+mod routes;
+mod session;
+mod settings;
+
+pub use cookies::session_of;
+pub use page::{asked, signed_out};
+pub use routes::routes;
+pub use session::sign_out;
+pub use settings::{Grant, OidcConfig};
+
+/// Where people sign in.
+const PAGE: &str = "/sign-in";
+/// Where the form with a key is sent.
+const BY_KEY: &str = "/sign-in/key";
+/// What leads to the issuer.
+const START: &str = "/sign-in/start";
+/// Where the issuer sends people back to.
+const BACK: &str = "/sign-in/back";
+
+/// The paths that are open to everybody: who signs in has no key yet.
+pub const OPEN: [&str; 4] = [PAGE, BY_KEY, START, BACK];

@@ -1,0 +1,156 @@
+//! The requests of a sign-in. They are open to everybody, and change nothing but by a key or by the issuer's word.
+
+use super::cookies::{self, Begun, is_encrypted};
+use super::issuer::{Issuer, IssuerError};
+use super::page::{asked, failed, moved, own, shown};
+use super::settings::OidcConfig;
+use super::{BACK, BY_KEY, PAGE, START, grants, session};
+use crate::context::Context;
+use crate::dashboard::{Fields, is_of_other_site};
+use crate::error::RequestError;
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use axum::routing::{get, post};
+use std::sync::Arc;
+use std::time::Duration;
+use yoto_proto::sha256_hex;
+
+/// Maximum length of the form with a key, bytes.
+const LONGEST: usize = 4 << 10;
+
+/// The requests of a sign-in.
+pub fn routes(context: Arc<Context>) -> Router {
+    Router::new()
+        .route(PAGE, get(page))
+        .route(BY_KEY, post(by_key))
+        .route(START, get(start))
+        .route(BACK, get(back))
+        .with_state(context)
+}
+
+async fn page(State(context): State<Arc<Context>>, RawQuery(query): RawQuery) -> Response {
+    let fields = Fields::of_query(query);
+    shown(context.config.oidc.as_ref(), fields.get("to"), "")
+}
+
+/// Somebody has written a key into the form.
+async fn by_key(State(context): State<Arc<Context>>, headers: HeaderMap, body: Body) -> Response {
+    if is_of_other_site(&headers) {
+        let words = "another site's page has sent this form";
+        return failed(StatusCode::FORBIDDEN, words);
+    }
+    let Ok(body) = to_bytes(body, LONGEST).await else {
+        return failed(
+            StatusCode::BAD_REQUEST,
+            "the form is too long, or broke off",
+        );
+    };
+    let fields = Fields::read(&body);
+    let (key, to) = (fields.get("key").trim(), fields.get("to"));
+    match is_valid(&context, key).await {
+        Ok(()) => moved(
+            own(to),
+            [cookies::session(key, None, is_encrypted(&headers))],
+        ),
+        Err(RequestError::Refused { message, .. }) => {
+            asked(context.config.oidc.as_ref(), to, &message)
+        }
+        Err(error) => unavailable(&error),
+    }
+}
+
+async fn is_valid(context: &Context, key: &str) -> Result<(), RequestError> {
+    let keys = context.keys.current(&context.store).await?;
+    keys.find(&sha256_hex(key.as_bytes())).map(drop)
+}
+
+/// Sends somebody to the issuer.
+async fn start(State(context): State<Arc<Context>>, RawQuery(query): RawQuery) -> Response {
+    let Some(oidc) = &context.config.oidc else {
+        return no_issuer();
+    };
+    let fields = Fields::of_query(query);
+    match Issuer::find(oidc).await {
+        Ok(issuer) => {
+            let (url, begun) = issuer.begin(&oidc.request_scopes, own(fields.get("to")));
+            moved(url.as_str(), [begun.cookie(is_https(oidc))])
+        }
+        Err(error) => not_asked(oidc, &error),
+    }
+}
+
+/// The issuer has sent somebody back.
+async fn back(
+    State(context): State<Arc<Context>>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+) -> Response {
+    let Some(oidc) = &context.config.oidc else {
+        return no_issuer();
+    };
+    let fields = Fields::of_query(query);
+    let begun = Begun::of(&headers).filter(|it| it.state == fields.get("state"));
+    let Some(begun) = begun else {
+        let words = "this browser has not begun this sign-in, or its time is over";
+        return failed(StatusCode::BAD_REQUEST, words);
+    };
+    if fields.get("code").is_empty() {
+        let words = format!("{} has not signed anybody in", oidc.host());
+        tracing::info!(error = fields.get("error"), "{words}");
+        return failed(StatusCode::FORBIDDEN, &words);
+    }
+    let claims = match Issuer::find(oidc).await {
+        Ok(issuer) => issuer.claims(fields.get("code"), &begun).await,
+        Err(error) => Err(error),
+    };
+    let claims = match claims {
+        Ok(claims) => claims,
+        Err(error) => return not_asked(oidc, &error),
+    };
+    let Some(grant) = grants::of(oidc, &claims) else {
+        let name = grants::name(&claims);
+        tracing::info!("somebody whom no grant fits was not signed in");
+        let words = format!(
+            "{name} is known to {}, but has no access to this service: ask its operator",
+            oidc.host()
+        );
+        return failed(StatusCode::FORBIDDEN, &words);
+    };
+    match session::begin(&context, oidc, &claims, grant).await {
+        Ok(key) => {
+            let life = Duration::try_from_secs_f64(oidc.hours * 3600.0).ok();
+            let cookies = [cookies::session(&key, life, is_https(oidc)), Begun::over()];
+            moved(own(&begun.to), cookies)
+        }
+        Err(error) => unavailable(&error),
+    }
+}
+
+fn is_https(oidc: &OidcConfig) -> bool {
+    oidc.address.scheme() == "https"
+}
+
+fn no_issuer() -> Response {
+    let words = "this service has no issuer to sign in with: use a key";
+    failed(StatusCode::NOT_FOUND, words)
+}
+
+fn not_asked(oidc: &OidcConfig, error: &IssuerError) -> Response {
+    tracing::warn!(%error, issuer = oidc.issuer, "nobody was signed in");
+    let words = format!(
+        "{} has not signed anybody in; the service's log says why",
+        oidc.host()
+    );
+    failed(StatusCode::BAD_GATEWAY, &words)
+}
+
+fn unavailable(error: &RequestError) -> Response {
+    tracing::error!(%error, "nobody was signed in");
+    failed(
+        StatusCode::SERVICE_UNAVAILABLE,
+        "nobody can be signed in now",
+    )
+}

@@ -1,0 +1,81 @@
+//! Sessions of people: keys that the service makes for them.
+
+use super::grants::{self, Claims};
+use super::settings::{Grant, OidcConfig};
+use crate::access::keys::new_secret;
+use crate::context::Context;
+use crate::error::RequestError;
+use crate::store::{NewAuditEntry, NewKey};
+use crate::tenant::Tenant;
+use yoto_proto::sha256_hex;
+use yoto_proto::v1::Scope;
+
+/// What the audit log has as the call by which a session begins.
+const SIGN_IN: &str = "sign-in";
+/// Maximum length of a name, characters.
+const LONGEST_NAME: usize = 100;
+
+/// Makes the key of a session of somebody with these claims, to whom `grant` applies.
+///
+/// # Errors
+/// When the database fails, or the audit log can't be written.
+pub async fn begin(
+    context: &Context,
+    config: &OidcConfig,
+    claims: &Claims,
+    grant: &Grant,
+) -> Result<String, RequestError> {
+    let tenant = Tenant::new(&grant.tenant).ok_or(RequestError::NoTenant)?;
+    let keys = context.keys.current(&context.store).await?;
+    let secret = new_secret();
+    let new = NewKey {
+        display_name: format!("{}, signed in", short(grants::name(claims))),
+        sha256: sha256_hex(secret.as_bytes()),
+        scopes: grant.scopes.iter().map(|it| Scope::from(*it)).collect(),
+        expire_time: Some(keys.now() + config.hours * 3600.0),
+        session: true,
+    };
+    let entry = NewAuditEntry {
+        tenant: tenant.id().to_owned(),
+        key: String::new(),
+        call: SIGN_IN.to_owned(),
+        names: String::new(),
+        began: None,
+        outcome: String::new(),
+    };
+    let number = context.audit.begin(entry.clone()).await?;
+    let made = context.store.create_key(&tenant, &new).await;
+    let (names, outcome) = match &made {
+        Ok(key) => (key.name.clone(), "OK"),
+        Err(_) => (String::new(), "INTERNAL"),
+    };
+    let ended = NewAuditEntry {
+        began: Some(number),
+        names,
+        outcome: outcome.to_owned(),
+        ..entry
+    };
+    context.audit.end(ended).await;
+    let key = made?;
+    tracing::info!(key = key.name, %tenant, "somebody has signed in");
+    context.keys.renew().await;
+    Ok(secret)
+}
+
+/// Ends the session with the key of this id. A key that was made for a program stays: its owner has only shown it.
+///
+/// # Errors
+/// When the database fails.
+pub async fn sign_out(context: &Context, key: &str) -> Result<(), RequestError> {
+    let keys = context.keys.current(&context.store).await?;
+    if keys.is_session(key) {
+        context.store.revoke_key(None, key).await?;
+        context.keys.renew().await;
+    }
+    Ok(())
+}
+
+fn short(name: &str) -> String {
+    let shown = name.chars().filter(|it| !it.is_control());
+    shown.take(LONGEST_NAME).collect()
+}
