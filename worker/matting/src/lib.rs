@@ -11,6 +11,7 @@
 mod error;
 mod form;
 mod levels;
+mod load;
 mod matter;
 mod output;
 mod person;

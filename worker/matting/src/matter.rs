@@ -1,6 +1,7 @@
 //! A matting model that is applied to pictures.
 
 use crate::form::{Axes, Signature, name};
+use crate::load;
 use crate::output::{Coverage, coverage};
 use crate::person::{one, stretched};
 use crate::{Form, Levels, MattingError};
@@ -44,22 +45,17 @@ impl Matter {
             path: path.to_owned(),
             error,
         };
-        let load = |message: String| MattingError::Load {
+        let refused = |message: String| MattingError::Load {
             path: path.to_owned(),
             message,
         };
         let meta = std::fs::metadata(path).map_err(read)?;
         if !meta.is_file() || meta.len() > MAX_BYTES {
-            return Err(load(
+            return Err(refused(
                 "is not a file of at most 4 GiB: an ONNX file is needed".into(),
             ));
         }
-        let model = Model::load_file(path).map_err(|error| {
-            load(format!(
-                "is no ONNX file that can be run: {error} (whole 32-bit floats are needed, and \
-                 operators that rten knows)"
-            ))
-        })?;
+        let model = load::network(path).map_err(refused)?;
         let signature = Signature::of(&model).map_err(|message| MattingError::Form {
             path: path.to_owned(),
             message,
