@@ -68,7 +68,7 @@ function content(address) {
     overview: "/", people: "/people", person: `/${person}`, models: "/models", model: `/${model}`,
     report: `/${model}/report.html`, comparison: `/compare?one=${id}&other=${id}`, jobs: "/jobs",
     training: `/${training.job.name}`, export: `/${export_.job.name}`, workers: "/workers", service: "/service",
-    share: new URL(share.url).pathname,
+    share: new URL(share.url).pathname, "sign-in": "/sign-in",
   };
 }
 

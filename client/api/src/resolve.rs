@@ -114,11 +114,11 @@ fn id_in(collection: Collection, name: &str) -> Option<&str> {
     name.strip_prefix(collection.as_str())?.strip_prefix('/')
 }
 
-/// The known display names; of many, the first ones.
+/// The known display names, or resource names of what has none; of many, the first ones.
 fn known(candidates: &[(&str, &str)]) -> String {
     let names: Vec<&str> = candidates
         .iter()
-        .map(|(_, display)| *display)
+        .map(|(name, display)| if display.is_empty() { *name } else { *display })
         .take(20)
         .collect();
     let more = candidates.len() - names.len();
@@ -166,6 +166,11 @@ mod tests {
         for short in ["", "1a", "subjects/", "models/1a2b"] {
             assert!(pick(short).is_err(), "{short}");
         }
+        let link = pick_name(Collection::Shares, "eve", [("shares/1a2b3", "")]);
+        assert_eq!(
+            link.map_err(|error| error.to_string()),
+            Err("no share is called 'eve' (known: shares/1a2b3)".into())
+        );
         let none = pick_name(Collection::Models, "m", []).map_err(|error| error.to_string());
         assert_eq!(
             none,

@@ -22,6 +22,10 @@ use tower::{Layer, Service};
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ErrorReason, Scope};
 
+/// What a caller without a key is told.
+const KEY_MISSING: &str =
+    "the service asks for a key: set YOTO_KEY, or send `authorization: Bearer yoto_…`";
+
 /// Authorizes the calls of a listener.
 #[derive(Clone)]
 pub struct AccessLayer {
@@ -96,7 +100,10 @@ impl Form {
         match self {
             Self::Json => transcoding::refusal(status).map(Body::new),
             Self::Page if status.code() == Code::Unauthenticated => {
-                sign_in::asked(oidc, to, status.message()).map(Body::new)
+                // How programs send a key is nothing to people.
+                let missing = status.message() == KEY_MISSING;
+                let why = if missing { "" } else { status.message() };
+                sign_in::asked(oidc, to, why).map(Body::new)
             }
             _ => http::refusal(status, self == Self::Grpc),
         }
@@ -119,10 +126,7 @@ impl Admission {
         };
         match admitted {
             true => Ok(()),
-            false => Err(RequestError::refused(
-                ErrorReason::KeyMissing,
-                "the service asks for a key: set YOTO_KEY, or send `authorization: Bearer yoto_…`",
-            )),
+            false => Err(RequestError::refused(ErrorReason::KeyMissing, KEY_MISSING)),
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::api::page_of;
 use crate::context::Context;
 use crate::dashboard::{EMBEDDED_PLAYER, LONE_PLAYER};
 use crate::error::RequestError;
+use crate::store::StoreError;
 use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::header::{
@@ -39,7 +40,11 @@ async fn found(context: &Context, secret: &str) -> Result<Option<Response>, Requ
     let Some(shared) = store.shared(&sha256_hex(secret.as_bytes())).await? else {
         return Ok(None);
     };
-    let job = store.job(&shared.tenant, &shared.job_id).await?;
+    let job = match store.job(&shared.tenant, &shared.job_id).await {
+        // It was deleted since then.
+        Err(StoreError::NotFound { .. }) => return Ok(None),
+        job => job?,
+    };
     let Some(object) = page_of(&job) else {
         return Ok(None);
     };

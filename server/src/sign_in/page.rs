@@ -21,7 +21,7 @@ pub fn shown(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
             p { a .button href={ (START) "?to=" (query) } { "Sign in with " (oidc.host()) } }
             h2 { "Or with a key" }
         }
-        form .order method="post" action=(BY_KEY) {
+        form method="post" action=(BY_KEY) {
             input type="hidden" name="to" value=(to);
             p {
                 label { "Key "

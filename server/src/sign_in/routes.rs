@@ -11,13 +11,17 @@ use crate::error::RequestError;
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{RawQuery, State};
+use axum::http::header::HOST;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use axum::routing::{get, post};
 use std::sync::Arc;
 use std::time::Duration;
+use url::Position;
 use yoto_proto::sha256_hex;
 
+/// The field of a request that was made again at the service's address.
+const HERE: &str = "here";
 /// Maximum length of the form with a key, bytes.
 const LONGEST: usize = 4 << 10;
 
@@ -67,12 +71,21 @@ async fn is_valid(context: &Context, key: &str) -> Result<(), RequestError> {
     keys.find(&sha256_hex(key.as_bytes())).map(drop)
 }
 
-/// Sends somebody to the issuer.
-async fn start(State(context): State<Arc<Context>>, RawQuery(query): RawQuery) -> Response {
+/// Sends somebody to the issuer, from the address to which the issuer sends them back: a browser keeps cookies by their host.
+async fn start(
+    State(context): State<Arc<Context>>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+) -> Response {
     let Some(oidc) = &context.config.oidc else {
         return no_issuer();
     };
     let fields = Fields::of_query(query);
+    // A proxy may name another host than the browser does, whatever the browser is told.
+    let told = !fields.get(HERE).is_empty();
+    if let (false, Some(place)) = (told, elsewhere(oidc, &headers, own(fields.get("to")))) {
+        return moved(&place, []);
+    }
     match Issuer::find(oidc).await {
         Ok(issuer) => {
             let (url, begun) = issuer.begin(&oidc.request_scopes, own(fields.get("to")));
@@ -127,6 +140,20 @@ async fn back(
         }
         Err(error) => unavailable(&error),
     }
+}
+
+/// The same request at the service's address; `None` if the browser is there.
+fn elsewhere(oidc: &OidcConfig, headers: &HeaderMap, to: &str) -> Option<String> {
+    let named = headers.get(HOST)?.to_str().ok()?;
+    if named.eq_ignore_ascii_case(&oidc.address[Position::BeforeHost..Position::AfterPort]) {
+        return None;
+    }
+    let mut place = oidc.address.join(START).ok()?;
+    place
+        .query_pairs_mut()
+        .append_pair("to", to)
+        .append_pair(HERE, "1");
+    Some(place.into())
 }
 
 fn is_https(oidc: &OidcConfig) -> bool {

@@ -52,7 +52,8 @@ fn location(head: &str) -> &str {
 /// Goes to the issuer as `person` and back: status, head and body of the answer.
 async fn sign_in(address: SocketAddr, issuer: &Issuer, person: Person) -> (u16, String, String) {
     issuer.expect(person);
-    let (status, head, body) = ask_with(address, "GET", "/sign-in/start?to=%2Fjobs", "", "").await;
+    let (status, head, body) =
+        ask_with(address, "GET", "/sign-in/start?to=%2Fjobs&here=1", "", "").await;
     assert_eq!(status, 303, "{body}");
     let begun = cookie(&head, "yoto-sign-in").expect("a cookie");
     let back = issuer.visit(location(&head)).await;
@@ -84,6 +85,11 @@ async fn somebody_whom_the_issuer_vouches_for_signs_in_and_out() {
     let (status, _, page) = ask_with(address, "GET", "/people", "", "").await;
     assert_eq!(status, 401);
     assert!(page.contains("Sign in with 127.0.0.1"), "{page}");
+    assert!(!page.contains("YOTO_KEY"), "{page}");
+    // From an address at which the issuer's answer would not arrive.
+    let (_, head, _) = ask_with(address, "GET", "/sign-in/start?to=%2Fjobs", "", "").await;
+    let there = "http://localhost:50051/sign-in/start?to=%2Fjobs&here=1";
+    assert_eq!(location(&head), there);
     let (status, head, body) = sign_in(address, &issuer, ada()).await;
     assert_eq!((status, location(&head)), (303, "/jobs"), "{body}");
     let session = cookie(&head, "yoto-session").expect("a session");
@@ -194,7 +200,7 @@ async fn a_token_that_was_made_for_something_else_lets_nobody_in() {
     }
     // Without the cookie of who has begun, with another state, and without a code.
     issuer.expect(ada());
-    let (_, head, _) = ask_with(address, "GET", "/sign-in/start", "", "").await;
+    let (_, head, _) = ask_with(address, "GET", "/sign-in/start?here=1", "", "").await;
     let begun = cookie(&head, "yoto-sign-in").expect("a cookie");
     let back = issuer.visit(location(&head)).await;
     let path = back
@@ -231,7 +237,7 @@ async fn an_issuer_that_is_away_is_told_and_keys_still_count() {
     let (service, address) = start(&issuer).await;
     let reader = service.key("default", &[Scope::Read]).await;
     issuer.stop().await;
-    let (status, _, page) = ask_with(address, "GET", "/sign-in/start", "", "").await;
+    let (status, _, page) = ask_with(address, "GET", "/sign-in/start?here=1", "", "").await;
     assert_eq!(status, 502);
     assert!(
         page.contains("127.0.0.1 has not signed anybody in"),
