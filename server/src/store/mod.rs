@@ -10,6 +10,7 @@ mod db;
 mod erasure_types;
 mod error;
 mod job_types;
+mod key_types;
 #[cfg(test)]
 mod race_tests;
 mod scripts;
@@ -29,11 +30,12 @@ pub use job_types::{
     EndedJob, Ending, JobFilter, JobKind, JobVersion, JobVersions, LeaseKey, LeaseOutcome,
     LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, StoppedJob, TakenRange,
 };
+pub use key_types::{KeyRow, NewKey};
 pub use types::{
-    Entry, Horizons, KeyRow, KnownGarbage, NamedObject, NewConsent, NewEvidence, NewKey, NewModel,
-    NewPart, NewPiece, NewShare, NewSubject, NewUpload, NewWorker, Page, PartId, Reference,
-    References, RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload,
-    UploadFile, UploadPart, UploadedFile, new_id,
+    Entry, Horizons, KnownGarbage, NamedObject, NewConsent, NewEvidence, NewModel, NewPart,
+    NewPiece, NewShare, NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References,
+    RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload, UploadFile,
+    UploadPart, UploadedFile, new_id,
 };
 pub use webhook_types::{DueDelivery, NewWebhook};
 

@@ -5,7 +5,7 @@ use crate::tenant::Tenant;
 use prost::Message;
 use std::collections::{HashMap, HashSet};
 use yoto_objects::Part;
-use yoto_proto::v1::{self, ConsentPurpose, ObjectRef, Scope, WorkerDevice};
+use yoto_proto::v1::{self, ConsentPurpose, ObjectRef, WorkerDevice};
 
 /// What to change of a subject.
 #[derive(Debug, Clone, Default)]
@@ -258,21 +258,6 @@ pub struct NewWorker {
     pub key: Option<String>,
 }
 
-/// A key that is created.
-#[derive(Debug, Clone)]
-pub struct NewKey {
-    /// Human-readable.
-    pub display_name: String,
-    /// SHA-256 of the key, lower-case hex.
-    pub sha256: String,
-    /// What it allows.
-    pub scopes: Vec<Scope>,
-    /// When it ends, seconds since 1970; none: never.
-    pub expire_time: Option<f64>,
-    /// Whether the service makes it for somebody who signs in.
-    pub session: bool,
-}
-
 /// A link that is made.
 #[derive(Debug, Clone)]
 pub struct NewShare {
@@ -317,29 +302,6 @@ pub struct NewEvidence {
     pub file_name: String,
     /// Its bytes.
     pub content: Vec<u8>,
-}
-
-/// A key, as the check of a call needs it.
-#[derive(Debug, Clone)]
-pub struct KeyRow {
-    /// Its id.
-    pub id: String,
-    /// The tenant whose calls it makes.
-    pub tenant: String,
-    /// SHA-256 of the key, lower-case hex.
-    pub sha256: String,
-    /// What it allows.
-    pub scopes: Vec<Scope>,
-    /// When it ends, seconds since 1970.
-    pub expire_time: Option<f64>,
-    /// When it was last noted as used, seconds since 1970.
-    pub used_time: Option<f64>,
-    /// Whether it was revoked.
-    pub revoked: bool,
-    /// Calls per second of its tenant; none: no limit.
-    pub calls_per_second: Option<f64>,
-    /// Whether the service has made it for somebody who has signed in.
-    pub session: bool,
 }
 
 /// A file that was uploaded and written to the object store.

@@ -16,13 +16,13 @@ use sha2::{Digest, Sha256};
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::SystemTime;
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::TcpListenerStream;
 use tonic::service::Routes;
 use tonic::transport::Server;
 use url::form_urlencoded;
+use yoto_server::clock::{Clock, SystemClock};
 
 /// Whom the issuer signs in, and how it errs.
 #[derive(Debug, Clone)]
@@ -208,8 +208,7 @@ async fn token(State(shared): State<Arc<Shared>>, body: String) -> Response {
 impl Shared {
     fn token(&self, given: &Given) -> String {
         let person = &given.person;
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let now = now.expect("after 1970").as_secs() as i64;
+        let now = SystemClock.now() as i64;
         let mut claims = person.claims.clone();
         claims["iss"] = json!(person.issuer.as_ref().unwrap_or(&self.url));
         claims["aud"] = json!(person.audience);

@@ -182,7 +182,8 @@ async fn grants_say_who_has_which_tenant() {
 async fn a_token_that_was_made_for_something_else_lets_nobody_in() {
     let issuer = Issuer::start().await;
     let (service, address) = start(&issuer).await;
-    let wrong: [(&str, fn(&mut Person)); 5] = [
+    type Wrong = (&'static str, fn(&mut Person));
+    let wrong: [Wrong; 5] = [
         ("nonce", |it| it.nonce = Some("another".to_owned())),
         ("audience", |it| it.audience = "other".to_owned()),
         ("issuer", |it| {
