@@ -29,6 +29,11 @@ impl Asset {
         }
     }
 
+    /// What it is.
+    pub fn content_type(&self) -> &'static str {
+        self.content_type
+    }
+
     /// The text of the file.
     pub fn content(&self) -> &'static str {
         self.content

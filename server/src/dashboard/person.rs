@@ -110,16 +110,17 @@ pub async fn consents_of(asker: &Asker, subject: &str) -> Result<Vec<Consent>, S
 /// A record of what the person agrees to.
 pub fn agreed(now: f64, consent: &Consent) -> Markup {
     html! {
-        @for item in &consent.items {
-            (purpose(item.purpose())) " "
+        "to "
+        @for (place, item) in consent.items.iter().enumerate() {
+            @if place > 0 { ", " }
+            (purpose(item.purpose()))
             @match item.state() {
                 State::Valid | State::Unspecified => {},
-                State::Expired => (badge("bad", "run out")),
-                State::Revoked => (badge("bad", "revoked")),
+                State::Expired => { " " (badge("bad", "run out")) },
+                State::Revoked => { " " (badge("bad", "revoked")) },
             }
-            " "
         }
-        (ago(now, consent.create_time.as_ref()))
+        ", noted " (ago(now, consent.create_time.as_ref()))
         @if let Some(end) = &consent.expire_time { ", until " (end.to_string()) }
         @if !consent.given_by.is_empty() { ", given by " (visible(&consent.given_by)) }
         @if let Some(evidence) = &consent.evidence { ", proved by " (visible(&evidence.file_name)) }

@@ -24,9 +24,9 @@ pub fn table(usage: &Usage) -> Markup {
         ("Pictures, 30 days", usage.pictures, quota.pictures, whole),
     ];
     html! {
-        h2 #usage { "Used by " (told(&usage.tenant)) }
+        h2 #usage { "Used by the tenant " (told(&usage.tenant)) }
         div .scroll tabindex="0" role="group" aria-label="Table" { table {
-            thead { tr { th scope="col" { "" } th scope="col" { "used" } th scope="col" { "at most" } } }
+            thead { tr { th scope="col" { "what" } th scope="col" { "used" } th scope="col" { "at most" } } }
             tbody { @for (what, used, most, written) in rows { tr {
                 th scope="row" { (what) }
                 td { @if most.is_some_and(|most| used >= most) { (badge("bad", &written(used))) } @else { (written(used)) } }

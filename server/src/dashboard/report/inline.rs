@@ -21,6 +21,11 @@ const PICTURES: usize = 12;
 /// Newest renders among which one that compares with filmed frames is looked for.
 const RENDERS: i32 = 10;
 
+/// A file as a `data:` URL.
+pub(super) fn data(content_type: &str, bytes: &[u8]) -> String {
+    format!("data:{content_type};base64,{}", STANDARD.encode(bytes))
+}
+
 /// The pictures of a page so far.
 #[derive(Debug, Default)]
 pub(super) struct Inline {
@@ -48,8 +53,7 @@ impl Inline {
             Err(error) => return Err(error),
         };
         self.bytes += picture.len();
-        let text = STANDARD.encode(picture);
-        Ok(Some(format!("data:{content_type};base64,{text}")))
+        Ok(Some(data(content_type, &picture)))
     }
 
     /// What was left out.

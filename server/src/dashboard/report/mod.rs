@@ -8,7 +8,7 @@ mod inline;
 mod quality;
 
 use super::asker::Asker;
-use super::assets::STYLE;
+use super::assets::{ICON, STYLE};
 use super::curves::{self, figure};
 use super::fault::Fault;
 use super::findings;
@@ -124,6 +124,8 @@ fn file(title: &str, body: &Markup) -> Response {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (told(title)) " · yoto" }
+                // Without one, a browser asks the service for an icon that the file has not.
+                link rel="icon" href=(inline::data(ICON.content_type(), ICON.content().as_bytes()));
                 style { (PreEscaped(style)) }
             }
             body { main { (body) } }

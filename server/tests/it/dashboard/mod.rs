@@ -114,7 +114,7 @@ async fn all_links_lead_somewhere_and_nothing_that_others_wrote_is_markup() {
     shown(&failed, "Queue it again");
     shown("/workers", "\\u{202e}gpu");
     shown("/service", "ready");
-    shown("/service", "Used by default");
+    shown("/service", "Used by the tenant default");
     // What is hostile about the names is what they say, and not that they are absent.
     assert!(
         pages["/people"]
