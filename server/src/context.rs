@@ -13,6 +13,7 @@ use crate::lock::DataDirLock;
 use crate::objects::place::Place;
 use crate::objects::room::{self, Room};
 use crate::otlp::EndedJobs;
+use crate::sign_in::Found;
 use crate::store::{JobKind, Store};
 use crate::tenant::Tenant;
 use crate::uploads::UploadLocks;
@@ -58,6 +59,8 @@ pub struct Context {
     pub keys: KeyRing,
     /// Calls per second of tenants.
     pub rates: Rates,
+    /// The issuer of OpenID Connect, once somebody has signed in.
+    pub sign_in: Found,
     /// Writes the audit log.
     pub audit: Audit,
     /// Ends background tasks and watch streams.

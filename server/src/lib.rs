@@ -140,6 +140,7 @@ impl Coordinator {
             exposed: tokio::sync::Mutex::default(),
             keys: KeyRing::default(),
             rates: Rates::default(),
+            sign_in: sign_in::Found::default(),
             audit: Audit::default(),
             stop: CancellationToken::new(),
             lock,

@@ -105,7 +105,12 @@ impl Revoke {
         let keys = self.place.open().await?;
         let mut known = keys.list(&self.tenant.unwrap_or_default()).await?;
         // A name may be given again once its key has ended.
-        let lives = |key: &Key| key.revoke_time.is_none();
+        let time = now();
+        let ended = |key: &Key| {
+            let end = key.expire_time.as_ref();
+            key.revoke_time.is_some() || end.is_some_and(|it| it.seconds as f64 <= time)
+        };
+        let lives = |key: &Key| !ended(key);
         if known
             .iter()
             .any(|key| lives(key) && key.display_name == self.key)

@@ -61,7 +61,15 @@ impl Head {
         if page {
             request.headers_mut().remove(COOKIE);
         }
-        let key = chosen.or_else(|| session.as_deref().map(own).map(Sent::Kept));
+        // A header without a key of this service may be a proxy's.
+        let is_own = |sent: &Sent| match sent {
+            Sent::Chosen(key) | Sent::Kept(key) => !key.is_empty(),
+        };
+        let session = session.as_deref().map(own).map(Sent::Kept);
+        let key = match chosen {
+            Some(chosen) if is_own(&chosen) || session.is_none() => Some(chosen),
+            _ => session,
+        };
         Self {
             method: request.method().clone(),
             uri: request.uri().clone(),

@@ -122,6 +122,8 @@ impl KeyRing {
         if known.is_some_and(|at| at.elapsed() < NOTE_EVERY) {
             return false;
         }
+        // Notes that are old say nothing any more.
+        noted.retain(|_, at| at.elapsed() < NOTE_EVERY);
         noted.insert(row.id.clone(), Instant::now());
         true
     }

@@ -23,7 +23,16 @@ use crate::error::RequestError;
 use crate::tenant::Tenant;
 use std::sync::Arc;
 use tonic::Request;
+use tonic::codegen::http::{HeaderMap, Uri};
 use yoto_proto::v1::ErrorReason;
+
+/// Refuses a request that a page of another site has sent.
+///
+/// # Errors
+/// [`ErrorReason::OtherSite`].
+pub fn check_site(uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
+    browser::check(uri, headers, false)
+}
 
 /// Whom a listener admits without a key.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -100,6 +100,8 @@ const DASHBOARD: [(&str, &str); 32] = [
 const EVENTS: &str = "/events";
 /// The requests of the script that sends a person's files.
 const UPLOADS: &str = "/people/upload/";
+/// A file of a job, which may be long.
+const FILE: &str = "/jobs/*/files/*";
 /// Where the script of a page sends bytes of a file.
 const UPLOADED_FILE: &str = "/people/upload/files/*/*";
 /// Script and style of the dashboard, which are the same for everybody.
@@ -168,9 +170,9 @@ pub fn is_of_script(path: &str) -> bool {
     path.starts_with(UPLOADS) && is_of_dashboard(path)
 }
 
-/// Whether the request to a page for people, or its answer, lasts until somebody ends it: an answer of events, or a file that comes.
+/// Whether the request to a page for people, or its answer, lasts: an answer of events, or a file that comes or goes.
 pub fn streams(verb: &http::Method, path: &str) -> bool {
-    path == EVENTS || brings_file(verb, path)
+    path == EVENTS || matches(FILE, path) || brings_file(verb, path)
 }
 
 /// Whether a page's script sends bytes of a file by this request. It may be long, so nothing waits for all of it.

@@ -51,7 +51,6 @@ mod workers;
 pub use document::outside;
 pub use files::{EMBEDDED_PLAYER, Kind, LONE_PLAYER};
 pub use query::Fields;
-pub use token::is_of_other_site;
 
 use crate::context::Context;
 use axum::Router;

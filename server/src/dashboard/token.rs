@@ -44,7 +44,7 @@ pub fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> 
 }
 
 /// Whether the browser says that another site's page has sent a request.
-pub fn is_of_other_site(headers: &HeaderMap) -> bool {
+fn is_of_other_site(headers: &HeaderMap) -> bool {
     headers.get(SITE).is_some_and(|it| it != "same-origin")
 }
 

@@ -1,12 +1,16 @@
 //! Cookies: the key of a session, and what is known of somebody who is at the issuer.
 //!
-//! Scripts can't read them, and a browser sends neither with what another site's page asks for, except when a person follows a link.
+//! Scripts can't read them, and a browser sends neither with what another site's page asks for, except when it shows a page of this
+//! service by itself, as after a click on a link. Where the page is encrypted, their names begin with `__Host-`, so that no other host of the same
+//! domain can set them.
 
 use axum::http::header::{COOKIE, ORIGIN};
 use axum::http::{HeaderMap, HeaderValue};
 use percent_encoding::{NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use std::time::Duration;
 
+/// What the name of a cookie begins with that only this host can have set, over TLS.
+const OF_HOST: &str = "__Host-";
 /// The cookie of a session.
 const SESSION: &str = "yoto-session";
 /// The cookie of a sign-in that has begun.
@@ -34,12 +38,12 @@ pub fn session_of(headers: &HeaderMap) -> Option<String> {
 
 /// Begins the session of `key`, for as long as `life`; until the browser is closed without one.
 pub fn session(key: &str, life: Option<Duration>, encrypted: bool) -> Option<HeaderValue> {
-    cookie(SESSION, key, "/", life, encrypted)
+    cookie(SESSION, key, life, encrypted)
 }
 
 /// Ends the session in the browser.
-pub fn no_session() -> Option<HeaderValue> {
-    cookie(SESSION, "", "/", Some(Duration::ZERO), false)
+pub fn no_session() -> [Option<HeaderValue>; 2] {
+    gone(SESSION)
 }
 
 impl Begun {
@@ -63,18 +67,12 @@ impl Begun {
     pub fn cookie(&self, encrypted: bool) -> Option<HeaderValue> {
         let parts = [&self.state, &self.nonce, &self.verifier, &self.to];
         let parts = parts.map(|it| utf8_percent_encode(it, NON_ALPHANUMERIC).to_string());
-        cookie(
-            BEGUN,
-            &parts.join("."),
-            super::PAGE,
-            Some(AT_ISSUER),
-            encrypted,
-        )
+        cookie(BEGUN, &parts.join("."), Some(AT_ISSUER), encrypted)
     }
 
     /// Has the browser forget it: a code is used once.
-    pub fn over() -> Option<HeaderValue> {
-        cookie(BEGUN, "", super::PAGE, Some(Duration::ZERO), false)
+    pub fn over() -> [Option<HeaderValue>; 2] {
+        gone(BEGUN)
     }
 }
 
@@ -87,22 +85,25 @@ pub fn is_encrypted(headers: &HeaderMap) -> bool {
 fn value(headers: &HeaderMap, name: &str) -> Option<String> {
     let all = headers.get_all(COOKIE).iter();
     let texts = all.filter_map(|it| it.to_str().ok());
-    texts
+    let pairs = texts
         .flat_map(|it| it.split(';'))
-        .filter_map(|it| it.trim().split_once('='))
-        .find(|(found, _)| *found == name)
-        .map(|(_, value)| value.to_owned())
+        .filter_map(|it| it.trim().split_once('='));
+    let known: Vec<_> = pairs
+        .filter(|(found, _)| found.strip_prefix(OF_HOST).unwrap_or(found) == name)
+        .collect();
+    let of_host = known.iter().find(|it| it.0.starts_with(OF_HOST));
+    of_host.or(known.first()).map(|it| it.1.to_owned())
+}
+
+/// Has the browser forget a cookie of either name.
+fn gone(name: &str) -> [Option<HeaderValue>; 2] {
+    [false, true].map(|encrypted| cookie(name, "", Some(Duration::ZERO), encrypted))
 }
 
 /// `None` for a value that is no text of a header: it is percent-encoded, or hexadecimal.
-fn cookie(
-    name: &str,
-    value: &str,
-    path: &str,
-    life: Option<Duration>,
-    encrypted: bool,
-) -> Option<HeaderValue> {
-    let mut text = format!("{name}={value}; Path={path}; HttpOnly; SameSite=Lax");
+fn cookie(name: &str, value: &str, life: Option<Duration>, encrypted: bool) -> Option<HeaderValue> {
+    let of_host = if encrypted { OF_HOST } else { "" };
+    let mut text = format!("{of_host}{name}={value}; Path=/; HttpOnly; SameSite=Lax");
     if let Some(life) = life {
         text.push_str(&format!("; Max-Age={}", life.as_secs()));
     }
@@ -153,6 +154,8 @@ mod tests {
         let headers = sent("a=yoto-session; yoto-session=yoto_1 ; yoto-session-2=x");
         assert_eq!(session_of(&headers).as_deref(), Some("yoto_1"));
         assert_eq!(session_of(&sent("session=1")), None);
+        let planted = sent("yoto-session=evil; __Host-yoto-session=own");
+        assert_eq!(session_of(&planted).as_deref(), Some("own"));
         let cookie = session("k", None, false).expect("a header");
         assert_eq!(cookie, "yoto-session=k; Path=/; HttpOnly; SameSite=Lax");
     }

@@ -49,9 +49,12 @@ fn is_like(wanted: &str, text: &str) -> bool {
 
 /// What people are called in the list of keys.
 pub fn name(claims: &Claims) -> &str {
-    ["email", "preferred_username", "name", "sub"]
-        .iter()
-        .find_map(|it| claims.get(*it)?.as_str())
+    // An address that nobody has verified may be another's.
+    let email = is_verified(claims).then_some("email");
+    email
+        .into_iter()
+        .chain(["preferred_username", "name", "sub"])
+        .find_map(|it| claims.get(it)?.as_str())
         .unwrap_or("somebody")
 }
 
@@ -117,7 +120,9 @@ mod tests {
 
     #[test]
     fn people_have_the_name_that_says_most() {
-        let all = json!({"sub": "7", "email": "ada@example.org"});
+        let mut all = json!({"sub": "7", "email": "ada@example.org"});
+        assert_eq!(name(all.as_object().expect("an object")), "7");
+        all["email_verified"] = json!(true);
         assert_eq!(name(all.as_object().expect("an object")), "ada@example.org");
         assert_eq!(name(&Claims::new()), "somebody");
     }

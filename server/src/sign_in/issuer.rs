@@ -1,7 +1,6 @@
 //! The issuer of OpenID Connect: where people are sent, and who they are when they come back.
 //!
-//! The authorization code flow with PKCE (RFC 7636). The issuer's description and keys are asked for anew at each
-//! sign-in, so that keys that the issuer has replaced don't count.
+//! The authorization code flow with PKCE (RFC 7636).
 
 use super::fetch::{self, FetchError};
 use super::grants::Claims;
@@ -61,6 +60,7 @@ pub enum IssuerError {
 }
 
 /// An issuer whose description was read.
+#[derive(Debug)]
 pub struct Issuer {
     client: Client,
     http: reqwest::Client,

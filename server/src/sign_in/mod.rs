@@ -11,6 +11,7 @@
 
 mod cookies;
 mod fetch;
+mod found;
 mod grants;
 mod issuer;
 mod page;
@@ -19,6 +20,7 @@ mod session;
 mod settings;
 
 pub use cookies::session_of;
+pub use found::Found;
 pub use page::{asked, signed_out};
 pub use routes::routes;
 pub use session::sign_out;

@@ -10,6 +10,9 @@ use axum::response::{IntoResponse, Response};
 use maud::html;
 use url::form_urlencoded::byte_serialize;
 
+/// Longest address of a page that is gone to, bytes: it stands in a cookie.
+const LONGEST: usize = 500;
+
 /// The page, with why somebody must sign in, who then sees the page `to`.
 pub fn shown(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
     let to = own(to);
@@ -69,14 +72,14 @@ pub fn moved(place: &str, cookies: impl IntoIterator<Item = Option<HeaderValue>>
 
 /// Where somebody is sent who has signed out.
 pub fn signed_out() -> Response {
-    moved(super::PAGE, [cookies::no_session()])
+    moved(super::PAGE, cookies::no_session())
 }
 
 /// `to` if it is a page of this service that can be asked for; otherwise the first page.
 pub fn own(to: &str) -> &str {
     let path = to.split(['?', '#']).next().unwrap_or_default();
     let known = page_of(path).is_some() && !path.starts_with("/sign");
-    match known && to.bytes().all(|it| it.is_ascii_graphic()) {
+    match known && to.len() <= LONGEST && to.bytes().all(|it| it.is_ascii_graphic()) {
         true => to,
         false => "/",
     }

@@ -1,18 +1,19 @@
 //! The requests of a sign-in. They are open to everybody, and change nothing but by a key or by the issuer's word.
 
 use super::cookies::{self, Begun, is_encrypted};
-use super::issuer::{Issuer, IssuerError};
+use super::issuer::IssuerError;
 use super::page::{asked, failed, moved, own, shown};
 use super::settings::OidcConfig;
 use super::{BACK, BY_KEY, PAGE, START, grants, session};
+use crate::access;
 use crate::context::Context;
-use crate::dashboard::{Fields, is_of_other_site};
+use crate::dashboard::Fields;
 use crate::error::RequestError;
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{RawQuery, State};
 use axum::http::header::HOST;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::Response;
 use axum::routing::{get, post};
 use std::sync::Arc;
@@ -41,8 +42,14 @@ async fn page(State(context): State<Arc<Context>>, RawQuery(query): RawQuery) ->
 }
 
 /// Somebody has written a key into the form.
-async fn by_key(State(context): State<Arc<Context>>, headers: HeaderMap, body: Body) -> Response {
-    if is_of_other_site(&headers) {
+async fn by_key(
+    State(context): State<Arc<Context>>,
+    uri: Uri,
+    headers: HeaderMap,
+    body: Body,
+) -> Response {
+    // Nobody is signed in as somebody else by a page of another site.
+    if access::check_site(&uri, &headers).is_err() {
         let words = "another site's page has sent this form";
         return failed(StatusCode::FORBIDDEN, words);
     }
@@ -75,6 +82,7 @@ async fn is_valid(context: &Context, key: &str) -> Result<(), RequestError> {
 async fn start(
     State(context): State<Arc<Context>>,
     RawQuery(query): RawQuery,
+    uri: Uri,
     headers: HeaderMap,
 ) -> Response {
     let Some(oidc) = &context.config.oidc else {
@@ -83,10 +91,10 @@ async fn start(
     let fields = Fields::of_query(query);
     // A proxy may name another host than the browser does, whatever the browser is told.
     let told = !fields.get(HERE).is_empty();
-    if let (false, Some(place)) = (told, elsewhere(oidc, &headers, own(fields.get("to")))) {
+    if let (false, Some(place)) = (told, elsewhere(oidc, &uri, &headers, own(fields.get("to")))) {
         return moved(&place, []);
     }
-    match Issuer::find(oidc).await {
+    match context.sign_in.issuer(oidc).await {
         Ok(issuer) => {
             let (url, begun) = issuer.begin(&oidc.request_scopes, own(fields.get("to")));
             moved(url.as_str(), [begun.cookie(is_https(oidc))])
@@ -115,11 +123,8 @@ async fn back(
         tracing::info!(error = fields.get("error"), "{words}");
         return failed(StatusCode::FORBIDDEN, &words);
     }
-    let claims = match Issuer::find(oidc).await {
-        Ok(issuer) => issuer.claims(fields.get("code"), &begun).await,
-        Err(error) => Err(error),
-    };
-    let claims = match claims {
+    let claims = context.sign_in.claims(oidc, fields.get("code"), &begun);
+    let claims = match claims.await {
         Ok(claims) => claims,
         Err(error) => return not_asked(oidc, &error),
     };
@@ -134,17 +139,25 @@ async fn back(
     };
     match session::begin(&context, oidc, &claims, grant).await {
         Ok(key) => {
+            // The session that this browser had is not left open.
+            if let Some(earlier) = cookies::session_of(&headers)
+                && let Err(error) = session::end(&context, &earlier).await
+            {
+                tracing::warn!(%error, "an earlier session could not be ended");
+            }
             let life = Duration::try_from_secs_f64(oidc.hours * 3600.0).ok();
-            let cookies = [cookies::session(&key, life, is_https(oidc)), Begun::over()];
-            moved(own(&begun.to), cookies)
+            let session = cookies::session(&key, life, is_https(oidc));
+            moved(own(&begun.to), Begun::over().into_iter().chain([session]))
         }
         Err(error) => unavailable(&error),
     }
 }
 
 /// The same request at the service's address; `None` if the browser is there.
-fn elsewhere(oidc: &OidcConfig, headers: &HeaderMap, to: &str) -> Option<String> {
-    let named = headers.get(HOST)?.to_str().ok()?;
+fn elsewhere(oidc: &OidcConfig, uri: &Uri, headers: &HeaderMap, to: &str) -> Option<String> {
+    // HTTP/2 names the host in the URI.
+    let host = headers.get(HOST).and_then(|it| it.to_str().ok());
+    let named = uri.authority().map(|it| it.as_str()).or(host)?;
     if named.eq_ignore_ascii_case(&oidc.address[Position::BeforeHost..Position::AfterPort]) {
         return None;
     }

@@ -2,12 +2,14 @@
 
 use super::grants::{self, Claims};
 use super::settings::{Grant, OidcConfig};
-use crate::access::keys::new_secret;
+use crate::access::keys::{FRESH, new_secret};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::store::{NewAuditEntry, NewKey};
 use crate::tenant::Tenant;
+use serde_json::Value;
 use yoto_proto::sha256_hex;
+use yoto_proto::text::is_hidden;
 use yoto_proto::v1::Scope;
 
 /// What the audit log has as the call by which a session begins.
@@ -29,7 +31,7 @@ pub async fn begin(
     let keys = context.keys.current(&context.store).await?;
     let secret = new_secret();
     let new = NewKey {
-        display_name: format!("{}, signed in", short(grants::name(claims))),
+        display_name: display_name(claims),
         sha256: sha256_hex(secret.as_bytes()),
         scopes: grant.scopes.iter().map(|it| Scope::from(*it)).collect(),
         expire_time: Some(keys.now() + config.hours * 3600.0),
@@ -59,7 +61,23 @@ pub async fn begin(
     let key = made?;
     tracing::info!(key = key.name, %tenant, "somebody has signed in");
     context.keys.renew().await;
+    if context.store.is_shared() {
+        // The next page may be another coordinator's, which reads the keys as often.
+        tokio::time::sleep(FRESH).await;
+    }
     Ok(secret)
+}
+
+/// Ends the session with this secret; nothing, if it is none.
+///
+/// # Errors
+/// When the database fails.
+pub async fn end(context: &Context, secret: &str) -> Result<(), RequestError> {
+    let keys = context.keys.current(&context.store).await?;
+    match keys.find(&sha256_hex(secret.as_bytes())) {
+        Ok(row) => sign_out(context, &row.id).await,
+        Err(_) => Ok(()),
+    }
 }
 
 /// Ends the session with the key of this id. A key that was made for a program stays: its owner has only shown it.
@@ -75,7 +93,18 @@ pub async fn sign_out(context: &Context, key: &str) -> Result<(), RequestError> 
     Ok(())
 }
 
+/// What the list of keys has: a name for people, and the subject by which the issuer tells people apart.
+fn display_name(claims: &Claims) -> String {
+    let subject = claims.get("sub").and_then(Value::as_str).unwrap_or("?");
+    format!(
+        "signed in: {} ({})",
+        short(grants::name(claims)),
+        short(subject)
+    )
+}
+
+/// One line without hidden characters, and without commas, which separate names in lists.
 fn short(name: &str) -> String {
-    let shown = name.chars().filter(|it| !it.is_control());
+    let shown = name.chars().filter(|it| !is_hidden(*it) && *it != ',');
     shown.take(LONGEST_NAME).collect()
 }

@@ -12,7 +12,7 @@
   // Milliseconds: shortest time between two looks at the service, longest silence of it, and longest pause after failures.
   const OFTEN = 1000, SILENCE = 40000, PAUSE = 30000;
   let source, last = "", failures = 0, comeback = 0, watchdog = 0;
-  let looking = false, wanted = 0, looked = Date.now();
+  let looking = false, leaving = false, wanted = 0, looked = Date.now();
 
   const say = (state, words = "") => {
     live.hidden = false;
@@ -66,6 +66,9 @@
     looking = true;
     try {
       const answer = await fetch(location.href, { cache: "no-store", signal: AbortSignal.timeout(20000) });
+      // The session has ended: the page for signing in takes the place of this one, unless something is written in it.
+      if (leaving) return;
+      if (answer.status === 401 && !written()) return location.reload();
       const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
       if (!meta("yoto-build", fresh)) return;
       if (meta("yoto-build", fresh) !== build) return renew();
@@ -75,7 +78,7 @@
         document.title = fresh.title;
         say("on");
       } else {
-        say("on", fresh.querySelector(".message")?.textContent ?? answer.statusText);
+        say(answer.status === 401 ? "off" : "on", fresh.querySelector(".message")?.textContent ?? answer.statusText);
       }
     } catch {
       // The stream tells whether the service is there.
@@ -105,6 +108,7 @@
   const lost = () => {
     close();
     failures += 1;
+    if (failures === 1 && !looking && !document.hidden) look();
     const since = new Date(looked).toLocaleTimeString();
     if (failures > 1) say("off", `The service does not answer. This page is as of ${since}, and tries again.`);
     else say("off");
@@ -149,6 +153,12 @@
       const field = film.elements[name];
       if (Number.isFinite(data[name])) field.value = Math.min(field.max, Math.max(field.min, Math.round(data[name])));
     }
+  });
+
+  // A form leads to another page, which a reload of this one would keep from coming.
+  addEventListener("submit", (event) => {
+    leaving = !event.defaultPrevented;
+    if (leaving) close();
   });
 
   // A page that nobody sees keeps no connection: browsers have only a few for one service.

@@ -9,9 +9,17 @@ use yoto_proto::v1::{Key, Scope};
 
 /// A day, seconds.
 const DAY: f64 = 86_400.0;
+/// Time after its end for which a session is kept, seconds: the audit log names it by its id.
+const KEPT: f64 = 90.0 * DAY;
+/// Most sessions of a person at the same time.
+const SESSIONS: i64 = 20;
 
-/// Adds a key.
+/// Adds a key. With one of a session, sessions that ended long ago are forgotten, and those of the same person beyond
+/// [`SESSIONS`] end.
 pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, StoreError> {
+    if new.session {
+        limit_sessions(tx, tenant, &new.display_name).await?;
+    }
     let id = new_id();
     let names: Vec<&str> = new.scopes.iter().map(Scope::as_str_name).collect();
     let now = tx.now();
@@ -41,6 +49,24 @@ pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, S
     })
 }
 
+async fn limit_sessions(tx: &mut Tx, tenant: &Tenant, person: &str) -> Result<(), StoreError> {
+    sql("DELETE FROM keys WHERE session = 1 AND expire_time < $1")
+        .bind(tx.now() - KEPT)
+        .execute(tx, "forgetting sessions")
+        .await?;
+    sql("UPDATE keys SET revoke_time = $3
+         WHERE session = 1 AND tenant = $1 AND display_name = $2 AND revoke_time IS NULL AND id NOT IN
+             (SELECT id FROM keys WHERE session = 1 AND tenant = $1 AND display_name = $2 AND revoke_time IS NULL
+              ORDER BY ord DESC LIMIT $4)")
+    .bind(tenant.id())
+    .bind(person)
+    .bind(tx.now())
+    .bind(SESSIONS - 1)
+    .execute(tx, "ending sessions")
+    .await?;
+    Ok(())
+}
+
 /// All keys, for the check of each call. Of sessions that ended a day ago, only the newest key: a service that ever had one asks for
 /// one.
 pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
@@ -48,7 +74,8 @@ pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
         "SELECT k.id, k.tenant, k.sha256, k.scopes, k.expire_time, k.used_time, k.revoke_time, k.session,
              q.calls_per_second
          FROM keys k LEFT JOIN quotas q ON q.tenant = k.tenant
-         WHERE k.session = 0 OR k.expire_time > $1 OR k.ord = (SELECT max(ord) FROM keys)",
+         WHERE k.session = 0 OR k.ord = (SELECT max(ord) FROM keys)
+             OR (k.expire_time > $1 AND (k.revoke_time IS NULL OR k.revoke_time > $1))",
     )
     .bind(tx.now() - DAY)
     .rows(tx, "reading the keys")

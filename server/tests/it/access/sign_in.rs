@@ -115,7 +115,7 @@ async fn somebody_whom_the_issuer_vouches_for_signs_in_and_out() {
     assert_eq!(ask_with(address, "GET", "/v1/jobs", &with, "").await.0, 401);
     // She may write, but not operate.
     let (_, _, page) = ask_with(address, "GET", "/service", &with, "").await;
-    assert!(page.contains("ada@example.org, signed in"), "{page}");
+    assert!(page.contains("signed in: ada@example.org (7)"), "{page}");
     let keys = service.keys().list_keys(ListKeysRequest::default()).await;
     let keys = keys.expect("lists").into_inner().keys;
     assert_eq!(keys.len(), 1);
@@ -162,7 +162,7 @@ async fn grants_say_who_has_which_tenant() {
     let keys = service.keys().list_keys(of_film).await.expect("lists");
     assert_eq!(
         keys.into_inner().keys[0].display_name,
-        "eve@example.org, signed in"
+        "signed in: eve@example.org (8)"
     );
     let operator = person(serde_json::json!({"groups": ["staff", "operators"]}));
     assert_eq!(sign_in(address, &issuer, operator).await.0, 303);
@@ -176,6 +176,46 @@ async fn grants_say_who_has_which_tenant() {
         assert_eq!(cookie(&head, "yoto-session"), None);
         assert!(page.contains("has no access to this service"), "{page}");
     }
+}
+
+#[tokio::test]
+async fn somebody_has_a_number_of_sessions_and_a_browser_has_one() {
+    let issuer = Issuer::start().await;
+    let (service, address) = start(&issuer).await;
+    let mut cookies = Vec::new();
+    for _ in 0..22 {
+        let (_, head, _) = sign_in(address, &issuer, ada()).await;
+        cookies.push(cookie(&head, "yoto-session").expect("a session"));
+    }
+    let live = async || {
+        let all = ListKeysRequest {
+            page_size: 100,
+            ..ListKeysRequest::default()
+        };
+        let keys = service.keys().list_keys(all).await.expect("lists");
+        let keys = keys.into_inner().keys;
+        keys.iter().filter(|it| it.revoke_time.is_none()).count()
+    };
+    assert_eq!(live().await, 20);
+    let asked = async |cookie: &str| {
+        let with = format!("Cookie: {cookie}\r\n");
+        ask_with(address, "GET", "/jobs", &with, "").await.0
+    };
+    assert_eq!(asked(&cookies[0]).await, 401);
+    assert_eq!(asked(&cookies[21]).await, 200);
+    // The same browser signs in again: its earlier session ends.
+    issuer.expect(ada());
+    let (_, head, _) = ask_with(address, "GET", "/sign-in/start?here=1", "", "").await;
+    let begun = cookie(&head, "yoto-sign-in").expect("a cookie");
+    let back = issuer.visit(location(&head)).await;
+    let path = back
+        .strip_prefix("http://localhost:50051")
+        .expect("this service");
+    let with = format!("Cookie: {begun}; {}\r\n", cookies[21]);
+    let answer = ask_with(address, "GET", path, &with, "").await;
+    assert_eq!(answer.0, 303, "{}", answer.2);
+    assert_eq!(asked(&cookies[21]).await, 401);
+    assert_eq!(live().await, 19);
 }
 
 #[tokio::test]
@@ -269,13 +309,16 @@ async fn a_key_is_written_into_the_page_that_asks_for_it() {
         send(&reader.text, "Sec-Fetch-Site: cross-site\r\n").await.0,
         403
     );
-    let (status, head, _) = send(&reader.text, "Origin: https://yoto.example\r\n").await;
+    let foreign = send(&reader.text, "Origin: https://evil.example\r\n").await;
+    assert_eq!((foreign.0, cookie(&foreign.1, "yoto-session")), (403, None));
+    let encrypted = format!("Origin: https://{address}\r\n").leak();
+    let (status, head, _) = send(&reader.text, encrypted).await;
     assert_eq!((status, location(&head)), (303, "/people"));
     assert!(
         head.contains("SameSite=Lax; Secure") && !head.contains("Max-Age"),
         "{head}"
     );
-    let session = cookie(&head, "yoto-session").expect("a session");
+    let session = cookie(&head, "__Host-yoto-session").expect("a session");
     let with = format!("Cookie: {session}\r\n");
     assert_eq!(ask_with(address, "GET", "/people", &with, "").await.0, 200);
     // Leaving ends the session in the browser; the key is its owner's.

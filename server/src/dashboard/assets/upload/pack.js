@@ -1,8 +1,11 @@
 // Many small files as one archive: each file would be a request of its own, which takes longer than its bytes.
 
-// Fewest files that are packed, and bytes of one on average at most. Bytes of all: without larger fields (ZIP64), 4 GiB is the end.
-const MANY = 32, SMALL = 1 << 20, ALL = 2 ** 31;
-const arePacked = (files) => files.size >= MANY && files.size < 65536 && total(files) < Math.min(ALL, SMALL * files.size);
+// Fewest files that are packed, and bytes of one on average and at most. Bytes of all: without larger fields (ZIP64), 4 GiB is the end.
+const MANY = 32, SMALL = 1 << 20, LARGE = 1 << 26, ALL = 2 ** 31;
+// An archive within would stay packed, and a large file gains nothing.
+const arePacked = (files) =>
+  files.size >= MANY && files.size < 65535 && total(files) < Math.min(ALL, SMALL * files.size)
+  && [...files].every(([path, { size }]) => size < LARGE && (path.includes("/") || !ends(path, rules.packed)));
 
 const CRC = Uint32Array.from({ length: 256 }, (_, n) => {
   for (let bit = 0; bit < 8; bit++) n = n & 1 ? (n >>> 1) ^ 0xedb88320 : n >>> 1;
