@@ -100,7 +100,7 @@ fn gone(name: &str) -> [Option<HeaderValue>; 2] {
     [false, true].map(|encrypted| cookie(name, "", Some(Duration::ZERO), encrypted))
 }
 
-/// `None` for a value that is no text of a header: it is percent-encoded, or hexadecimal.
+/// `None` if the value is invalid in a header. Values here are percent-encoded or hexadecimal, and so valid.
 fn cookie(name: &str, value: &str, life: Option<Duration>, encrypted: bool) -> Option<HeaderValue> {
     let of_host = if encrypted { OF_HOST } else { "" };
     let mut text = format!("{of_host}{name}={value}; Path=/; HttpOnly; SameSite=Lax");

@@ -42,7 +42,7 @@ pub fn client() -> Result<reqwest::Client, FetchError> {
 /// The answer to `request`.
 ///
 /// # Errors
-/// When there is none in time, or it is too long.
+/// When the request fails or times out, or the answer is too long.
 pub async fn fetch(
     client: reqwest::Client,
     request: HttpRequest,

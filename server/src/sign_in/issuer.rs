@@ -48,7 +48,7 @@ pub enum IssuerError {
     /// The settings have a malformed URL.
     #[error(transparent)]
     Url(#[from] url::ParseError),
-    /// The issuer has not exchanged the code.
+    /// The issuer has refused to exchange the code for a token.
     #[error("the issuer has given no token for the code: {0}")]
     Exchange(String),
     /// The issuer says nothing about the person.

@@ -5,8 +5,8 @@
 //!                                      └─► the issuer ─► /sign-in/back ─► a new key ───┴─► a cookie with the key
 //! ```
 //!
-//! A session is a key: the service makes one for whoever an issuer vouches for, with the tenant and the scopes that the
-//! operator's settings grant, and it ends by itself. So a session is listed, expires, is revoked and stands in the audit log as every
+//! A session is a key: the service makes one for each person that an issuer vouches for, with the tenant and the scopes that the
+//! operator's settings grant, and it expires. So a session is listed, expires, is revoked and stands in the audit log as every
 //! other key does, on all coordinators of a database. Programs keep keys that are made for them.
 
 mod cookies;

@@ -115,7 +115,7 @@ async fn back(
     let fields = Fields::of_query(query);
     let begun = Begun::of(&headers).filter(|it| it.state == fields.get("state"));
     let Some(begun) = begun else {
-        let words = "this browser has not begun this sign-in, or its time is over";
+        let words = "this sign-in was started in another browser, or has timed out";
         return failed(StatusCode::BAD_REQUEST, words);
     };
     if fields.get("code").is_empty() {

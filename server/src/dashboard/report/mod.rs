@@ -124,7 +124,7 @@ fn file(title: &str, body: &Markup) -> Response {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (told(title)) " · yoto" }
-                // Without one, a browser asks the service for an icon that the file has not.
+                // Without an icon of its own, a browser would request `/favicon.ico`, which does not exist.
                 link rel="icon" href=(inline::data(ICON.content_type(), ICON.content().as_bytes()));
                 style { (PreEscaped(style)) }
             }

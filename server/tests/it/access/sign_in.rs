@@ -49,25 +49,23 @@ fn location(head: &str) -> &str {
     line.unwrap_or_default().trim()
 }
 
-/// Goes to the issuer as `person` and back: status, head and body of the answer.
-async fn sign_in(address: SocketAddr, issuer: &Issuer, person: Person) -> (u16, String, String) {
+/// Begins a sign-in as `person`: the cookie that the browser is told, and the path to which the issuer sends it back.
+async fn begin(address: SocketAddr, issuer: &Issuer, person: Person) -> (String, String) {
     issuer.expect(person);
-    let (status, head, body) =
-        ask_with(address, "GET", "/sign-in/start?to=%2Fjobs&here=1", "", "").await;
+    let start = "/sign-in/start?to=%2Fjobs&here=1";
+    let (status, head, body) = ask_with(address, "GET", start, "", "").await;
     assert_eq!(status, 303, "{body}");
     let begun = cookie(&head, "yoto-sign-in").expect("a cookie");
     let back = issuer.visit(location(&head)).await;
-    let path = back
-        .strip_prefix("http://localhost:50051")
-        .expect("this service");
-    ask_with(
-        address,
-        "GET",
-        path,
-        &format!("Cookie: {begun}\r\n{CLICK}"),
-        "",
-    )
-    .await
+    let path = back.strip_prefix("http://localhost:50051");
+    (begun, path.expect("this service").to_owned())
+}
+
+/// Goes to the issuer as `person` and back: status, head and body of the answer.
+async fn sign_in(address: SocketAddr, issuer: &Issuer, person: Person) -> (u16, String, String) {
+    let (begun, path) = begin(address, issuer, person).await;
+    let headers = format!("Cookie: {begun}\r\n{CLICK}");
+    ask_with(address, "GET", &path, &headers, "").await
 }
 
 fn ada() -> Person {
@@ -204,15 +202,9 @@ async fn somebody_has_a_number_of_sessions_and_a_browser_has_one() {
     assert_eq!(asked(&cookies[0]).await, 401);
     assert_eq!(asked(&cookies[21]).await, 200);
     // The same browser signs in again: its earlier session ends.
-    issuer.expect(ada());
-    let (_, head, _) = ask_with(address, "GET", "/sign-in/start?here=1", "", "").await;
-    let begun = cookie(&head, "yoto-sign-in").expect("a cookie");
-    let back = issuer.visit(location(&head)).await;
-    let path = back
-        .strip_prefix("http://localhost:50051")
-        .expect("this service");
+    let (begun, path) = begin(address, &issuer, ada()).await;
     let with = format!("Cookie: {begun}; {}\r\n", cookies[21]);
-    let answer = ask_with(address, "GET", path, &with, "").await;
+    let answer = ask_with(address, "GET", &path, &with, "").await;
     assert_eq!(answer.0, 303, "{}", answer.2);
     assert_eq!(asked(&cookies[21]).await, 401);
     assert_eq!(live().await, 19);
@@ -240,13 +232,7 @@ async fn a_token_that_was_made_for_something_else_lets_nobody_in() {
         assert_eq!(cookie(&head, "yoto-session"), None, "{what}");
     }
     // Without the cookie of who has begun, with another state, and without a code.
-    issuer.expect(ada());
-    let (_, head, _) = ask_with(address, "GET", "/sign-in/start?here=1", "", "").await;
-    let begun = cookie(&head, "yoto-sign-in").expect("a cookie");
-    let back = issuer.visit(location(&head)).await;
-    let path = back
-        .strip_prefix("http://localhost:50051")
-        .expect("this service");
+    let (begun, path) = begin(address, &issuer, ada()).await;
     let with = format!("Cookie: {begun}\r\n");
     let (_, query) = path.split_once('?').expect("a query");
     let state = query
@@ -254,7 +240,7 @@ async fn a_token_that_was_made_for_something_else_lets_nobody_in() {
         .find(|it| it.starts_with("state="))
         .expect("a state");
     for (path, headers, status) in [
-        (path.to_owned(), "", 400),
+        (path.clone(), "", 400),
         ("/sign-in/back?code=1&state=x".to_owned(), &*with, 400),
         (
             format!("/sign-in/back?error=access_denied&{state}"),
@@ -265,9 +251,9 @@ async fn a_token_that_was_made_for_something_else_lets_nobody_in() {
         let answer = ask_with(address, "GET", &path, headers, "").await;
         assert_eq!(answer.0, status, "{path}: {}", answer.2);
     }
-    assert_eq!(ask_with(address, "GET", path, &with, "").await.0, 303);
+    assert_eq!(ask_with(address, "GET", &path, &with, "").await.0, 303);
     // A code is used once.
-    assert_eq!(ask_with(address, "GET", path, &with, "").await.0, 502);
+    assert_eq!(ask_with(address, "GET", &path, &with, "").await.0, 502);
     let keys = service.keys().list_keys(ListKeysRequest::default()).await;
     assert_eq!(keys.expect("lists").into_inner().keys.len(), 1);
 }

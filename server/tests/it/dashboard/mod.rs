@@ -3,6 +3,7 @@
 pub mod browser;
 mod events;
 pub mod forms;
+mod packing;
 mod report;
 mod sending;
 pub mod stage;

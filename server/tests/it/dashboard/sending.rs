@@ -2,7 +2,6 @@
 
 use super::browser::Browser;
 use crate::support::{Service, id, listen, listen_as};
-use std::io::Read;
 use std::path::Path;
 use tempfile::TempDir;
 use yoto_proto::v1::{ListCapturesRequest, ListSubjectsRequest, Scope, capture, subject};
@@ -11,7 +10,7 @@ use yoto_server::Admission;
 /// Bytes of a picture that takes several parts.
 const LARGE: usize = 5 << 20;
 /// Bytes sent so far, for the page.
-const SENT: &str = "document.querySelector('#upload-sent progress').value";
+pub(super) const SENT: &str = "document.querySelector('#upload-sent progress').value";
 
 fn pixels(seed: usize) -> Vec<u8> {
     (0..LARGE)
@@ -20,7 +19,7 @@ fn pixels(seed: usize) -> Vec<u8> {
 }
 
 /// Writes a file below `folder`, and returns its path.
-fn written(folder: &Path, file: &str, bytes: &[u8]) -> String {
+pub(super) fn written(folder: &Path, file: &str, bytes: &[u8]) -> String {
     let path = folder.join(file);
     std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
     std::fs::write(&path, bytes).expect("writes");
@@ -312,63 +311,6 @@ async fn a_film_alone_is_sent_where_a_worker_has_a_pose_model() {
         .await
         .expect("the ingest of the film");
     assert_eq!(service.ingested(&lease, "video.MOV"), b"film");
-    serving.abort();
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn many_small_files_are_sent_as_one_archive_which_goes_on_after_a_reload() {
-    let Some(mut browser) = Browser::start() else {
-        return;
-    };
-    let service = Service::start().await;
-    let (address, serving) = listen(&service).await;
-    let dir = TempDir::new().expect("a folder");
-    let folder = dir.path().join("ada");
-    written(&folder, "poses.json", b"{}");
-    let pixels = |number: usize| vec![number as u8; 40_000 + number];
-    for number in 0..100 {
-        written(
-            &folder,
-            &format!("frames/bäume {number:06}.png"),
-            &pixels(number),
-        );
-    }
-    let folder = folder.display().to_string();
-    let driven = tokio::task::spawn_blocking(move || {
-        browser.open(&format!("http://{address}/people"));
-        browser.write("display_name", "Ada");
-        browser.drop_onto_form(&[&folder]);
-        browser
-            .until("document.querySelector('#upload-chosen').textContent.startsWith('101 files')");
-        browser.network(Some(1 << 20));
-        browser.press("Upload");
-        browser.until(&format!(
-            "document.querySelector('#upload-says').textContent === 'Sending.' && {SENT} > 0"
-        ));
-        browser.call("Page.reload", serde_json::json!({}));
-        browser
-            .until("document.querySelector('#upload-says').textContent.includes('has not ended')");
-        assert!(browser.text("#upload-says").contains("the same 101 files"));
-        browser.network(None);
-        browser.drop_onto_form(&[&folder]);
-        browser.until("location.pathname.startsWith('/people/')");
-        browser.ranges.split_off(0)
-    });
-    let ranges = driven.await.expect("the page does its part");
-    assert!(ranges.len() < 20, "{} requests", ranges.len());
-    let lease = service.ingest_lease().await;
-    let archive = service.ingested(&lease, "capture.zip");
-    let mut archive = zip::ZipArchive::new(std::io::Cursor::new(archive)).expect("a ZIP");
-    assert_eq!(archive.len(), 101);
-    for number in [0, 99] {
-        let file = archive.by_name(&format!("frames/bäume {number:06}.png"));
-        let mut bytes = Vec::new();
-        // Compares the CRC-32, too.
-        file.expect("is there")
-            .read_to_end(&mut bytes)
-            .expect("reads");
-        assert!(bytes == pixels(number), "{number}");
-    }
     serving.abort();
 }
 
