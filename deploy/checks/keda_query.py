@@ -102,7 +102,7 @@ def main():
     with postgres.running() as folder:
         for file in sorted(MIGRATIONS.glob("*.sql")):
             postgres.psql(folder, file.read_text(encoding="utf-8"))
-        # KEDA's role, as docs/deploying.md makes it.
+        # KEDA's role, as docs/operate/deploying.md makes it.
         postgres.psql(folder, "CREATE ROLE keda LOGIN; GRANT SELECT ON jobs, leases, workers, paused_kinds, drains TO keda;")
         for what, statements, light, train in STEPS:
             postgres.psql(folder, statements)

@@ -1,4 +1,4 @@
-//! Reasons of refusals: their codes, and the reading of a status. [`ErrorReason`] has them, docs/errors.md explains them.
+//! Reasons of refusals: their codes, and the reading of a status. [`ErrorReason`] has them, docs/operate/errors.md explains them.
 
 use crate::v1::ErrorReason;
 use tonic::{Code, Status};

@@ -1,9 +1,9 @@
-//! docs/errors.md has a row for each reason, with its code.
+//! docs/operate/errors.md has a row for each reason, with its code.
 
 use yoto_proto::reasons::code;
 use yoto_proto::v1::ErrorReason;
 
-const PAGE: &str = include_str!("../../docs/errors.md");
+const PAGE: &str = include_str!("../../docs/operate/errors.md");
 
 #[test]
 fn the_page_of_errors_has_each_reason_with_its_code() {

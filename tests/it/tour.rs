@@ -6,7 +6,7 @@ use std::process::Command;
 use yoto_tests::process::Service;
 
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
-const TOUR: &str = include_str!("../../docs/tour.md");
+const TOUR: &str = include_str!("../../docs/use/tour.md");
 
 /// Commands of the tour, in order, but for those of the terminal that serves.
 fn commands() -> Vec<&'static str> {

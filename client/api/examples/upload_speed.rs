@@ -1,4 +1,4 @@
-//! The speed of uploads to a coordinator of the same process, for docs/storage.md:
+//! The speed of uploads to a coordinator of the same process, for docs/operate/storage.md:
 //! `cargo run -p yoto-client --example upload_speed [FOLDER]`. Data and files are below FOLDER, or in the folder for temporary
 //! files, and are removed.
 //!

@@ -25,7 +25,7 @@ Steps, with a service of its own:
      notes.
 
 One person in the picture, whole, from head to feet; best is one slow turn with the arms out, then
-down. Pose tools and their files: docs/pose-tools.md. The pose model: deploy/models/README.md.
+down. Pose tools and their files: docs/use/pose-tools.md. The pose model: deploy/models/README.md.
 
 Examples:
   yoto avatar walk.mp4 --pose-model models

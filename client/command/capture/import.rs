@@ -8,15 +8,15 @@ use yoto_import::{Format, TrackForm, options_by_format};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
-Files of each format, with their units, are described in docs/formats.md. Shape parameters become
+Files of each format, with their units, are described in docs/use/formats.md. Shape parameters become
 rest joints through your own copy of SMPL's body model, whose licence excludes it from this project.
 
 Poses of a video alone are found by a pose model that deploy/models/get.sh fetches (see
 deploy/models/README.md). So are its masks, unless --masks has better ones, or --matting-model makes
-them: a network of yours in ONNX (docs/pose-tools.md#masks).
+them: a network of yours in ONNX (docs/use/pose-tools.md#masks).
 
 Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM, ExAvatar or EasyMocap are
-recognised by their contents, and held against masks: see docs/pose-tools.md.
+recognised by their contents, and held against masks: see docs/use/pose-tools.md.
 
 Examples:
   yoto import walk.mp4 --pose-model models --out captures/walk

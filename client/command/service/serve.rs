@@ -84,7 +84,7 @@ pub(crate) struct Serve {
     )]
     allow_origins: Vec<String>,
     /// Let people sign in to the dashboard at an issuer of OpenID Connect: a file in TOML that names the issuer, and who may do what
-    /// (docs/security.md). Callers are then asked for a key also before there is one.
+    /// (docs/operate/security.md). Callers are then asked for a key also before there is one.
     #[arg(long, env = "YOTO_OIDC", value_name = "FILE")]
     oidc: Option<PathBuf>,
     /// Allow webhooks (`yoto webhook`) that lead to this machine or to a private network, also without TLS. Whoever has a key can then

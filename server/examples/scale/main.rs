@@ -1,5 +1,5 @@
 //! A service of 10,000 people, 1,000 queued trainings and 200 workers, simulated: the coordinators, their database and every
-//! rule of the queue are the real ones, and only time, workers and people's calls are made up. For docs/jobs.md:
+//! rule of the queue are the real ones, and only time, workers and people's calls are made up. For docs/operate/jobs.md:
 //! `cargo run -p yoto-server --example scale -- sqlite`, and `-- postgres` with two coordinators on a private PostgreSQL that
 //! syncs every commit.
 //!

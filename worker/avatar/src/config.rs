@@ -95,7 +95,7 @@ pub struct ModelConfig {
     pub exposure: ExposureConfig,
 }
 
-/// The rows of the paper's ablation (docs/paper.md).
+/// The rows of the paper's ablation (docs/research/paper.md).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Variant {
@@ -114,7 +114,7 @@ pub enum Variant {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Numerics {
-    /// Bounded, with finite gradients (docs/paper.md marks each place where they differ).
+    /// Bounded, with finite gradients (docs/research/paper.md marks each place where they differ).
     #[default]
     Sound,
     /// Those of the released HumanNeRF program, for comparisons with it.
@@ -240,7 +240,7 @@ pub struct LayersConfig {
     pub inject: usize,
 }
 
-/// Optimisation (docs/paper.md compares it with the paper's).
+/// Optimisation (docs/research/paper.md compares it with the paper's).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OptimiseConfig {
     /// Patches per step.

@@ -3,7 +3,7 @@
 use tracing::{Dispatch, Span, dispatcher};
 
 /// Does `work` on a thread of the pool, with the caller's log. From any other thread, each parallel operation inside would
-/// wake a thread of the pool and wait for it: an eighth of a step of splats on two cores (docs/performance.md).
+/// wake a thread of the pool and wait for it: an eighth of a step of splats on two cores (docs/research/performance.md).
 pub(crate) fn in_pool<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     if rayon::current_thread_index().is_some() {
         return work();

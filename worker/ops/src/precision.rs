@@ -11,6 +11,6 @@ pub enum Precision {
     #[default]
     F32,
     /// bf16, with 8 significant bits; only on CPUs. Products take about half the time on CPUs with
-    /// instructions for them (docs/performance.md).
+    /// instructions for them (docs/research/performance.md).
     Bf16,
 }

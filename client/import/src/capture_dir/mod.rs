@@ -266,7 +266,7 @@ fn no_poses(dir: &Path) -> ClientError {
         return ClientError::Name(format!("there is no {}", dir.display()));
     }
     let message = "a capture needs the person's poses in this file: `yoto import` makes it from the \
-                   files of pose tools, docs/formats.md describes it";
+                   files of pose tools, docs/use/formats.md describes it";
     bad(dir, vec![violation("MISSING", FILE, None, "", message)])
 }
 

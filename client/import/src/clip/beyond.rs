@@ -7,7 +7,7 @@ const FEW: usize = 5;
 /// Longer clips may have this part of their frames too many.
 const SHARE: usize = 20;
 
-/// The first number that can't be of a clip of `frames` frames, as for captures (`docs/media.md`).
+/// The first number that can't be of a clip of `frames` frames, as for captures (`docs/use/media.md`).
 pub(crate) fn too_far(frames: usize) -> usize {
     frames + FEW.max(frames / SHARE)
 }

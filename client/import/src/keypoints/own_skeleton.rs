@@ -124,7 +124,7 @@ fn read(
     notes.push(format!(
         "the skeleton is the tool's own: {} joints; bones of constant length put them {:.0} mm (median) from \
          where the file has them. Fingers, toes, face and helpers are merged into the joints above \
-         (docs/pose-tools.md)",
+         (docs/use/pose-tools.md)",
         tree.0.len(),
         1e3 * best.scatter
     ));

@@ -2,7 +2,7 @@
 //!
 //! Which request is which call is said in the contract (`google.api.http`). A request becomes the call's message, which goes to
 //! the same services by the same way: rules, tenants and limits are theirs, and nothing here knows a single call but the
-//! transfer of files. docs/http.md is the page for users.
+//! transfer of files. docs/operate/http.md is the page for users.
 //!
 //! | here | |
 //! |---|---|

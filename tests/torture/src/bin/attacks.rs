@@ -1,4 +1,4 @@
-//! Memory and latencies of a coordinator whose client asks for much, for docs/jobs.md:
+//! Memory and latencies of a coordinator whose client asks for much, for docs/operate/jobs.md:
 //! `cargo build -p yoto-tests --bins && cargo run -p yoto-torture --bin attacks`.
 
 #[tokio::main]

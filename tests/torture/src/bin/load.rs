@@ -1,4 +1,4 @@
-//! Figures of a coordinator under the load of a cluster, for docs/jobs.md:
+//! Figures of a coordinator under the load of a cluster, for docs/operate/jobs.md:
 //! `cargo build -p yoto-tests --bins && cargo run -p yoto-torture --bin load`, with `-- --postgres` on a private PostgreSQL that
 //! syncs every commit.
 

@@ -1,5 +1,5 @@
 //! Breaks the service by a plan, and checks that it keeps its promises:
-//! `cargo run -p yoto-torture --bin torture -- --minutes 10 --seed 1`. docs/jobs.md explains the table.
+//! `cargo run -p yoto-torture --bin torture -- --minutes 10 --seed 1`. docs/operate/jobs.md explains the table.
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

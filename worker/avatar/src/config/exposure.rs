@@ -31,7 +31,7 @@ impl LearnExposure {
 
 /// Learning of a gain and an offset of each training frame and colour channel, as a camera changes them
 /// that adjusts itself while it films. They belong to the frames, not to the model: renders are exposed
-/// like the mean of all frames. Chosen by experiment (docs/exposure.md).
+/// like the mean of all frames. Chosen by experiment (docs/research/exposure.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ExposureConfig {

@@ -57,7 +57,7 @@ fn grid_tier(
             resolution: Resolution::Axes(nodes),
             own: None,
             form: MotionForm::Direct,
-            // Chosen by experiment (docs/quality.md).
+            // Chosen by experiment (docs/research/quality.md).
             unposing: Unposing::Inverse,
         },
         correction: CorrectionConfig {
@@ -83,7 +83,7 @@ fn grid_tier(
                     growth: 1.45,
                     log2_rows,
                     features: 2,
-                    // Chosen by experiment (docs/tiers.md).
+                    // Chosen by experiment (docs/use/tiers.md).
                     own_log2_rows: log2_rows - 3,
                 },
                 layers: LayersConfig {
@@ -100,7 +100,7 @@ fn grid_tier(
                 epsilon: 1e-3,
                 min_transmittance: 1e-3,
                 occupancy_cells: 64,
-                // What is left out changes no colour of a picture by more than 0.004 (docs/quality.md).
+                // What is left out changes no colour of a picture by more than 0.004 (docs/research/quality.md).
                 occupancy_alpha: 1e-3,
             },
         }),
@@ -112,7 +112,7 @@ fn grid_tier(
             motion_rate: 5e-2,
             slow_rate: 5e-4,
             ssim_weight: 0.02,
-            // Chosen by experiment (docs/quality.md).
+            // Chosen by experiment (docs/research/quality.md).
             mask_weight: 0.1,
             backward_share: 0.25,
         },
@@ -120,7 +120,7 @@ fn grid_tier(
         schedule: Schedule {
             steps: 5000,
             warm_up: 0.02,
-            // Refinement takes its place, and precise poses lose by it (docs/refinement.md).
+            // Refinement takes its place, and precise poses lose by it (docs/research/refinement.md).
             correction: Schedule::NEVER,
             non_rigid: 0.3,
             all_bands: 0.8,
@@ -135,19 +135,19 @@ fn grid_tier(
     }
 }
 
-/// The tier `fast` with splats in place of its field (docs/splats.md has the experiments).
+/// The tier `fast` with splats in place of its field (docs/research/splats.md has the experiments).
 fn splats(variant: Variant) -> ModelConfig {
     let mut config = grid_tier("splat", variant, 8, 15, 64, 3, 64, [32, 33, 13]);
     config.appearance = Appearance::Splats(SplatConfig {
         pose_shapes: PoseShapesConfig::of_tier(),
         ..SplatConfig::default()
     });
-    // What a person has beyond the shared weights needs no fine cells (docs/splats.md).
+    // What a person has beyond the shared weights needs no fine cells (docs/research/splats.md).
     config.motion.own = Some(Resolution::Axes([16, 17, 7]));
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
     config.refinement.noise = 0.08;
-    // A minute's training gains nothing by it (docs/splats.md).
+    // A minute's training gains nothing by it (docs/research/splats.md).
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;
     config.exposure.who = LearnExposure::Auto;
@@ -159,7 +159,7 @@ fn splats(variant: Variant) -> ModelConfig {
 const INVISIBLE: f32 = f32::EPSILON / 2.0;
 
 /// The sizes and the training of the paper and of HumanNeRF, on which it builds, with all samples
-/// and all gradients (docs/paper.md lists every choice).
+/// and all gradients (docs/research/paper.md lists every choice).
 fn paper(variant: Variant) -> ModelConfig {
     ModelConfig {
         tier: "paper".into(),
@@ -227,7 +227,7 @@ fn paper(variant: Variant) -> ModelConfig {
 }
 
 /// [`paper`] for slower machines: samples, gradients and ends of rays with little influence are
-/// left out. docs/performance.md has the effect.
+/// left out. docs/research/performance.md has the effect.
 fn paper_lean(variant: Variant) -> ModelConfig {
     let mut config = paper(variant);
     config.tier = "paper-lean".into();

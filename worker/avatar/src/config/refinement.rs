@@ -44,7 +44,7 @@ impl Refine {
 
 /// Refinement of the poses of training frames: before each step, the pose of its frame is fitted
 /// to the frame with the model as it is then. It belongs to the frames, not to the model: renders
-/// take other poses as they are given. Every value was chosen by experiment (docs/refinement.md).
+/// take other poses as they are given. Every value was chosen by experiment (docs/research/refinement.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefinementConfig {

@@ -14,7 +14,7 @@ pub enum Turns {
     Person,
 }
 
-/// The person that each step learns from (docs/people.md has the experiments).
+/// The person that each step learns from (docs/use/people.md has the experiments).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SamplingConfig {

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::sync::OnceLock;
 use thiserror::Error;
 
-/// Learned from 32 of the VALID avatars; its licence is beside it (docs/splats.md, "What people share").
+/// Learned from 32 of the VALID avatars; its licence is beside it (docs/research/splats.md, "What people share").
 static PEOPLE: &[u8] = include_bytes!("people.safetensors");
 /// Most numbers of a code.
 const MOST: usize = 512;

@@ -7,7 +7,7 @@ use faer::{Mat, Side};
 use yoto_proto::sha256_hex;
 
 /// Variance of what a person has beyond the decoder, summed over the cells as the basis is: the code's prior is a
-/// standard normal distribution (docs/splats.md, "What people share").
+/// standard normal distribution (docs/research/splats.md, "What people share").
 const NOISE: f64 = 1.0;
 /// Weight of a cell, opaque area times evidence, m², at which it counts half.
 const HALF: f32 = 1e-5;

@@ -6,7 +6,7 @@ use yoto_capture::skeleton::Skeleton;
 
 /// Names of joints at the ends of limbs, how far the middle of the part is beyond the joint, and its radius, metres.
 const PARTS: [(&[&str], f64, f64); 2] = [(&["head"], 0.09, 0.17), (&["wrist", "hand"], 0.07, 0.11)];
-/// Number of pixels of a part's grid, about (docs/refinement.md).
+/// Number of pixels of a part's grid, about (docs/research/refinement.md).
 pub(super) const PIXELS: f64 = 150.0;
 /// Smallest side of a box, pixels: less shows nothing.
 const SMALLEST: usize = 8;

@@ -28,7 +28,7 @@ const NEVER: u8 = 0;
 const PROBES: u32 = 32;
 /// How far canonical points may be from the blend that a search for them starts from, metres, beyond
 /// the neighbours that count as occupied anyway: three quarters of those near the bones of people in
-/// motion are within 3 cm (docs/quality.md).
+/// motion are within 3 cm (docs/research/quality.md).
 const NEAR: f32 = 0.03;
 
 /// Densities of a training step, from which the grid learns.

@@ -1,7 +1,7 @@
 //! The numerical hazards of the method at their extremes: values and gradients stay finite, and
 //! where a closed form exists, the error against f64 is bounded.
 //!
-//! Prints the table of `docs/numerics.md`, as the tests of this name in `yoto-ops` print the rows of splats:
+//! Prints the table of `docs/research/numerics.md`, as the tests of this name in `yoto-ops` print the rows of splats:
 //! `cargo test -p yoto-ops -p yoto-avatar --test it extremes:: -- --nocapture --test-threads=1 | grep -o '| .* |'`.
 
 mod model;

@@ -13,7 +13,7 @@ use yoto_ops::form::{Form, Work, multiply_add};
 
 /// A step in units of [`Arithmetic`], measured on two cores of an AMD EPYC with AVX-512.
 const STEP: f64 = 44.7;
-/// Most by which a step may be slower. A change of a few percent belongs in a benchmark (docs/performance.md).
+/// Most by which a step may be slower. A change of a few percent belongs in a benchmark (docs/research/performance.md).
 const MOST: f64 = 1.7;
 /// Steps before the first that is timed, and timed ones.
 const BEFORE: usize = 5;

@@ -217,7 +217,7 @@ fn samples_that_are_left_out_do_not_show() {
         .zip(&all.rgb)
         .map(|(a, b)| (a - b).abs())
         .fold(0.0, f32::max);
-    // Twelve trainings ended between 1.4e-3 and 3.5e-3 (docs/quality.md).
+    // Twelve trainings ended between 1.4e-3 and 3.5e-3 (docs/research/quality.md).
     assert!(worst < 4e-3, "largest difference {worst:e}");
     assert!(skipping.alpha.iter().any(|a| *a > 0.3), "nobody to be seen");
 }

@@ -20,12 +20,12 @@ const SAMPLE: usize = 32;
 /// Frames from which the scatter is measured, at least.
 const ENOUGH: usize = 12;
 
-/// Poses that wander farther than this are imprecise, metres. `docs/check.md` has the rates of false
+/// Poses that wander farther than this are imprecise, metres. `docs/research/check-rates.md` has the rates of false
 /// alarms and of misses.
 pub const PRECISE: f64 = 0.008;
 
 /// Poses that wander farther than this are wrong rather than noisy, metres: the noise of an estimator (4 degrees per joint and 1 cm) gives
-/// 20 mm at most (`docs/check.md`).
+/// 20 mm at most (`docs/research/check-rates.md`).
 pub(super) const NOISE: f64 = 0.025;
 
 /// Scatter of a capture's bodies around their masks beyond what the person's shape explains, metres in the

@@ -9,19 +9,19 @@ use std::collections::VecDeque;
 
 /// Width of a cell of the grid, metres.
 const CELL: f32 = 0.006;
-/// Standard deviation of a plane's weight across it, and the least one along it, metres (docs/export.md).
+/// Standard deviation of a plane's weight across it, and the least one along it, metres (docs/use/export.md).
 const SPREAD: f32 = 0.012;
 /// The greatest standard deviation of a plane's weight along it, metres.
 const WIDEST: f32 = 0.02;
 /// Reach of a plane, standard deviations.
 const REACH: f32 = 2.5;
 /// Distance from a splat's plane to the visible surface, in standard deviations across the splat: splats have a
-/// thickness (docs/export.md).
+/// thickness (docs/use/export.md).
 pub(super) const OUTWARD: f32 = 1.5;
 /// Least weight of planes that define a distance: that of one splat 1.5 standard deviations away.
 const BELIEVED: f32 = 0.3;
 /// Widest gap between planes that the surface closes, metres: skin that no frame shows. Closing wider gaps would
-/// join separate parts (docs/export.md).
+/// join separate parts (docs/use/export.md).
 const GAP: f32 = 0.024;
 /// Most cells of the grid: five times those of a tall person.
 const MOST: usize = 60_000_000;

@@ -1,7 +1,7 @@
 //! The pixels whose coverage is uncertain: those near the mask's edge.
 
 /// Uncertain pixels lie at most this share of the person's longer side from the mask's edge, pixels per pixel.
-/// Masks of the pose network are off by 0.4 to 0.8 % (docs/edges.md).
+/// Masks of the pose network are off by 0.4 to 0.8 % (docs/research/edges.md).
 const REACH: f64 = 0.010;
 /// Coverage that counts as inside.
 const INSIDE: u8 = 230;

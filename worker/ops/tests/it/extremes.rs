@@ -1,5 +1,5 @@
 //! Splats at the extremes of their numbers: values and gradients stay finite, and equal those of double precision or a
-//! closed form. Prints rows of the table of `docs/numerics.md`, whose top has the command.
+//! closed form. Prints rows of the table of `docs/research/numerics.md`, whose top has the command.
 
 use super::splat_f64::{ROW, picture, sum};
 use super::table::{error, report, values};

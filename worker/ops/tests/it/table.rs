@@ -1,4 +1,4 @@
-//! Rows of the table in `docs/numerics.md`, one per case.
+//! Rows of the table in `docs/research/numerics.md`, one per case.
 
 use burn::tensor::Tensor;
 

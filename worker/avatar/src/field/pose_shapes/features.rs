@@ -6,7 +6,7 @@ use yoto_capture::skeleton::transform::rodrigues;
 /// Numbers per joint: R − I, row-major.
 pub(super) const FEATURES: usize = 9;
 
-/// How far beyond its filmed range a feature still takes part, as a share of the range (docs/splats.md, "Pose blend shapes").
+/// How far beyond its filmed range a feature still takes part, as a share of the range (docs/research/splats.md, "Pose blend shapes").
 const BEYOND: f32 = 3.0;
 
 /// `[9 K]`: R − I of each joint; 0 for the root, since clothes do not move when a person turns.

@@ -5,7 +5,7 @@
 //! shapes (SMPL, eq. 9), aₖ(x) says how near the joint k is, and a network h chooses among R shapes by place
 //! and person: it is the attention of the paper's pose condition (eq. 3 to 5), with places as queries and joints
 //! as keys. Δ is linear in the features, so that a pose between filmed ones gets an offset between theirs; beyond them,
-//! features go on for three times their filmed range, and stay there (docs/splats.md).
+//! features go on for three times their filmed range, and stay there (docs/research/splats.md).
 
 mod features;
 mod host;

@@ -4,7 +4,7 @@
 //! are spoiled; those that are held too tightly keep their errors. What is expected is therefore
 //! what was found: the squares of the changes that fits ask for, divided by the number of
 //! parameters that the pictures determine (MacKay, Bayesian Interpolation, Neural Computation 4,
-//! 1992; docs/refinement.md measures it).
+//! 1992; docs/research/refinement.md measures it).
 
 use crate::fit::Evidence;
 use serde::{Deserialize, Serialize};

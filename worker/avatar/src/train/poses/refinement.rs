@@ -24,7 +24,7 @@ const SMOOTHING: f32 = 0.03;
 /// Shares of the refinement after which other readings are tried.
 const TRIALS: [f64; 5] = [0.1, 0.25, 0.4, 0.6, 0.8];
 /// Errors that are expected of poses that are refined finely, as factors of the configured ones: rotations by about
-/// 1 degree, as of BlazePose in films of one person (docs/refinement.md), and positions.
+/// 1 degree, as of BlazePose in films of one person (docs/research/refinement.md), and positions.
 const FINE: [f64; 2] = [0.4, 0.4];
 /// Farthest frames between which a lost one is placed.
 const FAR: usize = 10;

@@ -1,5 +1,5 @@
 //! Adam with a learning rate for each part of the model: those of the paper and of HumanNeRF
-//! (docs/paper.md), with additional ones for hash tables and direct motion weights.
+//! (docs/research/paper.md), with additional ones for hash tables and direct motion weights.
 
 use crate::config::ModelConfig;
 use burn::module::ParamGroup;

@@ -1,6 +1,6 @@
 //! Where splats are placed, and when they become more. A training that refines poses widely starts with few, since many small
 //! ones learn the mean of wrong poses by heart; once poses are better, they are split until there are all
-//! (docs/splats.md).
+//! (docs/research/splats.md).
 
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Variant};

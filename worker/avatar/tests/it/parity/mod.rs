@@ -1,5 +1,5 @@
 //! Parity: values and gradients of each part of the model, and of one complete training step,
-//! against the double-precision reference in `tests/reference`. `docs/parity.md` has the table that
+//! against the double-precision reference in `tests/reference`. `docs/research/parity.md` has the table that
 //! `cargo test -p yoto-avatar --test it parity:: -- --nocapture` prints.
 
 mod case;

@@ -2,7 +2,7 @@
 //! weights, Σ wᵢ(c) Gᵢ c, moves to a sample x (SNARF, arXiv 2104.03953, eq. 5). The blend of
 //! [`super::warp`] looks up the weight of a bone where that bone alone transforms the sample, which is the right
 //! position only if no other bone moves it: with several bones, the blend is off by a centimetre or more
-//! (docs/quality.md), differently in each pose.
+//! (docs/research/quality.md), differently in each pose.
 //!
 //! The fixed-point iteration c ← (Σ wᵢ(c) Gᵢ)⁻¹ x takes at most [`STEPS`] steps, from the blend or, where that
 //! does not converge, from where single bones transform the sample. The search fails where no bone has a weight,
@@ -20,7 +20,7 @@ use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
 use burn::tensor::Tensor;
 
 /// Steps of a search. For points near the bones of people in motion, four steps leave an error of 0.1 mm at the
-/// 75th percentile, where that of the blend is 29 mm (docs/quality.md).
+/// 75th percentile, where that of the blend is 29 mm (docs/research/quality.md).
 pub const STEPS: usize = 4;
 /// Smallest sum of weights at a point that is skinned.
 pub(super) const MIN_SUM: f32 = 1e-3;

@@ -1,5 +1,5 @@
 //! How many splats a person has while their poses are refined: few while poses are wrong, since many small ones learn
-//! the mean of wrong poses by heart (docs/splats.md).
+//! the mean of wrong poses by heart (docs/research/splats.md).
 
 use super::PoseRefinement;
 use crate::config::{Extent, SplatConfig};

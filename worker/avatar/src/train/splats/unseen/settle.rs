@@ -11,7 +11,7 @@ use crate::train::model::Model;
 use crate::train::people::TrainSubject;
 use crate::train::run::Moment;
 
-/// Share of a run after which guesses are held (docs/splats.md, "Sides that no frame shows").
+/// Share of a run after which guesses are held (docs/research/splats.md, "Sides that no frame shows").
 const FROM: f64 = 0.6;
 
 /// Guesses once what no frame shows of the `subjects` and holds it, if the step at `now` is late in the run; before that,

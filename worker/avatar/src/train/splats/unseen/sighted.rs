@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use yoto_capture::camera::Pose;
 use yoto_ops::splat::probe::Probe;
 
-/// Most frames that are looked at, evenly over the capture (docs/splats.md, "Sides that no frame shows").
+/// Most frames that are looked at, evenly over the capture (docs/research/splats.md, "Sides that no frame shows").
 const FRAMES: usize = 24;
 /// Part of a splat's footprint that some frame shows of it if it is seen at all. What is below is hidden by others in
-/// every frame: its colour changes no training picture (docs/splats.md, "Sides that no frame shows").
+/// every frame: its colour changes no training picture (docs/research/splats.md, "Sides that no frame shows").
 const SHOWN: f32 = 0.1;
 /// Evidence from which a colour is firm, in frames that show the whole splat; less where no splat of the capture is shown for
-/// longer than [`WELL`] times as long (docs/splats.md, "What people share").
+/// longer than [`WELL`] times as long (docs/research/splats.md, "What people share").
 const FIRM: f32 = 1.0;
 const WELL: f32 = 4.0;
 /// Share of the splats that are shown for less than what counts as long.
