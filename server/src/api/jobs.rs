@@ -1,11 +1,12 @@
 //! `yoto.v1.JobService`.
 
-use super::{aliases, fields, paging, public};
+use super::orders::{Order, order_job};
+use super::{fields, paging, public};
 use crate::context::Context;
 use crate::error::RequestError;
 use crate::field_faults::{all, both};
 use crate::jobs::{queue, retry, watch, watch_all};
-use crate::store::{JobFilter, NewJob, Target};
+use crate::store::{JobFilter, Target};
 use crate::tenant::Tenant;
 use crate::trace_parent::TraceParent;
 use futures::stream::BoxStream;
@@ -83,22 +84,16 @@ impl JobService for JobApi {
         let tenant = Tenant::of(&request)?;
         let trace_parent = TraceParent::of(&request);
         let request = request.into_inner();
-        let key = fields::request_key("CreateJob", &request.request_id, &request);
-        let mut spec = request.spec.unwrap_or_default();
-        aliases::resolve(&self.context, &tenant, &mut spec).await?;
-        let new = fields::new_job(spec, request.priority, &request.owner);
-        let (key, new) = both(key, new)?;
-        if request.validate_only {
-            let priority = request.priority;
-            let job = queue::validate(&self.context, &tenant, new).await?;
-            return Ok(Response::new(Job { priority, ..job }));
-        }
-        let new = NewJob {
+        let order = Order {
+            key: fields::request_key("CreateJob", &request.request_id, &request),
+            spec: request.spec.unwrap_or_default(),
+            priority: request.priority,
+            owner: request.owner,
+            validate_only: request.validate_only,
             trace_parent,
-            ..new
         };
-        let job = queue::create(&self.context, &tenant, new, key).await?;
-        Ok(Response::new(public::job(job)))
+        let job = order_job(&self.context, &tenant, order).await?;
+        Ok(Response::new(job))
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {

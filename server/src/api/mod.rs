@@ -9,6 +9,7 @@ mod jobs;
 mod keys;
 mod models;
 mod objects;
+mod orders;
 mod paging;
 mod public;
 mod renders;

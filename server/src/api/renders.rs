@@ -1,9 +1,8 @@
 //! `yoto.v1.RenderService`.
 
-use super::{fields, public};
+use super::fields;
+use super::orders::{Order, order_job};
 use crate::context::Context;
-use crate::jobs::queue;
-use crate::store::NewJob;
 use crate::tenant::Tenant;
 use crate::trace_parent::TraceParent;
 use std::sync::Arc;
@@ -26,21 +25,17 @@ impl RenderService for RenderApi {
         let tenant = Tenant::of(&request)?;
         let trace_parent = TraceParent::of(&request);
         let request = request.into_inner();
-        let key = fields::request_key("CreateRender", &request.request_id, &request)?;
-        let spec = JobSpec {
-            kind: request.spec.map(job_spec::Kind::Render),
-        };
-        let new = fields::new_job(spec, request.priority, &request.owner)?;
-        if request.validate_only {
-            let priority = request.priority;
-            let job = queue::validate(&self.context, &tenant, new).await?;
-            return Ok(Response::new(Job { priority, ..job }));
-        }
-        let new = NewJob {
+        let order = Order {
+            key: fields::request_key("CreateRender", &request.request_id, &request),
+            spec: JobSpec {
+                kind: request.spec.map(job_spec::Kind::Render),
+            },
+            priority: request.priority,
+            owner: request.owner,
+            validate_only: request.validate_only,
             trace_parent,
-            ..new
         };
-        let job = queue::create(&self.context, &tenant, new, key).await?;
-        Ok(Response::new(public::job(job)))
+        let job = order_job(&self.context, &tenant, order).await?;
+        Ok(Response::new(job))
     }
 }

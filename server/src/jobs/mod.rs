@@ -1,5 +1,6 @@
 //! Jobs between the API and the store: accepted orders, leases, reports and watches.
 
+mod aliases;
 mod checks;
 pub mod consent;
 pub mod lease;

@@ -4,6 +4,7 @@
 //! entries (shards, the checkpoint to use, slots) are not removed while a job that uses them waits or
 //! runs, so the checks still hold when the job is leased.
 
+use super::aliases;
 use super::checks::specs::check_spec;
 use crate::context::Context;
 use crate::error::RequestError;
@@ -22,13 +23,14 @@ use yoto_proto::v1::{Job, JobSpec, job};
 pub async fn create(
     context: &Context,
     tenant: &Tenant,
-    new: NewJob,
+    mut new: NewJob,
     request: Option<RequestKey>,
 ) -> Result<Job, RequestError> {
-    // Comes before the checks against the catalogue: a repeated request gets its first answer, whatever has changed since.
+    // Comes before everything that reads the catalogue: a repeated request gets its first answer, whatever has changed since.
     if let Some(id) = context.store.answered(tenant, request.as_ref()).await? {
         return Ok(context.store.job(tenant, &id).await?);
     }
+    aliases::resolve(context, tenant, &mut new.spec).await?;
     check_spec(context, tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec);
     let request_id = id_of(&request);
@@ -48,8 +50,9 @@ pub async fn create(
 pub async fn validate(
     context: &Context,
     tenant: &Tenant,
-    new: NewJob,
+    mut new: NewJob,
 ) -> Result<Job, RequestError> {
+    aliases::resolve(context, tenant, &mut new.spec).await?;
     check_spec(context, tenant, &new.spec).await?;
     context.store.check_consent(tenant, &new.spec).await?;
     let kind = JobKind::of(&new.spec);

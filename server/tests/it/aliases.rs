@@ -5,8 +5,9 @@ use tonic::{Code, Status};
 use yoto_proto::names;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
-    Checkpoint, DeleteCheckpointRequest, GetCheckpointRequest, Orbit, RemoveAliasRequest,
-    RenderSpec, SetAliasRequest, job_spec,
+    Checkpoint, CreateJobRequest, CreateRenderRequest, DeleteCheckpointRequest,
+    GetCheckpointRequest, Job, JobSpec, Orbit, RemoveAliasRequest, RenderSpec, SetAliasRequest,
+    job_spec,
 };
 
 impl Service {
@@ -69,17 +70,7 @@ async fn a_checkpoint_is_found_kept_and_ordered_by_its_alias() {
     assert!(kept.contains(&1) && !kept.contains(&2), "{kept:?}");
     assert_eq!(service.called(&prod).await.expect("is found").step, 1);
 
-    let order = RenderSpec {
-        model: model.name.clone(),
-        subject: subject.name.clone(),
-        checkpoint: prod.clone(),
-        what: Some(What::Orbit(Orbit {
-            frame: 0,
-            views: 1,
-            size: 8,
-        })),
-        ..<_>::default()
-    };
+    let order = orbit(&model.name, &subject.name, &prod);
     let queued = service
         .create_job(job_spec::Kind::Render(order.clone()))
         .await;
@@ -106,6 +97,71 @@ async fn a_checkpoint_is_found_kept_and_ordered_by_its_alias() {
     };
     let refused = service.create_job(job_spec::Kind::Render(missing)).await;
     assert_refused(refused, Code::NotFound, "NOT_FOUND");
+}
+
+/// An orbit of one view, of the checkpoint with this name.
+fn orbit(model: &str, subject: &str, checkpoint: &str) -> RenderSpec {
+    RenderSpec {
+        model: model.into(),
+        subject: subject.into(),
+        checkpoint: checkpoint.into(),
+        what: Some(What::Orbit(Orbit {
+            frame: 0,
+            views: 1,
+            size: 8,
+        })),
+        ..<_>::default()
+    }
+}
+
+/// The checkpoint that the order of a render has.
+fn ordered(job: &Job) -> &str {
+    match job.spec.as_ref().and_then(|it| it.kind.as_ref()) {
+        Some(job_spec::Kind::Render(spec)) => &spec.checkpoint,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn both_calls_take_aliases_and_repeat_their_first_answer_without_them() {
+    let service = Service::start().await;
+    let trained = service.trained().await;
+    let (model, name) = (&trained.model.name, &trained.checkpoint.name);
+    service.name_it(name, "prod").await.expect("is named");
+    let spec = orbit(
+        model,
+        &trained.subject.name,
+        &format!("{model}/checkpoints/prod"),
+    );
+    let render = |validate_only: bool, id: &str| CreateRenderRequest {
+        spec: Some(spec.clone()),
+        validate_only,
+        request_id: id.into(),
+        ..<_>::default()
+    };
+    let job = CreateJobRequest {
+        spec: Some(JobSpec {
+            kind: Some(job_spec::Kind::Render(spec.clone())),
+        }),
+        request_id: "a".into(),
+        ..<_>::default()
+    };
+    let by_render = |request| async { service.renders().create_render(request).await };
+    let by_job = |request| async { service.jobs().create_job(request).await };
+    let checked = by_render(render(true, "")).await.expect("can be made");
+    assert_eq!(ordered(checked.get_ref()), name);
+    let first = by_render(render(false, "a")).await.expect("is queued");
+    assert_eq!(ordered(first.get_ref()), name);
+    let second = by_job(job.clone()).await.expect("is queued");
+    assert_eq!(ordered(second.get_ref()), name);
+
+    service.unname(model, "prod").await;
+    let again = by_render(render(false, "a")).await.expect("is repeated");
+    assert_eq!(again.get_ref().name, first.get_ref().name);
+    let again = by_job(job).await.expect("is repeated");
+    assert_eq!(again.get_ref().name, second.get_ref().name);
+    let new = by_render(render(false, "b")).await;
+    assert_refused(new, Code::NotFound, "NOT_FOUND");
 }
 
 #[tokio::test]
