@@ -1,10 +1,10 @@
 //! Binds a store of objects to a database by hand.
 
 use crate::lock::DataDirLock;
-use crate::objects::marker;
 use crate::objects::place::Place;
 use crate::{DATABASE_FILE, ServerConfig, ServerError, create_dir, objects_url, open_store};
 use url::Url;
+use yoto_store::binding;
 
 /// Binds the store of objects of `config` to its database, for an operator who has moved or lost the objects, or whose
 /// database replaces the one to which they belonged. Coordinators that use both are accepted afterwards, and those of the other database are
@@ -21,8 +21,8 @@ pub async fn adopt(config: &ServerConfig) -> Result<Url, ServerError> {
     let url = objects_url(config, &data_dir)?;
     let (_, objects) = Place::open(&url, config).await?;
     let store = open_store(config, &data_dir).await?;
-    let adopted = marker::adopt(&objects, &store).await;
+    let adopted = binding::adopt(&objects, &store).await;
     store.close().await;
     lock.release();
-    adopted.map(|_| url)
+    adopted.map(|_| url).map_err(ServerError::from)
 }

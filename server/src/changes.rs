@@ -3,14 +3,14 @@
 //! An announcement is only a [hint](crate::hints): a job is polled as well, so a lost one only delays its watchers.
 
 use crate::context::Context;
-use crate::store::StoreError;
-use crate::tenant::Tenant;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, watch};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::Job;
+use yoto_store::StoreError;
+use yoto_store::Tenant;
 
 /// What is known of a watched job.
 #[derive(Debug, Clone)]

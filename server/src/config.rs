@@ -1,19 +1,19 @@
 //! Settings for operators, with the defaults of an embedded coordinator.
 
-use crate::checkpoints::retention::Retention;
-use crate::clock::{Clock, SystemClock};
 use crate::error::ServerError;
-use crate::faults::Faults;
 use crate::otlp::OtlpConfig;
 use crate::sign_in::OidcConfig;
-use crate::store::PostgresUrl;
 use crate::traffic::TrafficLimits;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use url::Url;
 use yoto_objects::Environment;
+use yoto_process::clock::{Clock, SystemClock};
+use yoto_process::faults::Faults;
 use yoto_proto::limits;
+use yoto_store::PostgresUrl;
+use yoto_store::rules::retention::Retention;
 
 /// Settings of a [`crate::Coordinator`].
 #[derive(Debug, Clone)]

@@ -5,7 +5,6 @@ use crate::access::rates::Rates;
 use crate::audit::Audit;
 use crate::changes::JobChanges;
 use crate::config::ServerConfig;
-use crate::error::RequestError;
 use crate::health::Health;
 use crate::hints::{Hint, Hints};
 use crate::job_feed::JobFeed;
@@ -14,8 +13,6 @@ use crate::objects::place::Place;
 use crate::objects::room::{self, Room};
 use crate::otlp::EndedJobs;
 use crate::sign_in::Found;
-use crate::store::{JobKind, Store};
-use crate::tenant::Tenant;
 use crate::uploads::UploadLocks;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
@@ -23,6 +20,9 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use url::Url;
 use yoto_objects::Objects;
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{JobKind, Store};
 
 /// The shared parts. The lock is one of them, so the data folder stays locked as long as
 /// anything can write to it.

@@ -1,12 +1,11 @@
-//! Errors of the coordinator: while it opens or serves, and while it answers a request.
+//! Errors of the coordinator while it opens or serves.
 
-use crate::field_faults::FieldFaults;
 use crate::otlp::OtlpError;
-use crate::store::StoreError;
 use std::path::PathBuf;
 use thiserror::Error;
 use yoto_objects::ObjectsError;
-use yoto_proto::v1::ErrorReason;
+use yoto_store::StoreError;
+use yoto_store::binding::BindingError;
 
 /// The coordinator can't open or serve.
 #[derive(Debug, Error)]
@@ -37,30 +36,9 @@ pub enum ServerError {
     /// The object store can't be opened.
     #[error(transparent)]
     Objects(#[from] ObjectsError),
-    /// The object store is not the one of the database.
-    #[error(
-        "the objects of this database are not at {url}: it was begun with another store, whose object {key} contains {id}; \
-         name that store, or run `yoto adopt` if you have moved its objects to {url} or have lost them"
-    )]
-    OtherObjects {
-        /// The store, without credentials.
-        url: String,
-        /// The object that names the store.
-        key: &'static str,
-        /// What it should contain.
-        id: String,
-    },
-    /// The object store is another database's.
-    #[error(
-        "the objects at {url} belong to another database, as their object {key} says: name an empty bucket, prefix or folder, \
-         or run `yoto adopt` if this database replaces that one"
-    )]
-    OtherDatabase {
-        /// The store, without credentials.
-        url: String,
-        /// The object that names the store.
-        key: &'static str,
-    },
+    /// Database and object store don't belong together.
+    #[error(transparent)]
+    Binding(Box<BindingError>),
     /// There is no database to open.
     #[error("there is no service's database at {}: name its data folder with --data", .0.display())]
     NoDatabase(PathBuf),
@@ -78,135 +56,8 @@ pub enum ServerError {
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
-/// A request that can't be answered. [`crate::api`] turns it into a gRPC status.
-#[derive(Debug, Error)]
-pub enum RequestError {
-    /// No such resource.
-    #[error("{name} does not exist")]
-    NotFound {
-        /// Its name.
-        name: String,
-    },
-    /// Fields of the request are malformed.
-    #[error("{0}")]
-    Invalid(FieldFaults),
-    /// The request is well-formed, but not possible in the current state.
-    #[error("{message}")]
-    Precondition {
-        /// Machine-readable.
-        reason: ErrorReason,
-        /// Human-readable.
-        message: String,
-    },
-    /// The caller may not call.
-    #[error("{message}")]
-    Refused {
-        /// Machine-readable.
-        reason: ErrorReason,
-        /// Human-readable.
-        message: String,
-    },
-    /// Several things are wrong with the request, or not possible now: at least two, of the other kinds.
-    #[error("{}", listed(.0))]
-    Several(Vec<RequestError>),
-    /// A chunk of an upload was altered on its way.
-    #[error(
-        "{path}: the chunk at {offset} has the CRC-32C {found:08x}, not {told:08x} as was sent"
-    )]
-    CorruptChunk {
-        /// The file.
-        path: String,
-        /// Offset of the chunk in the file, bytes.
-        offset: u64,
-        /// As sent.
-        told: u32,
-        /// As received.
-        found: u32,
-    },
-    /// The disk is nearly full, or the limit of the store is nearly reached.
-    #[error(
-        "the store of the service has {free} bytes free, and {needed} are needed: `yoto gc` removes what \
-         belongs to nothing, `yoto model checkpoints` and `yoto job list` show what can be deleted"
-    )]
-    DiskFull {
-        /// Free bytes.
-        free: u64,
-        /// Bytes that must be free, including the announced ones.
-        needed: u64,
-    },
-    /// A limit of traffic is reached; a later call may succeed.
-    #[error("too much at once: {0}")]
-    Busy(String),
-    /// The audit log can't be written, so the call was not carried out.
-    #[error("the audit log can't be written")]
-    NotAudited,
-    /// The coordinator is shutting down; a later call may succeed.
-    #[error("the coordinator is shutting down")]
-    ShuttingDown,
-    /// The caller's own stream broke off.
-    #[error("the request stream broke off: {0}")]
-    Stream(tonic::Status),
-    /// No layer has set the request's tenant.
-    #[error("the request has no tenant")]
-    NoTenant,
-    /// The store.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The object store.
-    #[error(transparent)]
-    Objects(#[from] ObjectsError),
-}
-
-fn listed(errors: &[RequestError]) -> String {
-    let texts: Vec<String> = errors.iter().map(ToString::to_string).collect();
-    texts.join("; ")
-}
-
-impl RequestError {
-    /// A malformed `field`.
-    pub fn invalid(field: impl Into<String>, message: impl Into<String>) -> Self {
-        Self::Invalid(FieldFaults::one(field.into(), message.into()))
-    }
-
-    /// Not possible now, because of `reason`.
-    pub fn precondition(reason: ErrorReason, message: impl Into<String>) -> Self {
-        Self::Precondition {
-            reason,
-            message: message.into(),
-        }
-    }
-
-    /// The caller may not call, because of `reason`.
-    pub fn refused(reason: ErrorReason, message: impl Into<String>) -> Self {
-        Self::Refused {
-            reason,
-            message: message.into(),
-        }
-    }
-
-    /// Whether it is a fault of the request, or of what it names, as opposed to one of the service: such faults are told
-    /// together.
-    pub fn is_fault(&self) -> bool {
-        match self {
-            Self::NotFound { .. }
-            | Self::Invalid(_)
-            | Self::Precondition { .. }
-            | Self::Several(_) => true,
-            Self::Store(error) => {
-                matches!(error, StoreError::NotFound { .. } | StoreError::Rule { .. })
-            }
-            _ => false,
-        }
-    }
-
-    /// A precondition failure because of this `field` of the request; empty: of no particular field.
-    pub fn of(self, field: &str) -> Self {
-        match self {
-            Self::Precondition { reason, message } if !field.is_empty() => Self::Precondition {
-                reason,
-                message: format!("{field}: {message}"),
-            },
-            other => other,
-        }
+impl From<BindingError> for ServerError {
+    fn from(error: BindingError) -> Self {
+        Self::Binding(Box::new(error))
     }
 }

@@ -4,7 +4,6 @@
 //! With a full disk or a locked file, reads still succeed, so each check writes: it records the time.
 
 use crate::context::Context;
-use crate::methods::services;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{sleep, timeout};
@@ -13,6 +12,7 @@ use tonic_health::server::HealthReporter;
 use yoto_objects::ObjectsError;
 use yoto_proto::v1::object_service_server::SERVICE_NAME as OBJECT_SERVICE;
 use yoto_proto::v1::upload_service_server::SERVICE_NAME as UPLOAD_SERVICE;
+use yoto_request::methods::services;
 
 /// Longest interval between two checks while something fails.
 const RECHECK: Duration = Duration::from_secs(1);

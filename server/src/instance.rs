@@ -1,10 +1,10 @@
 //! Which coordinator this is, among several of one database: an id in its data folder.
 
 use crate::error::ServerError;
-use crate::private;
-use crate::store::new_id;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
+use yoto_process::private;
+use yoto_store::new_id;
 
 /// The file in the data folder.
 const FILE: &str = "instance";

@@ -2,12 +2,12 @@
 //! while there are any.
 
 use crate::context::Context;
-use crate::store::{JobVersion, JobVersions, StoreError};
-use crate::tenant::Tenant;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::sync::{Mutex, broadcast};
 use yoto_proto::v1::Job;
+use yoto_store::Tenant;
+use yoto_store::{JobVersion, JobVersions, StoreError};
 
 /// Changes that a slow watcher may lag behind; one that lags further reads all open jobs again.
 const CHANGES: usize = 1024;

@@ -1,13 +1,14 @@
 //! Keys in a service's database, for its operator on its own host: so the first key is made, and a lost one replaced.
 
 use crate::api::new_key;
-use crate::error::{RequestError, ServerError};
+use crate::error::ServerError;
 use crate::on_host;
-use crate::store::{NewAuditEntry, Page, PostgresUrl, Store};
-use crate::tenant::Tenant;
 use std::path::Path;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{CreateKeyRequest, CreateKeyResponse, Key};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{NewAuditEntry, Page, PostgresUrl, Store};
 
 /// What the audit log has as the calls of this module, which are made on the service's own host.
 const CREATE: &str = "yoto key create";

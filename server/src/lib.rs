@@ -10,19 +10,14 @@ mod api;
 mod audit;
 pub mod backup;
 mod changes;
-mod checkpoints;
-pub mod clock;
 pub mod config;
 mod context;
-mod dashboard;
 mod erasure;
 mod error;
-pub mod faults;
-mod field_faults;
+mod fault_layer;
 pub mod fsck;
 mod health;
 mod hints;
-mod http;
 mod in_memory;
 mod instance;
 mod job_feed;
@@ -30,27 +25,21 @@ mod jobs;
 mod key_store;
 mod listen;
 mod lock;
-mod methods;
-mod metrics;
 mod objects;
 mod on_host;
 mod otlp;
 mod outgoing;
-mod private;
-mod rules;
+mod pages;
 mod serve;
 mod sign_in;
-mod store;
-mod tenant;
 mod tls;
-mod trace_parent;
 mod traffic;
 mod uploads;
 mod webhooks;
 
 pub use access::Admission;
 pub use adopt::adopt;
-pub use audit::{AuditError, AuditLog, Broken, Head as AuditHead};
+pub use audit::{AuditError, AuditLog};
 pub use config::{ServerConfig, StorageLimits, UploadLimits};
 pub use error::ServerError;
 pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
@@ -58,11 +47,13 @@ pub use key_store::KeyStore;
 pub use listen::tcp;
 pub use otlp::{OtlpConfig, OtlpEndpoint, OtlpError, OtlpHeaders};
 pub use sign_in::{Grant, OidcConfig};
-pub use store::{AuditEntry, PostgresUrl, StoreError, UrlError};
-pub use tenant::Tenant;
 pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
 pub use traffic::TrafficLimits;
 pub use yoto_objects::{Environment, ObjectsError, shown};
+pub use yoto_process::{clock, faults};
+pub use yoto_store::audit_chain::{Broken, Head as AuditHead};
+pub use yoto_store::binding::BindingError;
+pub use yoto_store::{AuditEntry, PostgresUrl, StoreError, Tenant, UrlError};
 
 use access::keys::KeyRing;
 use access::rates::Rates;
@@ -75,18 +66,17 @@ use job_feed::JobFeed;
 use jobs::reaper;
 use lock::DataDirLock;
 use objects::collect;
-use objects::marker;
 use objects::place::Place;
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
-use store::Store;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::server::Connected;
 use uploads::UploadLocks;
 use url::Url;
+use yoto_store::{Store, binding};
 
 /// The database's file in the data folder, unless the configuration names a database of PostgreSQL.
 const DATABASE_FILE: &str = "yoto.db";
@@ -119,7 +109,7 @@ impl Coordinator {
         let objects_url = objects_url(&config, &data_dir)?;
         let (place, objects) = Place::open(&objects_url, &config).await?;
         let store = open_store(&config, &data_dir).await?;
-        let store_id = marker::check(&objects, &objects_url, &store).await?;
+        let store_id = binding::check(&objects, &objects_url, &store).await?;
         let instance = instance::of(&data_dir)?;
         let hints = Hints::new(config.hints && store.is_shared());
         let started = config.clock.time();
@@ -279,8 +269,8 @@ fn create_dir(path: &Path) -> Result<std::path::PathBuf, ServerError> {
         path: path.to_owned(),
         cause,
     };
-    private::create_dir_all(path).map_err(failed)?;
-    if private::is_open_to_others(path).map_err(failed)? {
+    yoto_process::private::create_dir_all(path).map_err(failed)?;
+    if yoto_process::private::is_open_to_others(path).map_err(failed)? {
         tracing::warn!(
             folder = %path.display(),
             "other users of this machine can look into the data folder; `chmod 700` closes it"

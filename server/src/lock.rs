@@ -4,9 +4,9 @@
 //! operating system drops the lock whenever the process ends.
 
 use crate::error::ServerError;
-use crate::private;
 use std::fs::{File, TryLockError};
 use std::path::Path;
+use yoto_process::private;
 
 /// Holds the lock of a data folder until it is dropped or released.
 #[derive(Debug)]

@@ -2,11 +2,11 @@
 //! open the database can do everything.
 
 use crate::DATABASE_FILE;
-use crate::clock::SystemClock;
 use crate::error::ServerError;
-use crate::store::{PostgresUrl, Store};
 use std::path::Path;
 use std::sync::Arc;
+use yoto_process::clock::SystemClock;
+use yoto_store::{PostgresUrl, Store};
 
 /// The SQLite database in a data folder.
 ///

@@ -7,11 +7,14 @@ use crate::api::{
 };
 use crate::audit;
 use crate::context::Context;
-use crate::dashboard;
+
 use crate::error::ServerError;
-use crate::faults::FaultLayer;
+use crate::fault_layer::FaultLayer;
 use crate::health::{self, Health};
-use crate::http;
+use crate::pages::{self, Coordinated};
+use axum::Router;
+use yoto_dashboard::Services;
+
 use crate::sign_in;
 use crate::traffic::{Traffic, TrafficLayer};
 use futures::{Stream, StreamExt};
@@ -93,14 +96,33 @@ async fn routes(
     let router = std::mem::take(routes.axum_router_mut());
     let recorded = || axum::middleware::from_fn_with_state(context(), audit::record);
     let router = router.layer(recorded());
-    let calls = http::transcoding::routes(router.clone(), context());
-    let pages = dashboard::routes(context(), drain(), calls.clone()).layer(recorded());
+    let calls =
+        yoto_http::transcoding::routes(router.clone(), Arc::new(ObjectApi { context: context() }));
+    let pages = dashboard(context(), drain(), calls.clone()).layer(recorded());
     let router = router
         .merge(pages)
         .merge(calls)
         .merge(sign_in::routes(context()));
-    *routes.axum_router_mut() = http::pages(router, context());
+    *routes.axum_router_mut() = pages::pages(router, context());
     Ok((routes, reporter))
+}
+
+/// The pages for people, over the services of the contract.
+fn dashboard(context: Arc<Context>, drain: CancellationToken, calls: Router) -> Router {
+    let shared = || Arc::clone(&context);
+    let services = Services {
+        subjects: Arc::new(SubjectApi { context: shared() }),
+        models: Arc::new(ModelApi { context: shared() }),
+        jobs: Arc::new(JobApi {
+            context: shared(),
+            drain: drain.clone(),
+        }),
+        objects: Arc::new(ObjectApi { context: shared() }),
+        status: Arc::new(StatusApi { context: shared() }),
+        tenants: Arc::new(TenantApi { context: shared() }),
+        shares: Arc::new(ShareApi { context: shared() }),
+    };
+    yoto_dashboard::routes(services, Arc::new(Coordinated(context)), drain, calls)
 }
 
 /// Serves those whom `admission` admits until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
@@ -154,7 +176,8 @@ where
         admission,
     };
     let faults = context.config.faults.clone().map(FaultLayer);
-    let cors = http::cors(&context.config.allow_origins)?;
+    let cors = yoto_http::cors(&context.config.allow_origins)
+        .map_err(|error| ServerError::Config(error.to_string()))?;
     let serving = Server::builder()
         // For the pages; gRPC needs HTTP/2.
         .accept_http1(true)
@@ -167,7 +190,7 @@ where
         .layer(tower::util::option_layer(cors))
         .layer(tower::util::option_layer(faults))
         .layer(access)
-        .layer(http::WebLayer)
+        .layer(yoto_http::WebLayer)
         .add_routes(routes)
         .serve_with_incoming_shutdown(incoming, signal);
     // A client that keeps an idle connection open would keep the server alive for ever.

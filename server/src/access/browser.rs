@@ -6,12 +6,12 @@
 //! - **DNS rebinding**: a page's own name is made to point to this machine, so the browser takes the service for the page's site.
 //!   The name is in `Host`, where a program has `localhost` or an address.
 
-use crate::error::RequestError;
 use std::net::IpAddr;
 use tonic::codegen::http::header::{HOST, ORIGIN};
 use tonic::codegen::http::uri::Authority;
 use tonic::codegen::http::{HeaderMap, Method, Uri};
 use yoto_proto::v1::ErrorReason;
+use yoto_request::RequestError;
 
 const SITE: &str = "sec-fetch-site";
 

@@ -1,7 +1,6 @@
 //! The key that a call has in its header.
 
 use super::browser;
-use crate::error::RequestError;
 use crate::sign_in::session_of;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -9,6 +8,7 @@ use tonic::body::Body;
 use tonic::codegen::http::header::COOKIE;
 use tonic::codegen::http::{HeaderMap, Method, Request, Uri};
 use yoto_proto::key::{HEADER, SCHEME, is_key};
+use yoto_request::RequestError;
 
 /// What a browser has before user name and password (RFC 7617).
 const BASIC: &str = "Basic ";

@@ -3,7 +3,6 @@
 use super::Admission;
 use crate::access::keys::FRESH;
 use crate::context::Context;
-use crate::error::RequestError;
 use bytes::Bytes;
 use http_body::{Frame, SizeHint};
 use std::future::Future;
@@ -13,6 +12,7 @@ use std::task::{self, Poll, ready};
 use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::http::HeaderMap;
+use yoto_request::RequestError;
 
 /// The end of a caller's right, as an answer.
 pub type Ended = Pin<Box<dyn Future<Output = Status> + Send>>;

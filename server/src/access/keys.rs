@@ -3,14 +3,14 @@
 //! So a revocation by another coordinator counts here after at most that time, and one by this coordinator at once. A call of
 //! a service without keys costs a look at memory, and one read of an empty table per [`FRESH`].
 
-use crate::error::RequestError;
-use crate::store::{KeyRow, Store, StoreError};
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Mutex, watch};
 use yoto_proto::key::PREFIX;
 use yoto_proto::v1::ErrorReason;
+use yoto_request::RequestError;
+use yoto_store::{KeyRow, Store, StoreError};
 
 /// Age up to which the keys in memory are used.
 pub const FRESH: Duration = Duration::from_millis(500);

@@ -4,14 +4,9 @@ use super::credentials::Head;
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
 use super::rules::{self, Rule};
-use super::{Admission, Caller, browser};
+use super::{Admission, browser};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::http::{self, is_grpc, transcoding};
-use crate::methods::is_unary;
 use crate::sign_in::{self, OidcConfig};
-use crate::store::KeyRow;
-use crate::tenant::Tenant;
 use futures::future::BoxFuture;
 use std::sync::Arc;
 use std::task::{self, Poll};
@@ -19,8 +14,14 @@ use tonic::body::Body;
 use tonic::codegen::http::{Method, Request, Response};
 use tonic::{Code, Status};
 use tower::{Layer, Service};
+use yoto_http::{is_grpc, transcoding};
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ErrorReason, Scope};
+use yoto_request::Caller;
+use yoto_request::RequestError;
+use yoto_request::methods::is_unary;
+use yoto_store::KeyRow;
+use yoto_store::Tenant;
 
 /// What a caller without a key is told.
 const KEY_MISSING: &str =
@@ -89,7 +90,7 @@ impl Form {
     fn unknown(self) -> Response<Body> {
         match self {
             Self::Json => transcoding::unknown().map(Body::new),
-            _ => http::unknown(self == Self::Grpc),
+            _ => yoto_http::unknown(self == Self::Grpc),
         }
     }
 
@@ -105,7 +106,7 @@ impl Form {
                 let why = if missing { "" } else { status.message() };
                 sign_in::asked(oidc, to, why).map(Body::new)
             }
-            _ => http::refusal(status, self == Self::Grpc),
+            _ => yoto_http::refusal(status, self == Self::Grpc),
         }
     }
 }
@@ -154,15 +155,13 @@ impl AccessLayer {
         if self.context.keys.is_news(&keys, row) {
             self.note_use(row.id.clone());
         }
-        let caller = Caller {
-            tenant: Tenant::new(&row.tenant).ok_or(RequestError::NoTenant)?,
-            key: Some(row.id.as_str().into()),
-        };
+        let tenant = Tenant::new(&row.tenant).ok_or(RequestError::NoTenant)?;
         if let Some(rate) = row.calls_per_second
             && !is_of_workers(rule)
         {
-            self.context.rates.take(&caller.tenant, rate)?;
+            self.context.rates.take(&tenant, rate)?;
         }
+        let caller = Caller::with_key(tenant, row.id.as_str().into());
         Ok((caller, Some(sha256)))
     }
 
@@ -263,7 +262,7 @@ where
                     return Ok(form.refusal(&error.into(), oidc, &to));
                 }
             };
-            request.extensions_mut().insert(caller.tenant.clone());
+            request.extensions_mut().insert(caller.own_tenant().clone());
             request.extensions_mut().insert(caller);
             let answer = inner.call(request);
             if !streams || matches!(access.admission, Admission::Process(_)) {

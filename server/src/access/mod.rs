@@ -19,17 +19,14 @@ mod rules;
 pub use layer::AccessLayer;
 pub use rules::{brings_file, changes_something, is_of_script, page_of};
 
-use crate::error::RequestError;
-use crate::tenant::Tenant;
-use std::sync::Arc;
-use tonic::Request;
 use tonic::codegen::http::{HeaderMap, Uri};
-use yoto_proto::v1::ErrorReason;
+use yoto_request::RequestError;
+use yoto_store::Tenant;
 
 /// Refuses a request that a page of another site has sent.
 ///
 /// # Errors
-/// [`ErrorReason::OtherSite`].
+/// [`OtherSite`](yoto_proto::v1::ErrorReason::OtherSite).
 pub fn check_site(uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
     browser::check(uri, headers, false)
 }
@@ -45,62 +42,4 @@ pub enum Admission {
     Anyone,
     /// Nobody.
     Nobody,
-}
-
-/// Who makes a call.
-#[derive(Debug, Clone)]
-pub(crate) struct Caller {
-    tenant: Tenant,
-    /// Id of the key.
-    key: Option<Arc<str>>,
-}
-
-impl Caller {
-    /// One without a key, who may do everything for the tenant.
-    fn trusted(tenant: Tenant) -> Self {
-        Self { tenant, key: None }
-    }
-
-    /// Who makes the call `request`.
-    ///
-    /// # Errors
-    /// When no layer has told.
-    pub fn of<T>(request: &Request<T>) -> Result<Self, RequestError> {
-        let caller = request.extensions().get::<Self>().cloned();
-        caller.ok_or(RequestError::NoTenant)
-    }
-
-    /// The id of the caller's tenant.
-    pub fn id(&self) -> &str {
-        self.tenant.id()
-    }
-
-    /// The id of the caller's key; none if no key is asked for.
-    pub fn key(&self) -> Option<&str> {
-        self.key.as_deref()
-    }
-
-    /// The tenant that the caller names, empty for its own.
-    ///
-    /// # Errors
-    /// When the name is malformed, or another tenant's and the caller is not the operator of the service.
-    pub fn tenant(&self, named: &str) -> Result<Tenant, RequestError> {
-        if named.is_empty() || named == self.tenant.id() {
-            return Ok(self.tenant.clone());
-        }
-        if !self.is_of_service() {
-            let message = format!(
-                "only a key of the tenant {} names other tenants",
-                Tenant::default()
-            );
-            return Err(RequestError::refused(ErrorReason::ScopeMissing, message));
-        }
-        Tenant::new(named)
-            .ok_or_else(|| RequestError::invalid("tenant", "a tenant is 1 to 64 of a-z, 0-9 and -"))
-    }
-
-    /// Whether the caller's tenant is that of the service's operators.
-    pub fn is_of_service(&self) -> bool {
-        self.tenant == Tenant::default()
-    }
 }

@@ -1,10 +1,10 @@
 //! Calls per second of a tenant: a bucket of tokens for each, in this process. Several coordinators admit as many each.
 
-use crate::error::RequestError;
-use crate::tenant::Tenant;
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
+use yoto_request::RequestError;
+use yoto_store::Tenant;
 
 /// Seconds of calls that a tenant who was quiet can make at once: a command asks several things one after the other.
 const BURST: f64 = 5.0;

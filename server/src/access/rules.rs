@@ -1,11 +1,11 @@
 //! What each path needs, by the options of the contract's calls and the rules of the pages.
 
-use crate::http::transcoding::{self, Needed};
 use crate::sign_in;
 use axum::http;
 use prost::Message;
 use std::collections::HashMap;
 use std::sync::LazyLock;
+use yoto_http::transcoding::{self, Needed};
 use yoto_proto::v1::Scope;
 
 /// What a caller needs for a path.
@@ -30,7 +30,7 @@ const REFLECTION: [&str; 2] = [
     "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
 ];
 
-/// The pages of [`crate::http`].
+/// The pages of [`crate::pages`].
 const PAGES: [(&str, Rule); 3] = [
     ("/healthz", Rule::Open),
     ("/readyz", Rule::Open),
@@ -43,7 +43,7 @@ const PAGES: [(&str, Rule); 3] = [
     ),
 ];
 
-/// The pages of [`crate::dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
+/// The pages of [`yoto_dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
 const DASHBOARD: [(&str, &str); 32] = [
     ("/", "/yoto.v1.StatusService/GetStatus"),
     ("/people", "/yoto.v1.SubjectService/ListSubjects"),

@@ -3,11 +3,11 @@
 use super::fields;
 use super::models::ModelApi;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::tenant::Tenant;
 use yoto_proto::alias;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Checkpoint, RemoveAliasRequest, SetAliasRequest};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
 
 /// `SetAlias`.
 pub async fn set(

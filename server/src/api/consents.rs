@@ -2,11 +2,7 @@
 
 use super::{fields, paging};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
 use crate::jobs::consent;
-use crate::store::{NewConsent, NewEvidence};
-use crate::tenant::Tenant;
 use yoto_proto::limits::{
     CONSENT_NOTE_BYTES, EVIDENCE_BYTES, EVIDENCE_NAME_BYTES, OWNER_CHARACTERS,
 };
@@ -17,6 +13,10 @@ use yoto_proto::v1::{
     GrantConsentRequest, ListConsentsRequest, ListConsentsResponse, RevokeConsentRequest,
     RevokeConsentResponse,
 };
+use yoto_request::RequestError;
+use yoto_request::validation::{all, both};
+use yoto_store::Tenant;
+use yoto_store::{NewConsent, NewEvidence};
 
 /// All purposes.
 const PURPOSES: [ConsentPurpose; 4] = [

@@ -3,12 +3,12 @@
 use super::{fields, paging};
 use crate::context::Context;
 use crate::erasure;
-use crate::error::RequestError;
-use crate::tenant::Tenant;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{
     EraseSubjectRequest, Erasure, GetErasureRequest, ListErasuresRequest, ListErasuresResponse,
 };
+use yoto_request::RequestError;
+use yoto_store::Tenant;
 
 /// `EraseSubject`.
 pub async fn begin(

@@ -1,14 +1,14 @@
 //! Checks of single request fields.
 
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
 use crate::jobs::queue;
-use crate::store::{JobKind, NewJob, RequestKey};
 use prost::Message;
 use yoto_proto::limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES};
 use yoto_proto::names::Collection;
 use yoto_proto::text::is_hidden;
 use yoto_proto::v1::{JobPriority, JobSpec};
+use yoto_request::RequestError;
+use yoto_request::validation::{all, both};
+use yoto_store::{JobKind, NewJob, RequestKey};
 
 /// The id in a resource name.
 pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {

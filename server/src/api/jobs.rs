@@ -3,12 +3,7 @@
 use super::orders::{Order, order_job};
 use super::{fields, paging, public};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
 use crate::jobs::{queue, retry, watch, watch_all};
-use crate::store::{JobFilter, Target};
-use crate::tenant::Tenant;
-use crate::trace_parent::TraceParent;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::collections::HashMap;
@@ -24,6 +19,12 @@ use yoto_proto::v1::{
     PauseJobsResponse, ResumeJobsRequest, ResumeJobsResponse, RetryJobRequest, WatchJobRequest,
     WatchJobResponse, WatchJobsRequest, WatchJobsResponse, job,
 };
+use yoto_request::RequestError;
+use yoto_request::validation::{all, both};
+use yoto_request::{tenant_of, trace_parent_of};
+use yoto_store::Tenant;
+
+use yoto_store::{JobFilter, Target};
 
 /// The states with these numbers. An unknown number is refused: it would match no job, and look like an empty
 /// queue.
@@ -81,8 +82,8 @@ impl JobService for JobApi {
         &self,
         request: Request<CreateJobRequest>,
     ) -> Result<Response<Job>, Status> {
-        let tenant = Tenant::of(&request)?;
-        let trace_parent = TraceParent::of(&request);
+        let tenant = tenant_of(&request)?;
+        let trace_parent = trace_parent_of(&request);
         let request = request.into_inner();
         let order = Order {
             key: fields::request_key("CreateJob", &request.request_id, &request),
@@ -97,7 +98,7 @@ impl JobService for JobApi {
     }
 
     async fn get_job(&self, request: Request<GetJobRequest>) -> Result<Response<Job>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
         let job = self.context.store.job_history(&tenant, &id).await;
         Ok(Response::new(public::job(job.map_err(RequestError::from)?)))
@@ -107,7 +108,7 @@ impl JobService for JobApi {
         &self,
         request: Request<ListJobsRequest>,
     ) -> Result<Response<ListJobsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let rest = ListJobsRequest {
             page_size: 0,
@@ -139,7 +140,7 @@ impl JobService for JobApi {
         &self,
         request: Request<CancelJobRequest>,
     ) -> Result<Response<Job>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("CancelJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
@@ -151,7 +152,7 @@ impl JobService for JobApi {
         &self,
         request: Request<PauseJobsRequest>,
     ) -> Result<Response<PauseJobsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let kind = fields::job_kind("kind", request.kind);
         let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
@@ -166,7 +167,7 @@ impl JobService for JobApi {
         &self,
         request: Request<ResumeJobsRequest>,
     ) -> Result<Response<ResumeJobsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let kind = fields::job_kind("kind", request.get_ref().kind)?;
         let resumed = self.context.store.resume_jobs(&tenant, kind).await;
         resumed.map_err(RequestError::from)?;
@@ -179,7 +180,7 @@ impl JobService for JobApi {
         &self,
         request: Request<DeleteJobRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
@@ -195,7 +196,7 @@ impl JobService for JobApi {
         &self,
         request: Request<WatchJobRequest>,
     ) -> Result<Response<Self::WatchJobStream>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let id = fields::id(Collection::Jobs, "name", &request.name)?;
         // An unknown job is answered at once, not as the first item of a stream.
@@ -224,7 +225,7 @@ impl JobService for JobApi {
         &self,
         request: Request<WatchJobsRequest>,
     ) -> Result<Response<Self::WatchJobsStream>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let filter = filter(&request.kinds, &request.model, &request.owner)?;
         self.require_model(&tenant, &filter).await?;
@@ -250,15 +251,15 @@ impl JobService for JobApi {
         &self,
         request: Request<GetJobMetricsRequest>,
     ) -> Result<Response<JobMetrics>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Jobs, "name", &request.get_ref().name)?;
         let metrics = self.context.store.job_metrics(&tenant, &id).await;
         Ok(Response::new(metrics.map_err(RequestError::from)?))
     }
 
     async fn retry_job(&self, request: Request<RetryJobRequest>) -> Result<Response<Job>, Status> {
-        let tenant = Tenant::of(&request)?;
-        let trace_parent = TraceParent::of(&request);
+        let tenant = tenant_of(&request)?;
+        let trace_parent = trace_parent_of(&request);
         let request = request.get_ref();
         let key = fields::request_key("RetryJob", &request.request_id, request)?;
         let id = fields::id(Collection::Jobs, "name", &request.name)?;

@@ -1,11 +1,8 @@
 //! `yoto.v1.KeyService`.
 
 use super::{fields, paging};
-use crate::access::{self, Caller};
+use crate::access;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
-use crate::store::NewKey;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::names::Collection;
@@ -14,6 +11,10 @@ use yoto_proto::v1::{
     CreateKeyRequest, CreateKeyResponse, Key, ListKeysRequest, ListKeysResponse, RevokeKeyRequest,
     Scope,
 };
+use yoto_request::Caller;
+use yoto_request::RequestError;
+use yoto_request::validation::both;
+use yoto_store::NewKey;
 
 /// Keys of callers.
 pub struct KeyApi {

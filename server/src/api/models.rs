@@ -1,13 +1,8 @@
 //! `yoto.v1.ModelService`.
 
 use super::{aliases, fields, paging};
-use crate::checkpoints::best::best_first;
-use crate::checkpoints::manifest;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
-use crate::store::{NewModel, Target};
-use crate::tenant::Tenant;
+use crate::objects::manifest;
 use futures::StreamExt;
 use futures::stream::{self, BoxStream};
 use std::sync::Arc;
@@ -25,6 +20,12 @@ use yoto_proto::v1::{
     ObjectRef, RemoveAliasRequest, RemoveAliasResponse, RemoveIdentityRequest, Retention,
     SetAliasRequest, Tradeoff, UpdateModelRequest,
 };
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_request::validation::both;
+use yoto_store::Tenant;
+use yoto_store::rules::best::best_first;
+use yoto_store::{NewModel, Target};
 
 /// The field of a model that can be changed.
 const RETENTION: &str = "retention";
@@ -74,7 +75,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<CreateModelRequest>,
     ) -> Result<Response<Model>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateModel", &request.request_id, &request)?;
         let store = &self.context.store;
@@ -124,7 +125,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetModelRequest>,
     ) -> Result<Response<Model>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Models, "name", &request.get_ref().name)?;
         let model = self.context.store.model(&tenant, &id).await;
         Ok(Response::new(model.map_err(RequestError::from)?))
@@ -134,7 +135,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<ListModelsRequest>,
     ) -> Result<Response<ListModelsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("models", request.page_size, &request.page_token, &())?;
         let entries = self.context.store.models(&tenant, page.page()).await;
@@ -149,7 +150,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<UpdateModelRequest>,
     ) -> Result<Response<Model>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let model = request.model.unwrap_or_default();
         let id = fields::id(Collection::Models, "model.name", &model.name)?;
@@ -172,7 +173,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<DeleteModelRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteModel", &request.request_id, request)?;
         let id = fields::id(Collection::Models, "name", &request.name)?;
@@ -186,7 +187,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<DeleteCheckpointRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteCheckpoint", &request.request_id, request)?;
         let (model, step) = names::parse_checkpoint(&request.name)
@@ -202,7 +203,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<AddIdentityRequest>,
     ) -> Result<Response<IdentitySlot>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
@@ -219,7 +220,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<RemoveIdentityRequest>,
     ) -> Result<Response<Model>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let model = fields::id(Collection::Models, "model", &request.model)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
@@ -236,7 +237,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<ListCheckpointsRequest>,
     ) -> Result<Response<ListCheckpointsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read(
             "checkpoints",
@@ -257,7 +258,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetCheckpointRequest>,
     ) -> Result<Response<Checkpoint>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let found = aliases::checkpoint(self, &tenant, "name", &request.get_ref().name);
         Ok(Response::new(found.await?))
     }
@@ -266,7 +267,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<SetAliasRequest>,
     ) -> Result<Response<Checkpoint>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let named = aliases::set(self, &tenant, request.get_ref()).await?;
         Ok(Response::new(named))
     }
@@ -275,7 +276,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<RemoveAliasRequest>,
     ) -> Result<Response<RemoveAliasResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         aliases::remove(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(RemoveAliasResponse {}))
     }
@@ -284,7 +285,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetTradeoffRequest>,
     ) -> Result<Response<Tradeoff>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let name = &request.get_ref().checkpoint;
         let (model, _) = names::parse_checkpoint(name)
             .map_err(|error| RequestError::invalid("checkpoint", error.to_string()))?;
@@ -314,7 +315,7 @@ impl ModelService for ModelApi {
         &self,
         request: Request<GetRefinedPosesRequest>,
     ) -> Result<Response<Self::GetRefinedPosesStream>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let GetRefinedPosesRequest { model, subject } = request.get_ref();
         let id = fields::id(Collection::Models, "model", model)?;
         let known = self.context.store.model(&tenant, &id).await;

@@ -1,14 +1,13 @@
 //! `yoto.v1.ObjectService`.
 
 use super::{fields, paging};
-use crate::checkpoints::manifest;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::tenant::Tenant;
+use crate::objects::manifest;
 use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
+use yoto_http::transcoding::NamedObjects;
 use yoto_proto::manifest::files;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::object_service_server::ObjectService;
@@ -17,6 +16,9 @@ use yoto_proto::v1::{
     ListObjectsResponse, NamedObject, ObjectRef, SignDownloadRequest, SignDownloadResponse,
     Unsigned, job, job_result,
 };
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_store::Tenant;
 
 /// File of a measured trade-off.
 const TRADEOFF: &str = "tradeoff.json";
@@ -35,7 +37,7 @@ impl ObjectService for ObjectApi {
         &self,
         request: Request<ListObjectsRequest>,
     ) -> Result<Response<ListObjectsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let parent = &request.parent;
         let size = match request.page_size {
@@ -63,7 +65,7 @@ impl ObjectService for ObjectApi {
         &self,
         request: Request<DownloadObjectRequest>,
     ) -> Result<Response<Self::DownloadObjectStream>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let DownloadObjectRequest {
             name,
             offset,
@@ -99,7 +101,7 @@ impl ObjectService for ObjectApi {
         &self,
         request: Request<SignDownloadRequest>,
     ) -> Result<Response<SignDownloadResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let object = self.named(&tenant, &request.get_ref().name).await?;
         let without = |reason: Unsigned| {
             Ok(Response::new(SignDownloadResponse {
@@ -123,16 +125,9 @@ impl ObjectService for ObjectApi {
     }
 }
 
-impl ObjectApi {
-    /// The file with this name (`{parent}/objects/{file}`).
-    ///
-    /// # Errors
-    /// When the name is none, or the tenant has no such file.
-    pub(crate) async fn named(
-        &self,
-        tenant: &Tenant,
-        name: &str,
-    ) -> Result<ObjectRef, RequestError> {
+#[tonic::async_trait]
+impl NamedObjects for ObjectApi {
+    async fn named(&self, tenant: &Tenant, name: &str) -> Result<ObjectRef, RequestError> {
         let (parent, file) = names::parse_object(name)
             .map_err(|error| RequestError::invalid("name", error.to_string()))?;
         let objects = self.objects(tenant, "name", parent).await?;
@@ -142,7 +137,9 @@ impl ObjectApi {
         })?;
         Ok(object)
     }
+}
 
+impl ObjectApi {
     /// The files of `parent`; `field` is the path of its name in the request.
     async fn objects(
         &self,

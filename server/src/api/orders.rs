@@ -2,13 +2,13 @@
 
 use super::{fields, public};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
 use crate::jobs::queue;
-use crate::store::{NewJob, RequestKey};
-use crate::tenant::Tenant;
-use crate::trace_parent::TraceParent;
 use yoto_proto::v1::{Job, JobSpec};
+use yoto_request::RequestError;
+use yoto_request::validation::both;
+use yoto_store::Tenant;
+use yoto_store::TraceParent;
+use yoto_store::{NewJob, RequestKey};
 
 /// A job as a call orders it.
 pub struct Order {

@@ -1,10 +1,10 @@
 //! Pages of lists: sizes, opaque tokens, and a limit on a page's bytes.
 
-use crate::error::RequestError;
-use crate::store::{Entry, Page};
 use prost::Message;
 use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES, PAGE_ENTRIES};
 use yoto_proto::{hex, sha256_hex};
+use yoto_request::RequestError;
+use yoto_store::{Entry, Page};
 
 /// Characters of a filter's digest, of 4 bits each.
 const DIGEST: usize = 16;

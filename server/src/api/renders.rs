@@ -3,12 +3,11 @@
 use super::fields;
 use super::orders::{Order, order_job};
 use crate::context::Context;
-use crate::tenant::Tenant;
-use crate::trace_parent::TraceParent;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::v1::render_service_server::RenderService;
 use yoto_proto::v1::{CreateRenderRequest, Job, JobSpec, job_spec};
+use yoto_request::{tenant_of, trace_parent_of};
 
 /// Requests for pictures.
 pub struct RenderApi {
@@ -22,8 +21,8 @@ impl RenderService for RenderApi {
         &self,
         request: Request<CreateRenderRequest>,
     ) -> Result<Response<Job>, Status> {
-        let tenant = Tenant::of(&request)?;
-        let trace_parent = TraceParent::of(&request);
+        let tenant = tenant_of(&request)?;
+        let trace_parent = trace_parent_of(&request);
         let request = request.into_inner();
         let order = Order {
             key: fields::request_key("CreateRender", &request.request_id, &request),

@@ -2,9 +2,6 @@
 
 use super::{fields, paging};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
-use crate::tenant::Tenant;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::checks::SPEC_BYTES;
@@ -18,6 +15,9 @@ use yoto_proto::v1::{
     EndDrainResponse, GetLimitsRequest, GetStatusRequest, ListWorkersRequest, ListWorkersResponse,
     ServiceLimits, ServiceStatus, UncordonWorkerRequest, UncordonWorkerResponse, UploadLimits,
 };
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_request::validation::both;
 
 /// The state of the service as a whole.
 pub struct StatusApi {
@@ -31,7 +31,7 @@ impl StatusService for StatusApi {
         &self,
         request: Request<GetStatusRequest>,
     ) -> Result<Response<ServiceStatus>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let context = &self.context;
         let lease_seconds = context.config.lease_seconds;
         let workers = context.store.active_workers(&tenant, lease_seconds).await;
@@ -62,7 +62,7 @@ impl StatusService for StatusApi {
         &self,
         request: Request<GetLimitsRequest>,
     ) -> Result<Response<ServiceLimits>, Status> {
-        let films = self.context.store.reads_films(&Tenant::of(&request)?).await;
+        let films = self.context.store.reads_films(&tenant_of(&request)?).await;
         let films = films.map_err(RequestError::from)?;
         Ok(Response::new(limits(&self.context, films)))
     }
@@ -94,7 +94,7 @@ impl StatusService for StatusApi {
         &self,
         request: Request<CordonWorkerRequest>,
     ) -> Result<Response<CordonWorkerResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let worker = fields::display_name(&request.display_name);
         let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
@@ -109,7 +109,7 @@ impl StatusService for StatusApi {
         &self,
         request: Request<UncordonWorkerRequest>,
     ) -> Result<Response<UncordonWorkerResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let worker = fields::display_name(&request.get_ref().display_name)?;
         let uncordoned = self.context.store.uncordon(&tenant, &worker).await;
         uncordoned.map_err(RequestError::from)?;
@@ -121,7 +121,7 @@ impl StatusService for StatusApi {
         &self,
         request: Request<ListWorkersRequest>,
     ) -> Result<Response<ListWorkersResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("workers", request.page_size, &request.page_token, &())?;
         let context = &self.context;

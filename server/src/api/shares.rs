@@ -3,23 +3,21 @@
 use super::{fields, paging};
 use crate::access;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
-use crate::store::{NewShare, ShareFilter};
-use crate::tenant::Tenant;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
+use yoto_http::file_kind::page_of_export;
 use yoto_proto::limits::OWNER_CHARACTERS;
 use yoto_proto::names::Collection;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::share_service_server::ShareService;
 use yoto_proto::v1::{
     CreateShareRequest, CreateShareResponse, ErrorReason, Job, ListSharesRequest,
-    ListSharesResponse, ObjectRef, RevokeShareRequest, Share, job, job_result, job_spec,
+    ListSharesResponse, RevokeShareRequest, Share, job, job_spec,
 };
-
-/// How the content type of a page begins.
-const PAGE: &str = "text/html";
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_request::validation::both;
+use yoto_store::{NewShare, ShareFilter};
 
 /// Links to pages of exports.
 pub struct ShareApi {
@@ -33,7 +31,7 @@ impl ShareService for ShareApi {
         &self,
         request: Request<CreateShareRequest>,
     ) -> Result<Response<CreateShareResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let id = fields::id(Collection::Jobs, "job", &request.job);
         let note = fields::line("note", &request.note, OWNER_CHARACTERS);
@@ -64,7 +62,7 @@ impl ShareService for ShareApi {
         &self,
         request: Request<ListSharesRequest>,
     ) -> Result<Response<ListSharesResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let (size, token) = (request.page_size, request.page_token.clone());
         let of = |collection, field, name: &str| match name {
@@ -93,7 +91,7 @@ impl ShareService for ShareApi {
         &self,
         request: Request<RevokeShareRequest>,
     ) -> Result<Response<Share>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Shares, "name", &request.get_ref().name)?;
         let share = self.context.store.revoke_share(&tenant, &id).await;
         let share = share.map_err(RequestError::from)?;
@@ -105,7 +103,7 @@ impl ShareService for ShareApi {
 /// The id of the person whose page the job has made.
 fn subject_of_page(job: &Job) -> Result<String, RequestError> {
     let spec = job.spec.as_ref().and_then(|it| it.kind.as_ref());
-    let (Some(job_spec::Kind::Export(spec)), Some(_)) = (spec, page_of(job)) else {
+    let (Some(job_spec::Kind::Export(spec)), Some(_)) = (spec, page_of_export(job)) else {
         let message = match job.state() {
             job::State::Succeeded => format!(
                 "{} has made no page: a link needs an export with the form EXPORT_FORM_PAGE",
@@ -123,17 +121,4 @@ fn subject_of_page(job: &Job) -> Result<String, RequestError> {
         ));
     };
     fields::id(Collection::Subjects, "job", &spec.subject)
-}
-
-/// The page that an export has made.
-pub fn page_of(job: &Job) -> Option<&ObjectRef> {
-    let result = job.result.as_ref().and_then(|it| it.kind.as_ref())?;
-    let job_result::Kind::Export(export) = result else {
-        return None;
-    };
-    let page = export
-        .files
-        .iter()
-        .find(|it| it.content_type.starts_with(PAGE))?;
-    page.object.as_ref()
 }

@@ -2,10 +2,6 @@
 
 use super::{consents, erasures, fields, paging};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
-use crate::store::{NewSubject, SubjectChange, Target};
-use crate::tenant::Tenant;
 use crate::uploads;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -21,6 +17,10 @@ use yoto_proto::v1::{
     ListSubjectsResponse, RevokeConsentRequest, RevokeConsentResponse, Subject,
     UpdateSubjectRequest,
 };
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_request::validation::{all, both};
+use yoto_store::{NewSubject, SubjectChange, Target};
 
 /// People, and the captures of them.
 pub struct SubjectApi {
@@ -60,7 +60,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<CreateSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateSubject", &request.request_id, &request)?;
         let store = &self.context.store;
@@ -96,7 +96,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Subjects, "name", &request.get_ref().name)?;
         let subject = self.context.store.subject(&tenant, &id).await;
         Ok(Response::new(subject.map_err(RequestError::from)?))
@@ -106,7 +106,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListSubjectsRequest>,
     ) -> Result<Response<ListSubjectsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let page = paging::Request::read("subjects", request.page_size, &request.page_token, &())?;
         let entries = self.context.store.subjects(&tenant, page.page()).await;
@@ -121,7 +121,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<UpdateSubjectRequest>,
     ) -> Result<Response<Subject>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let subject = request.subject.unwrap_or_default();
         let id = fields::id(Collection::Subjects, "subject.name", &subject.name);
@@ -138,7 +138,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetCaptureRequest>,
     ) -> Result<Response<Capture>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Captures, "name", &request.get_ref().name)?;
         let capture = self.context.store.capture(&tenant, &id).await;
         Ok(Response::new(capture.map_err(RequestError::from)?))
@@ -148,7 +148,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListCapturesRequest>,
     ) -> Result<Response<ListCapturesResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let (size, token) = (request.page_size, &request.page_token);
         let page = paging::Request::read("captures", size, token, &request.parent);
@@ -179,7 +179,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<IngestCaptureRequest>,
     ) -> Result<Response<Capture>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("IngestCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
@@ -191,7 +191,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteSubjectRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteSubject", &request.request_id, request)?;
         let id = fields::id(Collection::Subjects, "name", &request.name)?;
@@ -205,7 +205,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<DeleteCaptureRequest>,
     ) -> Result<Response<Deleted>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let key = fields::request_key("DeleteCapture", &request.request_id, request)?;
         let id = fields::id(Collection::Captures, "name", &request.name)?;
@@ -219,7 +219,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GrantConsentRequest>,
     ) -> Result<Response<Consent>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let consent = consents::grant(&self.context, &tenant, request.into_inner()).await?;
         Ok(Response::new(consent))
     }
@@ -228,7 +228,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<RevokeConsentRequest>,
     ) -> Result<Response<RevokeConsentResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let revoked = consents::revoke(&self.context, &tenant, request.into_inner()).await?;
         Ok(Response::new(revoked))
     }
@@ -237,7 +237,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListConsentsRequest>,
     ) -> Result<Response<ListConsentsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let listed = consents::list(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(listed))
     }
@@ -246,7 +246,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetConsentEvidenceRequest>,
     ) -> Result<Response<ConsentEvidence>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let found = consents::get_evidence(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(found))
     }
@@ -255,7 +255,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<EraseSubjectRequest>,
     ) -> Result<Response<Erasure>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let begun = erasures::begin(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(begun))
     }
@@ -264,7 +264,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<GetErasureRequest>,
     ) -> Result<Response<Erasure>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let found = erasures::get(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(found))
     }
@@ -273,7 +273,7 @@ impl SubjectService for SubjectApi {
         &self,
         request: Request<ListErasuresRequest>,
     ) -> Result<Response<ListErasuresResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let listed = erasures::list(&self.context, &tenant, request.get_ref()).await?;
         Ok(Response::new(listed))
     }

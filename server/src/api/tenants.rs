@@ -1,14 +1,14 @@
 //! `yoto.v1.TenantService`.
 
-use crate::access::Caller;
 use crate::context::Context;
-use crate::error::RequestError;
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::v1::tenant_service_server::TenantService;
 use yoto_proto::v1::{
     GetUsageRequest, ListUsageRequest, ListUsageResponse, Quota, SetQuotaRequest, Usage,
 };
+use yoto_request::Caller;
+use yoto_request::RequestError;
 
 /// Usage and quotas of tenants.
 pub struct TenantApi {

@@ -2,12 +2,11 @@
 
 use super::fields;
 use crate::context::Context;
-use crate::metrics::METRICS;
-use crate::tenant::Tenant;
 use crate::uploads::{self, describe};
 use futures::TryStreamExt;
 use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
+use yoto_process::metrics::METRICS;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::upload_service_server::UploadService;
 use yoto_proto::v1::{
@@ -15,6 +14,7 @@ use yoto_proto::v1::{
     GetUploadRequest, SignPartsRequest, SignPartsResponse, Upload, WriteUploadRequest,
     WriteUploadResponse,
 };
+use yoto_request::tenant_of;
 
 /// Captures on their way into the service.
 pub struct UploadApi {
@@ -28,7 +28,7 @@ impl UploadService for UploadApi {
         &self,
         request: Request<CreateUploadRequest>,
     ) -> Result<Response<Upload>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("CreateUpload", &request.request_id, &request)?;
         let subject = fields::id(Collection::Subjects, "subject", &request.subject)?;
@@ -46,7 +46,7 @@ impl UploadService for UploadApi {
         &self,
         request: Request<Streaming<WriteUploadRequest>>,
     ) -> Result<Response<WriteUploadResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         // A separate task: when the caller disconnects, this future is dropped, but what has come is
         // committed nevertheless.
         let chunks = request
@@ -64,7 +64,7 @@ impl UploadService for UploadApi {
         &self,
         request: Request<SignPartsRequest>,
     ) -> Result<Response<SignPartsResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let id = fields::id(Collection::Uploads, "upload", &request.upload)?;
         let (writer, parts) = (request.writer, &request.parts);
@@ -76,7 +76,7 @@ impl UploadService for UploadApi {
         &self,
         request: Request<CommitPartRequest>,
     ) -> Result<Response<CommitPartResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let id = fields::id(Collection::Uploads, "upload", &request.upload)?;
         uploads::commit_part(&self.context, &tenant, &id, request).await?;
@@ -87,7 +87,7 @@ impl UploadService for UploadApi {
         &self,
         request: Request<GetUploadRequest>,
     ) -> Result<Response<Upload>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let GetUploadRequest { name, stop_writer } = request.get_ref();
         let id = fields::id(Collection::Uploads, "name", name)?;
         let upload = uploads::get(&self.context, &tenant, &id, *stop_writer).await?;
@@ -99,7 +99,7 @@ impl UploadService for UploadApi {
         &self,
         request: Request<FinishUploadRequest>,
     ) -> Result<Response<Capture>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let key = fields::request_key("FinishUpload", &request.request_id, &request)?;
         let id = fields::id(Collection::Uploads, "name", &request.name)?;

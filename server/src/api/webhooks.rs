@@ -2,10 +2,6 @@
 
 use super::fields;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
-use crate::store::NewWebhook;
-use crate::tenant::Tenant;
 use crate::webhooks::{check_url, new_secret};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
@@ -16,6 +12,10 @@ use yoto_proto::v1::{
     CreateWebhookRequest, CreateWebhookResponse, DeleteWebhookRequest, DeleteWebhookResponse,
     ListWebhooksRequest, ListWebhooksResponse,
 };
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_request::validation::both;
+use yoto_store::NewWebhook;
 
 /// Addresses that are told when jobs end.
 pub struct WebhookApi {
@@ -29,7 +29,7 @@ impl WebhookService for WebhookApi {
         &self,
         request: Request<CreateWebhookRequest>,
     ) -> Result<Response<CreateWebhookResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.into_inner();
         let url = check_url(&request.url, self.context.config.private_webhooks);
         let url = url.map_err(|error| RequestError::invalid("url", error.to_string()));
@@ -55,7 +55,7 @@ impl WebhookService for WebhookApi {
         &self,
         request: Request<ListWebhooksRequest>,
     ) -> Result<Response<ListWebhooksResponse>, Status> {
-        let webhooks = self.context.store.webhooks(&Tenant::of(&request)?).await;
+        let webhooks = self.context.store.webhooks(&tenant_of(&request)?).await;
         Ok(Response::new(ListWebhooksResponse {
             webhooks: webhooks.map_err(RequestError::from)?,
         }))
@@ -65,7 +65,7 @@ impl WebhookService for WebhookApi {
         &self,
         request: Request<DeleteWebhookRequest>,
     ) -> Result<Response<DeleteWebhookResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let id = fields::id(Collection::Webhooks, "name", &request.get_ref().name)?;
         let deleted = self.context.store.delete_webhook(&tenant, &id).await;
         deleted.map_err(RequestError::from)?;

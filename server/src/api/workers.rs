@@ -1,14 +1,9 @@
 //! `yoto.worker.v1.WorkerService`.
 
 use super::{fields, worker_text};
-use crate::access::Caller;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::both;
 use crate::hints::Busy;
 use crate::jobs::{lease, report};
-use crate::store::{Ending, LeaseKey, NewWorker};
-use crate::tenant::Tenant;
 use crate::traffic::Client;
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,6 +21,12 @@ use yoto_proto::worker::v1::{
     RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse, WaitForJobRequest,
     WaitForJobResponse,
 };
+use yoto_request::Caller;
+use yoto_request::RequestError;
+use yoto_request::tenant_of;
+use yoto_request::validation::both;
+use yoto_store::Tenant;
+use yoto_store::{Ending, LeaseKey, NewWorker};
 
 /// Longest wait for a job.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
@@ -94,7 +95,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<RegisterWorkerRequest>,
     ) -> Result<Response<RegisterWorkerResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let in_process = Client::is_in_process(&request);
         let request = request.into_inner();
         let embedded = match request.embedded && !in_process {
@@ -139,7 +140,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<LeaseJobRequest>,
     ) -> Result<Response<LeaseJobResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let request = request.get_ref();
         let id = fields::id(Collection::Workers, "worker", &request.worker)?;
         fields::request_id(&request.request_id)?;
@@ -162,7 +163,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<WaitForJobRequest>,
     ) -> Result<Response<WaitForJobResponse>, Status> {
-        let tenant = Tenant::of(&request)?;
+        let tenant = tenant_of(&request)?;
         let request = request.get_ref();
         let kinds = fields::job_kinds("kinds", &request.kinds);
         let time = Duration::try_from_secs_f64(request.seconds);
@@ -181,7 +182,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let request = request.into_inner();
         let key = self.claimed(&caller, &tenant, request.claim).await?;
         let progress = request.progress.map(worker_text::progress);
@@ -197,7 +198,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<PublishCheckpointRequest>,
     ) -> Result<Response<PublishCheckpointResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let request = request.into_inner();
         let key = self.claimed(&caller, &tenant, request.claim).await?;
         let checkpoint = request.checkpoint;
@@ -212,7 +213,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<CommitOutputRequest>,
     ) -> Result<Response<CommitOutputResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let request = request.into_inner();
         let key = self.claimed(&caller, &tenant, request.claim).await?;
         let file = request.file;
@@ -225,7 +226,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<TakeRangeRequest>,
     ) -> Result<Response<TakeRangeResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let request = request.into_inner();
         let key = self.claimed(&caller, &tenant, request.claim).await?;
         let (pictures, drawn) = (request.pictures, request.drawn);
@@ -242,7 +243,7 @@ impl WorkerService for WorkerApi {
         &self,
         request: Request<EndJobRequest>,
     ) -> Result<Response<EndJobResponse>, Status> {
-        let (caller, tenant) = (Caller::of(&request)?, Tenant::of(&request)?);
+        let (caller, tenant) = (Caller::of(&request)?, tenant_of(&request)?);
         let request = request.into_inner();
         let key = self.claimed(&caller, &tenant, request.claim).await?;
         report::end(&self.context, &tenant, &key, ending(request.outcome)?).await?;

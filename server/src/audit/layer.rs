@@ -1,19 +1,20 @@
 //! The middleware that records calls: behind the one that authorizes them, since it needs to know who calls.
 
 use super::names;
-use crate::access::{self, Caller};
+use crate::access;
 use crate::context::Context;
-use crate::http::{is_grpc, refusal};
-use crate::methods;
-use crate::store::NewAuditEntry;
 use axum::extract::{Request, State};
 use axum::http::Method;
 use axum::middleware::Next;
 use axum::response::Response;
 use std::sync::Arc;
 use tonic::{Code, Status};
+use yoto_http::{is_grpc, refusal};
 use yoto_proto::names::{Collection, is_name};
 use yoto_proto::reasons;
+use yoto_request::Caller;
+use yoto_request::methods;
+use yoto_store::NewAuditEntry;
 
 /// Calls for each part of an upload: its begin and its end are recorded.
 const PARTS: [&str; 2] = [

@@ -1,19 +1,17 @@
 //! The audit log: who has called what that changes something, and how it ended. An entry is written before the call begins and
 //! another after it has ended, so that a call whose end is missing is one that was cut off. Each entry has the hash of the one
-//! before it ([`chain`]): one that was changed, or taken out of the middle, is found.
+//! before it ([`yoto_store::audit_chain`]): one that was changed, or taken out of the middle, is found.
 //!
 //! ```text
 //! AccessLayer ─► layer: a call that changes something ─► task: BEGUN ─► the call ─► task: ENDED
 //! ```
 
-mod chain;
 mod layer;
 mod names;
 mod on_disk;
 mod task;
 mod writer;
 
-pub use chain::{Broken, Head, hash};
 pub use layer::record;
 pub use on_disk::{AuditError, AuditLog};
 pub use task::run;

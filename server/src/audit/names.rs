@@ -1,7 +1,5 @@
 //! The resources that a call of gRPC names, and the one that it made.
 
-use crate::methods::POOL;
-use crate::tenant::Tenant;
 use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::response::Response;
@@ -9,6 +7,8 @@ use http_body_util::BodyExt;
 use prost_reflect::{DynamicMessage, Value};
 use std::collections::BTreeSet;
 use yoto_proto::names::is_name;
+use yoto_request::methods::POOL;
+use yoto_store::Tenant;
 
 /// Longest message that is read for its names. That of an order with all poses of a motion is longer, and has no others.
 const READ_BYTES: usize = 64 << 10;

@@ -1,11 +1,11 @@
 //! The audit log in a service's database, for its operator on its own host.
 
-use super::chain::{Broken, Head};
 use crate::error::ServerError;
 use crate::on_host;
-use crate::store::{AuditEntry, PostgresUrl, Store, StoreError};
 use std::path::Path;
 use thiserror::Error;
+use yoto_store::audit_chain::{Broken, Head};
+use yoto_store::{AuditEntry, PostgresUrl, Store, StoreError};
 
 /// Entries that are read at a time.
 const PAGE: u32 = 1000;

@@ -1,8 +1,8 @@
 //! The way of entries from calls to the task that writes them.
 
-use crate::error::RequestError;
-use crate::store::NewAuditEntry;
 use tokio::sync::{mpsc, oneshot};
+use yoto_request::RequestError;
+use yoto_store::NewAuditEntry;
 
 /// Most entries of one transaction, and most that wait.
 pub(super) const BATCH: usize = 256;

@@ -3,8 +3,6 @@
 use super::BackupError;
 use super::database::copy;
 use crate::ServerError;
-use crate::clock::SystemClock;
-use crate::store::{PostgresUrl, Store};
 use sqlx::postgres::{PgArguments, PgConnectOptions};
 use sqlx::query::Query;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteRow};
@@ -14,6 +12,8 @@ use sqlx::{
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
+use yoto_process::clock::SystemClock;
+use yoto_store::{PostgresUrl, Store};
 
 /// A table with its columns in their order.
 struct Table {

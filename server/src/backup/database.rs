@@ -1,13 +1,13 @@
 //! Rows: of SQLite by a copy of its own, of PostgreSQL by its own programs.
 
 use super::BackupError;
-use crate::private;
-use crate::store::PostgresUrl;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Connection};
 use std::io::ErrorKind;
 use std::path::Path;
 use tokio::process::Command;
+use yoto_process::private;
+use yoto_store::PostgresUrl;
 
 /// Programs of PostgreSQL that a backup and its restoration need, of the server's version or a later one.
 pub const PROGRAMS: [&str; 2] = ["pg_dump", "pg_restore"];

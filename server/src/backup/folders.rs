@@ -1,10 +1,10 @@
 //! Objects: copies of folders of files.
 
 use super::{BackupError, Copied};
-use crate::private;
 use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
+use yoto_process::private;
 
 /// A mark in the names of files that the object store has not finished writing.
 const UNFINISHED: char = '#';

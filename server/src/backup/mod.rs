@@ -11,11 +11,11 @@ mod folders;
 pub use database::PROGRAMS;
 
 use crate::lock::DataDirLock;
-use crate::store::PostgresUrl;
-use crate::{DATABASE_FILE, OBJECTS_FOLDER, ServerError, private};
+use crate::{DATABASE_FILE, OBJECTS_FOLDER, ServerError};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+use yoto_store::PostgresUrl;
 
 /// The file that a complete backup has, and its text.
 const MARKER: (&str, &str) = ("yoto-backup.txt", "yoto backup 1\n");
@@ -171,7 +171,7 @@ pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
 
 /// Creates `folder`, for this user alone, unless it is there and empty.
 fn make_empty(folder: &Path) -> Result<(), BackupError> {
-    private::create_dir_all(folder).map_err(BackupError::file("creating", folder))?;
+    yoto_process::private::create_dir_all(folder).map_err(BackupError::file("creating", folder))?;
     let mut found = std::fs::read_dir(folder).map_err(BackupError::file("reading", folder))?;
     match found.next() {
         None => Ok(()),

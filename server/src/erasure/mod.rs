@@ -8,9 +8,7 @@ mod report;
 mod sign;
 
 use crate::context::Context;
-use crate::error::RequestError;
 use crate::jobs::consent;
-use crate::store::{Counted, JobKind, Leaving, OpenErasure, Reference, StoreError, Work};
 use futures::TryStreamExt;
 use report::{Report, Search};
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,6 +18,8 @@ use yoto_objects::Listed;
 use yoto_proto::keys;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::ErrorReason;
+use yoto_request::RequestError;
+use yoto_store::{Counted, JobKind, Leaving, OpenErasure, Reference, StoreError, Work};
 
 /// Goes on with erasures until the coordinator stops.
 pub async fn run(context: Arc<Context>) {

@@ -1,8 +1,8 @@
 //! The report of an erasure, without the person's name.
 
-use crate::store::{Counted, LeftModel, SharedWeights, StoreError, Trace, Work};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use yoto_store::{Counted, LeftModel, SharedWeights, StoreError, Trace, Work};
 
 /// Version of [`Report`] that this program writes.
 const VERSION: u32 = 1;

@@ -1,13 +1,13 @@
 //! The key with which reports are signed: Ed25519, in a file of the data folder that only the service's user can read. Each
 //! coordinator has its own.
 
-use crate::private;
-use crate::store::SignedReport;
 use ring::rand::SystemRandom;
 use ring::signature::{Ed25519KeyPair, KeyPair};
 use std::io::{Error, ErrorKind, Write};
 use std::path::Path;
+use yoto_process::private;
 use yoto_proto::hex;
+use yoto_store::SignedReport;
 
 /// The file in the data folder: PKCS #8.
 const FILE: &str = "erasure.key";

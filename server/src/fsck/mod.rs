@@ -7,9 +7,6 @@
 mod orphans;
 mod verify;
 
-use crate::clock::SystemClock;
-use crate::objects::marker;
-use crate::store::{PostgresUrl, References, Store};
 use crate::{DATABASE_FILE, OBJECTS_FOLDER, ServerError, folder_url};
 use futures::TryStreamExt;
 use std::collections::HashSet;
@@ -18,8 +15,11 @@ use std::sync::Arc;
 use thiserror::Error;
 use url::Url;
 use yoto_objects::{Environment, Listed, Objects, ObjectsError};
+use yoto_process::clock::SystemClock;
 use yoto_proto::keys;
 use yoto_proto::v1::ObjectRef;
+use yoto_store::binding;
+use yoto_store::{PostgresUrl, References, Store};
 
 /// Where a service has its state.
 #[derive(Debug, Clone)]
@@ -112,7 +112,9 @@ async fn check(
     };
     let objects = Objects::open_with(&url, &place.environment)?.patient();
     if let Some(id) = store.id_of_objects().await.map_err(ServerError::from)? {
-        marker::belong(&objects, &url, &id).await?;
+        binding::belong(&objects, &url, &id)
+            .await
+            .map_err(ServerError::from)?;
     }
     let listed = list(&objects).await?;
     let references = read(store).await?;

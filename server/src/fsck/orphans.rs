@@ -1,9 +1,9 @@
 //! Objects that nothing names.
 
 use super::verify::Found;
-use crate::store::References;
 use yoto_objects::Listed;
 use yoto_proto::keys::{self, FolderOwner};
+use yoto_store::References;
 
 /// Those of `listed` that nothing names and nobody can commit any more.
 pub fn among(listed: Vec<Listed>, references: &References, found: &Found<'_>) -> Vec<Listed> {

@@ -1,13 +1,13 @@
 //! Reads the objects that rows name, and those that manifests name.
 
 use super::{Fault, Progress};
-use crate::store::NamedObject;
 use futures::{StreamExt, TryStreamExt, stream};
 use std::collections::{BTreeMap, HashSet};
 use yoto_objects::{Objects, ObjectsError};
 use yoto_proto::keys;
 use yoto_proto::manifest::Manifest;
 use yoto_proto::v1::ObjectRef;
+use yoto_store::NamedObject;
 
 /// Objects that are read at the same time.
 const AT_ONCE: usize = 8;

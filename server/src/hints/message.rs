@@ -1,8 +1,8 @@
 //! Hints as texts that the database passes on.
 
-use crate::store::JobKind;
-use crate::tenant::Tenant;
 use std::collections::BTreeMap;
+use yoto_store::JobKind;
+use yoto_store::Tenant;
 
 /// Bytes of a text: PostgreSQL takes less than 8000 (<https://www.postgresql.org/docs/current/sql-notify.html>).
 const TEXT_BYTES: usize = 7900;

@@ -2,11 +2,11 @@
 
 use super::message::{Heard, heard, texts};
 use crate::context::Context;
-use crate::store::StoreError;
 use std::mem;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
+use yoto_store::StoreError;
 
 /// Time between two sendings: PostgreSQL commits those of all coordinators one after the other.
 const BETWEEN: Duration = Duration::from_millis(20);

@@ -1,11 +1,11 @@
 //! Workers that wait for a job.
 
-use crate::store::JobKind;
-use crate::tenant::Tenant;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
+use yoto_store::JobKind;
+use yoto_store::Tenant;
 
 /// Most workers that wait at one coordinator. Others ask by the clock.
 const WORKERS: usize = 1024;

@@ -1,11 +1,11 @@
 //! Aliases of checkpoints in orders: `models/{id}/checkpoints/prod`.
 
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::tenant::Tenant;
 use yoto_proto::alias;
 use yoto_proto::names;
 use yoto_proto::v1::{JobSpec, job_spec};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
 
 /// Replaces an alias in an order by the checkpoint that has it now: what is rendered does not change with a later move of the alias.
 ///

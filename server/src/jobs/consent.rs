@@ -1,7 +1,7 @@
 //! Ends jobs of people whose consent was revoked or has run out.
 
 use crate::context::Context;
-use crate::store::StoreError;
+use yoto_store::StoreError;
 
 /// Ends the open jobs that need the person `subject_id`, or anybody, and lack their consent. Returns the jobs, `jobs/{id}`.
 ///

@@ -1,16 +1,16 @@
 //! Hands queued jobs to workers.
 
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::metrics::METRICS;
-use crate::store::{Ending, JobKind, LeaseKey, LeasedJob, NewWorker, StoreError};
-use crate::tenant::Tenant;
 use prost::Message;
+use yoto_process::metrics::METRICS;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::names::Collection;
 use yoto_proto::orders;
 use yoto_proto::v1::JobError;
 use yoto_proto::worker::v1::Lease;
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{Ending, JobKind, LeaseKey, LeasedJob, NewWorker, StoreError};
 
 /// Bytes of an answer besides its lease.
 const MARGIN: usize = 64;
@@ -105,7 +105,7 @@ pub async fn lease(
         return Ok(None);
     }
     if let Some(kind) = kind {
-        METRICS.leased(kind);
+        METRICS.leased(kind.as_str());
     }
     tracing::info!(job = name, token, worker = worker_id, helps, "job leased");
     Ok(Some(lease))

@@ -7,14 +7,14 @@
 use super::aliases;
 use super::checks::specs::check_spec;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::all;
-use crate::store::{JobKind, NewJob, RequestKey};
-use crate::tenant::Tenant;
 use yoto_proto::checks;
 use yoto_proto::limits::REQUEST_ID_BYTES;
 use yoto_proto::text::one_line;
 use yoto_proto::v1::{Job, JobSpec, job};
+use yoto_request::RequestError;
+use yoto_request::validation::all;
+use yoto_store::Tenant;
+use yoto_store::{JobKind, NewJob, RequestKey};
 
 /// Checks a job, whose order is well-formed, and queues it.
 ///

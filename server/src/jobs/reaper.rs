@@ -2,10 +2,10 @@
 
 use super::consent;
 use crate::context::Context;
-use crate::metrics::METRICS;
-use crate::store::{Reaped, StoreError};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
+use yoto_process::metrics::METRICS;
+use yoto_store::{Reaped, StoreError};
 
 /// Reaps until the coordinator stops. A failure is logged and retried at the next tick:
 /// nothing else takes the jobs back.

@@ -2,17 +2,17 @@
 
 use super::checks::parse;
 use super::checks::results::{check_result, require};
-use crate::checkpoints::manifest;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::metrics::METRICS;
 use crate::objects::checksum::is_sha256;
-use crate::store::{Ending, LeaseKey, StoreError, TakenRange};
-use crate::tenant::Tenant;
+use crate::objects::manifest;
+use yoto_process::metrics::METRICS;
 use yoto_proto::checks::scene::MAX_PICTURES;
 use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Checkpoint, Progress, RenderedFile, job_spec};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{Ending, LeaseKey, StoreError, TakenRange};
 
 /// Extends the lease and records progress. Returns whether the job is to be cancelled.
 ///

@@ -2,13 +2,13 @@
 
 use super::queue;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::{NewJob, RequestKey, StoreError};
-use crate::tenant::Tenant;
-use crate::trace_parent::TraceParent;
 use crate::uploads;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Capture, ErrorReason, Job, JobKind, job};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::TraceParent;
+use yoto_store::{NewJob, RequestKey, StoreError};
 
 /// Queues the order of a job that FAILED or was CANCELLED as a new job. An ingest job belongs to its capture, whose files are
 /// read again.

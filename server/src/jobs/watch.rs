@@ -2,13 +2,13 @@
 
 use crate::changes::{WatchedState, subscribe};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::tenant::Tenant;
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use yoto_proto::v1::Job;
+use yoto_request::RequestError;
+use yoto_store::Tenant;
 
 struct Watcher {
     context: Arc<Context>,

@@ -1,10 +1,7 @@
 //! Watches of all jobs that match a filter: the open ones, then each change, resumable by what the caller knows.
 
 use crate::context::Context;
-use crate::error::RequestError;
 use crate::job_feed::{Change, subscribe};
-use crate::store::{JobFilter, Page, StoreError};
-use crate::tenant::Tenant;
 use futures::{Stream, stream};
 use prost::Message;
 use std::collections::{HashMap, VecDeque};
@@ -16,6 +13,9 @@ use tokio_util::sync::CancellationToken;
 use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Job, WatchJobsResponse, job};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{JobFilter, Page, StoreError};
 
 /// Most jobs of one response.
 const BATCH: usize = 100;

@@ -6,16 +6,16 @@
 
 use super::folders::Folder;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::metrics::METRICS;
-use crate::store::{Horizons, KnownGarbage, PartId, Reference};
 use futures::future::BoxFuture;
 use futures::{FutureExt, StreamExt, TryStreamExt, stream};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::time::{MissedTickBehavior, interval};
 use yoto_objects::Listed;
+use yoto_process::metrics::METRICS;
 use yoto_proto::keys::{self, FolderOwner};
+use yoto_request::RequestError;
+use yoto_store::{Horizons, KnownGarbage, PartId, Reference};
 
 /// Folders that are searched or removed at once: a remote store answers each of its requests after some 50 ms.
 const CONCURRENCY: usize = 8;

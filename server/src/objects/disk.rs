@@ -1,11 +1,11 @@
 //! The folder in which the objects are.
 
 use super::room::Room;
-use crate::private;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use url::Url;
 use yoto_objects::{Objects, ObjectsError};
+use yoto_process::private;
 use yoto_proto::keys;
 
 /// The folder of a local object store, for operations that the object store's interface lacks.

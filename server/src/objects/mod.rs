@@ -4,6 +4,6 @@ pub mod checksum;
 pub mod collect;
 pub mod disk;
 mod folders;
-pub mod marker;
+pub mod manifest;
 pub mod place;
 pub mod room;

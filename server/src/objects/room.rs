@@ -1,7 +1,7 @@
 //! The limit on free space, below which nothing large is begun: a full disk stops the database as well.
 
-use crate::error::RequestError;
 use std::path::Path;
+use yoto_request::RequestError;
 
 /// Room on a disk, bytes.
 #[derive(Debug, Clone, Copy)]

@@ -1,8 +1,8 @@
 //! Jobs that have ended and whose traces were not sent yet.
 
-use crate::metrics::METRICS;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use yoto_process::metrics::METRICS;
 
 /// Most jobs that wait.
 const MOST: usize = 1024;

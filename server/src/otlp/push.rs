@@ -7,8 +7,7 @@ use super::figures::{Period, metric};
 use super::wire::Wire;
 use super::{EndedJobs, spans};
 use crate::context::Context;
-use crate::http::figures;
-use crate::metrics::METRICS;
+use crate::pages::figures;
 use opentelemetry_proto::tonic::collector::metrics::v1::ExportMetricsServiceRequest;
 use opentelemetry_proto::tonic::collector::metrics::v1::metrics_service_client::MetricsServiceClient;
 use opentelemetry_proto::tonic::collector::trace::v1::ExportTraceServiceRequest;
@@ -25,6 +24,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval_at, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic::transport::Channel;
 use tonic::{Code, Request, Response, Status};
+use yoto_process::metrics::METRICS;
 use yoto_proto::names::Collection;
 
 /// Time limit of a call.
@@ -36,7 +36,7 @@ const BATCH: usize = 64;
 #[derive(Debug, Error)]
 enum Fault {
     #[error("{0}")]
-    Store(#[from] crate::store::StoreError),
+    Store(#[from] yoto_store::StoreError),
     #[error("{0}")]
     Figures(#[from] Unreadable),
     #[error("{0}")]

@@ -4,7 +4,6 @@
 //! that a trace can be found by its job's name, unless the caller had a trace, which the job then belongs to.
 
 use super::attributes::{number, text};
-use crate::store::{EndedJob, JobKind};
 use opentelemetry_proto::tonic::common::v1::KeyValue;
 use opentelemetry_proto::tonic::trace::v1::span::SpanKind;
 use opentelemetry_proto::tonic::trace::v1::status::StatusCode;
@@ -13,6 +12,7 @@ use prost_types::Timestamp;
 use sha2::{Digest, Sha256};
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{Job, JobAttempt, JobError, job};
+use yoto_store::{EndedJob, JobKind};
 
 /// The span of a job, its time in the queue, and each recorded attempt.
 pub fn of(ended: &EndedJob) -> Vec<Span> {

@@ -3,12 +3,12 @@
 use super::settings::OidcConfig;
 use super::{BY_KEY, START, cookies};
 use crate::access::page_of;
-use crate::dashboard;
 use axum::http::header::{LOCATION, SET_COOKIE, WWW_AUTHENTICATE};
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use maud::html;
 use url::form_urlencoded::byte_serialize;
+use yoto_dashboard as dashboard;
 
 /// Longest address of a page that is gone to, bytes: it stands in a cookie.
 const LONGEST: usize = 500;

@@ -7,8 +7,6 @@ use super::settings::OidcConfig;
 use super::{BACK, BY_KEY, PAGE, START, grants, session};
 use crate::access;
 use crate::context::Context;
-use crate::dashboard::Fields;
-use crate::error::RequestError;
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{RawQuery, State};
@@ -19,7 +17,9 @@ use axum::routing::{get, post};
 use std::sync::Arc;
 use std::time::Duration;
 use url::Position;
+use yoto_dashboard::Fields;
 use yoto_proto::sha256_hex;
+use yoto_request::RequestError;
 
 /// The field of a request that was made again at the service's address.
 const HERE: &str = "here";

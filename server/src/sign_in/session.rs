@@ -4,13 +4,13 @@ use super::grants::{self, Claims};
 use super::settings::{Grant, OidcConfig};
 use crate::access::keys::{FRESH, new_secret};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::{NewAuditEntry, NewKey};
-use crate::tenant::Tenant;
 use serde_json::Value;
 use yoto_proto::sha256_hex;
 use yoto_proto::text::is_hidden;
 use yoto_proto::v1::Scope;
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{NewAuditEntry, NewKey};
 
 /// What the audit log has as the call by which a session begins.
 const SIGN_IN: &str = "sign-in";

@@ -123,7 +123,7 @@ impl OidcConfig {
             if grant.claim.is_empty() || grant.value.is_empty() {
                 return refused(&field("claim and value"), "must not be empty");
             }
-            if crate::tenant::Tenant::new(&grant.tenant).is_none() {
+            if yoto_store::Tenant::new(&grant.tenant).is_none() {
                 return refused(&field("tenant"), "is not 1 to 64 of a-z, 0-9 and -");
             }
             if !grant.scopes.contains(&GrantedScope::Read) {

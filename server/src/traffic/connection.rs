@@ -2,7 +2,6 @@
 
 use super::{Client, Traffic};
 use crate::in_memory::InProcess;
-use crate::metrics::METRICS;
 use std::any::Any;
 use std::io;
 use std::pin::Pin;
@@ -15,6 +14,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Instant, Sleep};
 use tonic::transport::server::Connected;
+use yoto_process::metrics::METRICS;
 
 /// A connection that counts towards the limit.
 #[derive(Debug)]

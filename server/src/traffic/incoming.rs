@@ -4,7 +4,6 @@
 //! received bytes. They count towards the client's limit until the call is answered or asks for the next message.
 
 use super::{Client, Traffic, busy, decoded};
-use crate::error::RequestError;
 use bytes::{Buf, Bytes, BytesMut};
 use futures::{Stream, stream};
 use http_body::Frame;
@@ -14,6 +13,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
+use yoto_request::RequestError;
 
 /// Bytes before each message: the compression flag and the length.
 const HEADER_BYTES: usize = 5;

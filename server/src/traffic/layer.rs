@@ -4,9 +4,6 @@
 use super::incoming::{Held, Incoming};
 use super::{Client, Traffic, busy};
 use crate::access::brings_file;
-use crate::http::{self, is_grpc, transcoding};
-use crate::methods::{self, is_unary};
-use crate::metrics::METRICS;
 use futures::future::BoxFuture;
 use http_body_util::BodyExt;
 use std::sync::atomic::Ordering;
@@ -18,6 +15,9 @@ use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::http::{Request, Response, StatusCode};
 use tower::{Layer, Service};
+use yoto_http::{is_grpc, transcoding};
+use yoto_process::metrics::METRICS;
+use yoto_request::methods::{self, is_unary};
 
 /// Wraps the services of a listener.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ pub struct Limited<S> {
 
 /// The refusal of a page.
 fn plain(message: &str) -> Response<Body> {
-    http::text(StatusCode::SERVICE_UNAVAILABLE, message)
+    yoto_http::text(StatusCode::SERVICE_UNAVAILABLE, message)
 }
 
 /// A call, from its start to the end of its response stream.

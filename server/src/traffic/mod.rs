@@ -19,12 +19,12 @@ mod limits;
 pub use layer::TrafficLayer;
 pub use limits::TrafficLimits;
 
-use crate::error::RequestError;
 use std::sync::atomic::AtomicUsize;
 use std::sync::{Arc, Mutex};
 use tokio::sync::Semaphore;
 use tokio::time::Instant;
 use tonic::Request;
+use yoto_request::RequestError;
 
 /// What all clients of a listener use together.
 #[derive(Debug)]

@@ -2,10 +2,10 @@
 
 use super::answered;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::{JobKind, RequestKey, StoreError, StoredPart};
-use crate::tenant::Tenant;
 use yoto_proto::v1::{Capture, capture};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{JobKind, RequestKey, StoreError, StoredPart};
 
 /// Queues another ingest job for a capture whose last one failed.
 ///

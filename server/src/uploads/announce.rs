@@ -3,11 +3,7 @@
 use super::paths::CapturePaths;
 use crate::config::UploadLimits;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
 use crate::objects::checksum::is_sha256;
-use crate::store::{NewUpload, RequestKey, Upload, UploadedFile};
-use crate::tenant::Tenant;
 use prost::Message;
 use prost_types::Timestamp;
 use yoto_proto::media_plan::{CAPTURE_ARCHIVES, film_alone};
@@ -15,6 +11,10 @@ use yoto_proto::names::Collection;
 use yoto_proto::v1::{self, CommittedFile, FileHeader, upload};
 use yoto_proto::worker::v1::InputFile;
 use yoto_proto::{limits, pose_track};
+use yoto_request::RequestError;
+use yoto_request::validation::{all, both};
+use yoto_store::Tenant;
+use yoto_store::{NewUpload, RequestKey, Upload, UploadedFile};
 
 /// Opens an upload of `files` for a subject, or finds the one that `request` opened.
 ///

@@ -5,13 +5,13 @@
 
 use super::lost;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::{NewPart, NewPiece, PartId, StoreError, UploadPart};
-use crate::tenant::Tenant;
 use bytes::Bytes;
 use std::sync::Arc;
 use tokio::task::JoinHandle;
 use yoto_proto::{keys, limits};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{NewPart, NewPiece, PartId, StoreError, UploadPart};
 
 /// Checked chunks that follow the committed bytes, grouped by file in the order of arrival.
 #[derive(Debug, Default)]

@@ -3,11 +3,11 @@
 use super::verify::{Faults, verify};
 use super::{answered, lost, take_over};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::all;
-use crate::store::{JobKind, RequestKey, UploadFile};
-use crate::tenant::Tenant;
 use yoto_proto::v1::{Capture, ErrorReason};
+use yoto_request::RequestError;
+use yoto_request::validation::all;
+use yoto_store::Tenant;
+use yoto_store::{JobKind, RequestKey, UploadFile};
 
 /// Checks the SHA-256 of every file in the store, and queues the ingest job. A finished upload gets the first answer
 /// again.

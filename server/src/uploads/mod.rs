@@ -24,11 +24,11 @@ pub use parts::{commit_part, sign_parts};
 pub use write::receive;
 
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::{RequestKey, StoreError, Upload};
-use crate::tenant::Tenant;
 use std::collections::BTreeSet;
 use yoto_proto::v1::{Capture, ErrorReason};
+use yoto_request::RequestError;
+use yoto_store::Tenant;
+use yoto_store::{RequestKey, StoreError, Upload};
 
 /// Restarts the files at `paths`, whose acknowledged bytes the store has lost, and returns the error for the call that found
 /// this. Otherwise each later write would fail until the upload expires.

@@ -6,18 +6,18 @@
 
 use super::take_over;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::all;
-use crate::metrics::METRICS;
 use crate::objects::checksum::sha256;
-use crate::store::{NewPart, NewPiece, PartId};
-use crate::tenant::Tenant;
 use std::time::Duration;
+use yoto_process::metrics::METRICS;
 use yoto_proto::keys;
 use yoto_proto::limits::{LEAST_PART, PART_FILES, SIGNED_PARTS};
 use yoto_proto::v1::{
     self, CommitPartRequest, ErrorReason, ObjectRef, SignPartsResponse, SignedPart, Unsigned,
 };
+use yoto_request::RequestError;
+use yoto_request::validation::all;
+use yoto_store::Tenant;
+use yoto_store::{NewPart, NewPiece, PartId};
 
 /// Longest time for which a part can be written: its client has the bytes and begins at once.
 const LIFE: Duration = Duration::from_secs(120);

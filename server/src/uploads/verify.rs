@@ -1,8 +1,6 @@
 //! Compares the files of an upload with their announced checksums: every part is read once, in order.
 
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::{StoredPart, UploadFile};
 use futures::TryStreamExt;
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeSet, HashMap};
@@ -10,6 +8,8 @@ use std::convert::Infallible;
 use tokio::sync::mpsc;
 use yoto_objects::{Extent, Part, Piece};
 use yoto_proto::hex;
+use yoto_request::RequestError;
+use yoto_store::{StoredPart, UploadFile};
 
 /// Pieces that are read ahead of the checksums.
 const AHEAD: usize = 4;

@@ -4,9 +4,6 @@ use super::batch::{Batch, Committer, Writer};
 use super::locks::UploadLock;
 use super::{open, take_over};
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::store::StoreError;
-use crate::tenant::Tenant;
 use bytes::Buf;
 use futures::{Stream, StreamExt};
 use std::collections::HashMap;
@@ -16,6 +13,9 @@ use yoto_proto::crc32c;
 use yoto_proto::limits::UPLOAD_PIECES;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{ErrorReason, WriteUploadRequest, WriteUploadResponse};
+use yoto_request::RequestError;
+use yoto_store::StoreError;
+use yoto_store::Tenant;
 
 /// Receives chunks until the stream ends, and commits all valid ones, however it ends.
 ///

@@ -3,15 +3,15 @@
 use super::address::{AddressError, check_url, resolved};
 use super::signature::sign;
 use crate::api::public_job;
-use crate::http::transcoding::json_of;
 use crate::outgoing;
-use crate::store::DueDelivery;
 use reqwest::header::CONTENT_TYPE;
 use reqwest::{Client, redirect};
 use rustls::ClientConfig;
 use serde_json::{Value, json};
 use std::time::Duration;
 use thiserror::Error;
+use yoto_http::transcoding::json_of;
+use yoto_store::DueDelivery;
 
 /// Longest time of the search for the host, and of the request.
 const LONGEST: Duration = Duration::from_secs(15);

@@ -15,12 +15,12 @@ pub use address::check_url;
 pub use signature::new_secret;
 
 use crate::context::Context;
-use crate::store::DueDelivery;
 use deliver::Sender;
 use futures::StreamExt;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
+use yoto_store::DueDelivery;
 
 /// Interval of the search for what is due.
 const TICK: Duration = Duration::from_secs(1);

@@ -1,16 +1,16 @@
 //! What the catalogue must hold for an order: captures, slots, checkpoints.
 
 use super::parse;
-use crate::checkpoints::best::best_first;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
-use crate::store::StoreError;
-use crate::tenant::Tenant;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::Need;
 use yoto_proto::v1::{Checkpoint, ErrorReason, Model};
 use yoto_proto::worker::v1::SubjectShard;
+use yoto_request::RequestError;
+use yoto_request::validation::{all, both};
+use yoto_store::StoreError;
+use yoto_store::Tenant;
+use yoto_store::rules::best::best_first;
 
 /// A person who must have a slot in a model.
 pub(super) struct RequiredSlot {

@@ -7,8 +7,8 @@ mod catalogue;
 pub mod results;
 pub mod specs;
 
-use crate::error::RequestError;
 use yoto_proto::names::Collection;
+use yoto_request::RequestError;
 
 /// The id in the resource `name` that the request has at `field`.
 pub fn parse<'a>(

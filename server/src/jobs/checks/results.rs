@@ -3,10 +3,7 @@
 
 use super::parse;
 use crate::context::Context;
-use crate::error::RequestError;
 use crate::objects::checksum::is_sha256;
-use crate::store::LeaseKey;
-use crate::tenant::Tenant;
 use prost::Message;
 use std::collections::HashSet;
 use yoto_proto::checks::scene::MAX_PICTURES;
@@ -18,6 +15,9 @@ use yoto_proto::v1::{
     JobSpec, ObjectRef, RenderResult, RenderSpec, RenderedFile, Scores, job_result, job_spec,
 };
 use yoto_proto::{keys, tiers};
+use yoto_request::RequestError;
+use yoto_store::LeaseKey;
+use yoto_store::Tenant;
 
 /// Largest stored trade-off, bytes: it must fit into one message.
 const MAX_TRADEOFF_BYTES: u64 = 1 << 20;

@@ -5,9 +5,6 @@ use super::catalogue::{
 };
 use super::parse;
 use crate::context::Context;
-use crate::error::RequestError;
-use crate::field_faults::{all, both};
-use crate::tenant::Tenant;
 use yoto_proto::checks::render::too_many;
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
@@ -18,6 +15,9 @@ use yoto_proto::v1::{
 };
 use yoto_proto::worker::v1::SubjectShard;
 use yoto_proto::{checks, exports, tiers};
+use yoto_request::RequestError;
+use yoto_request::validation::{all, both};
+use yoto_store::Tenant;
 
 /// Fewest frames of a person to train on: one pose can't tell how a body moves.
 const MIN_TRAIN_FRAMES: u32 = 2;

@@ -1,0 +1,120 @@
+//! From a person's page to an avatar: a model with them, new or there already, and its training.
+
+use super::actions::{form, request_of, sent};
+use super::asker::Asker;
+use super::fault::Fault;
+use super::orders::{minutes, order};
+use super::query::Fields;
+use super::words::{page_of, told};
+use axum::body::Body;
+use axum::extract::Path;
+use axum::http::HeaderMap;
+use axum::response::Response;
+use maud::{Markup, html};
+use tonic::Status;
+use yoto_proto::tiers::DEFAULT_TIER;
+use yoto_proto::v1::{
+    AddIdentityRequest, CreateModelRequest, GetModelRequest, GetSubjectRequest, Model, Subject,
+    TrainSpec, job_spec,
+};
+
+/// Minutes of a training unless the form says otherwise.
+const MINUTES: u32 = 2;
+/// Longest training that the form orders, minutes.
+const LONGEST: u32 = 24 * 60;
+/// The variant of new models.
+const VARIANT: &str = "yoto";
+
+/// The form on the page of `subject`; `others` are the models that they can join.
+///
+/// # Errors
+/// When no layer has told who asks.
+pub fn form_of(asker: &Asker, subject: &Subject, others: &[Model]) -> Result<Markup, Status> {
+    let path = format!("{}/avatar", page_of(&subject.name));
+    Ok(html! {
+        details #avatar .act {
+            summary { "Make an avatar…" }
+            p { "A model learns the person from their capture; its page plays them then." }
+            (form(asker, &path, &[], html! {
+                label { "In "
+                    select name="model" {
+                        option value="" { "a model of their own" }
+                        @for it in others { option value=(it.name) { (told(&it.display_name)) } }
+                    }
+                }
+                label { "Minutes " input name="minutes" type="number" min="1" max=(LONGEST) value=(MINUTES) required; }
+                button { "Train" }
+            })?)
+        }
+    })
+}
+
+/// `POST /people/{id}/avatar`: a model for the person, a slot in it, and a training. In a model that was trained already, only what is
+/// theirs is trained, and others stay as they are.
+pub async fn make(
+    asker: Asker,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Fault> {
+    let sent = sent(&asker, &headers, body).await?;
+    let minutes = minutes(&sent, LONGEST)?;
+    let request = GetSubjectRequest {
+        name: format!("subjects/{id}"),
+    };
+    let subject = asker
+        .services()
+        .subjects
+        .get_subject(asker.request(request));
+    let subject = subject.await?.into_inner();
+    let model = model(&asker, &sent, &subject).await?;
+    let slot = AddIdentityRequest {
+        model: model.name.clone(),
+        subject: subject.name.clone(),
+        request_id: request_of(&sent),
+    };
+    asker
+        .services()
+        .models
+        .add_identity(asker.request(slot))
+        .await?;
+    let spec = TrainSpec {
+        only: match model.slots.iter().any(|it| it.trained) {
+            true => subject.name,
+            false => String::new(),
+        },
+        model: model.name,
+        seconds: 60.0 * f64::from(minutes),
+        ..TrainSpec::default()
+    };
+    order(&asker, &sent, job_spec::Kind::Train(spec)).await
+}
+
+/// The model that the form names, or a new one that is called like the person.
+async fn model(asker: &Asker, sent: &Fields, subject: &Subject) -> Result<Model, Status> {
+    let named = sent.get("model");
+    if !named.is_empty() {
+        let request = GetModelRequest {
+            name: named.to_owned(),
+        };
+        let found = asker
+            .services()
+            .models
+            .get_model(asker.request(request))
+            .await;
+        return found.map(tonic::Response::into_inner);
+    }
+    let request = CreateModelRequest {
+        display_name: subject.display_name.clone(),
+        tier: DEFAULT_TIER.to_owned(),
+        variant: VARIANT.to_owned(),
+        request_id: request_of(sent),
+        ..CreateModelRequest::default()
+    };
+    let made = asker
+        .services()
+        .models
+        .create_model(asker.request(request))
+        .await;
+    made.map(tonic::Response::into_inner)
+}

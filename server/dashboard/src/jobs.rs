@@ -1,0 +1,111 @@
+//! The jobs of the service, newest first.
+
+use super::asker::Asker;
+use super::document::{self, Page};
+use super::fault::Fault;
+use super::names::Names;
+use super::outcome;
+use super::people::more;
+use super::query::Fields;
+use super::words::{ago, job_state, kind, page_of, seconds};
+use axum::extract::RawQuery;
+use maud::{Markup, html};
+use tonic::Status;
+use yoto_proto::progress::duration;
+use yoto_proto::v1::{Job, ListJobsRequest, job};
+
+/// Jobs per page.
+const PER_PAGE: i32 = 50;
+
+/// The choices of the list: name, title, states.
+const CHOICES: [(&str, &str, &[job::State]); 4] = [
+    ("", "All", &[]),
+    ("open", "Open", &[job::State::Queued, job::State::Running]),
+    ("failed", "Failed", &[job::State::Failed]),
+    ("done", "Succeeded", &[job::State::Succeeded]),
+];
+
+/// `/jobs`
+pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+    let query = Fields::of_query(query);
+    let chosen = query.get("show");
+    let states = CHOICES.iter().find(|it| it.0 == chosen);
+    let states = states.map_or(&[][..], |it| it.2);
+    let request = ListJobsRequest {
+        page_size: PER_PAGE,
+        page_token: query.get("page").to_owned(),
+        states: states.iter().map(|&it| it.into()).collect(),
+        ..ListJobsRequest::default()
+    };
+    let list = asker.services().jobs.list_jobs(asker.request(request));
+    let list = list.await?.into_inner();
+    let mut names = Names::of(&asker);
+    let here = match chosen {
+        "" => "/jobs".to_owned(),
+        _ => format!(
+            "/jobs?show={}",
+            CHOICES
+                .iter()
+                .find(|it| it.0 == chosen)
+                .map_or("", |it| it.0)
+        ),
+    };
+    let body = html! {
+        h1 { "Jobs" }
+        nav .choices aria-label="Which jobs" {
+            @for (choice, title, _) in CHOICES {
+                @let path = if choice.is_empty() { "/jobs".to_owned() } else { format!("/jobs?show={choice}") };
+                a href=(path) aria-current=[(choice == chosen).then_some("true")] { (title) }
+            }
+        }
+        (table(&list.jobs, &mut names, asker.now()).await?)
+        (more(&here, &list.next_page_token))
+    };
+    Ok(document::live("Jobs", "/jobs", "", body))
+}
+
+/// Jobs, one per row.
+///
+/// # Errors
+/// When the service can't tell what they are about.
+pub async fn table(jobs: &[Job], names: &mut Names<'_>, now: f64) -> Result<Markup, Status> {
+    let mut rows = Vec::new();
+    for job in jobs {
+        let about = names.about(job).await?;
+        rows.push(html! {
+            tr {
+                th scope="row" { a href=(page_of(&job.name)) { (kind(job)) } }
+                td { (about) }
+                td { (job_state(job)) }
+                td .text {
+                    @if let Some(progress) = job.progress.as_ref().filter(|_| job.state() == job::State::Running) {
+                        progress max="100" value=(super::progress::percent(progress)) aria-label="progress" {}
+                    }
+                    (outcome::line(job))
+                }
+                td { (ago(now, job.create_time.as_ref())) }
+                td { (took(job, now)) }
+            }
+        });
+    }
+    Ok(html! {
+        @if rows.is_empty() { p .empty { "None." } }
+        @else {
+            div .scroll tabindex="0" role="group" aria-label="Table" { table .jobs {
+                thead { tr { th { "Job" } th { "Of" } th { "State" } th { "Detail" } th { "Queued" } th { "Ran" } } }
+                tbody { @for row in rows { (row) } }
+            } }
+        }
+    })
+}
+
+/// How long a job ran, or runs.
+pub fn took(job: &Job, now: f64) -> String {
+    match &job.start_time {
+        Some(start) => {
+            let end = job.end_time.as_ref().map_or(now, seconds);
+            duration(end - seconds(start))
+        }
+        None => "–".to_owned(),
+    }
+}

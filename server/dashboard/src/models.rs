@@ -1,0 +1,81 @@
+//! The models of the service.
+
+use super::asker::Asker;
+use super::document::{self, Page};
+use super::fault::Fault;
+use super::names::Names;
+use super::people::more;
+use super::query::Fields;
+use super::words::{ago, badge, count, name, page_of, told};
+use axum::extract::RawQuery;
+use maud::{Markup, html};
+use tonic::Status;
+use yoto_proto::v1::{ListModelsRequest, Model};
+
+/// Models per page.
+const PER_PAGE: i32 = 50;
+/// Most people of a model that are named in the list.
+const NAMED: usize = 4;
+
+/// `/models`
+pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+    let query = Fields::of_query(query);
+    let request = ListModelsRequest {
+        page_size: PER_PAGE,
+        page_token: query.get("page").to_owned(),
+    };
+    let list = asker.services().models.list_models(asker.request(request));
+    let list = list.await?.into_inner();
+    let mut names = Names::of(&asker);
+    let body = html! {
+        h1 { "Models" }
+        @if list.models.is_empty() {
+            p .empty { "None yet. " code { "yoto train NAME --subjects PEOPLE" } " makes one and trains it." }
+        } @else {
+            (table(&list.models, &mut names, asker.now()).await?)
+            @if list.models.len() > 1 { p { a href="/compare" { "Compare two models" } } }
+        }
+        (more("/models", &list.next_page_token))
+    };
+    Ok(document::live("Models", "/models", "", body))
+}
+
+/// Models, one per row.
+///
+/// # Errors
+/// When the service can't tell the people's names.
+pub async fn table(models: &[Model], names: &mut Names<'_>, now: f64) -> Result<Markup, Status> {
+    let mut rows = Vec::new();
+    for model in models {
+        let mut people = Vec::new();
+        for slot in model.slots.iter().take(NAMED) {
+            people.push(told(&names.plain(&slot.subject).await?));
+        }
+        if model.slots.len() > NAMED {
+            people.push(format!("{} more", model.slots.len() - NAMED));
+        }
+        let trained = model.slots.iter().filter(|it| it.trained).count();
+        rows.push(html! {
+            tr {
+                th scope="row" { a href=(page_of(&model.name)) { (name(&model.display_name)) } }
+                td { (told(&model.tier)) }
+                td .text { bdi { (people.join(", ")) } }
+                td {
+                    @match (trained, model.slots.len()) {
+                        (_, 0) => (badge("calm", "nobody in it")),
+                        (0, _) => (badge("calm", "not trained")),
+                        (some, all) if some == all => (badge("good", "trained")),
+                        (some, all) => (badge("warn", &format!("{some} of {} trained", count(all as u64, "person").replace("persons", "people")))),
+                    }
+                }
+                td { (ago(now, model.create_time.as_ref())) }
+            }
+        });
+    }
+    Ok(html! {
+        div .scroll tabindex="0" role="group" aria-label="Table" { table {
+            thead { tr { th { "Model" } th { "Tier" } th { "People" } th { "State" } th { "Made" } } }
+            tbody { @for row in rows { (row) } }
+        } }
+    })
+}

@@ -1,0 +1,148 @@
+//! The workers of the service: their devices, what they do, and which of them get no jobs.
+
+use super::actions::form;
+use super::asker::Asker;
+use super::document::{self, Page};
+use super::fault::Fault;
+use super::names::Names;
+use super::people::more;
+use super::progress;
+use super::query::Fields;
+use super::words::{ago, badge, bytes, kind_word, name, page_of, told};
+use axum::extract::RawQuery;
+use maud::{Markup, html};
+use tonic::{Code, Status};
+use yoto_proto::limits::REASON_CHARACTERS;
+use yoto_proto::v1::{
+    Cordon, GetJobRequest, GetStatusRequest, ListWorkersRequest, ServiceStatus, WorkerStatus,
+};
+
+/// Workers per page.
+const PER_PAGE: i32 = 50;
+
+/// `/workers`
+pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+    let query = Fields::of_query(query);
+    let status = asker
+        .services()
+        .status
+        .get_status(asker.request(GetStatusRequest {}));
+    let status = status.await?.into_inner();
+    let request = ListWorkersRequest {
+        page_size: PER_PAGE,
+        page_token: query.get("page").to_owned(),
+    };
+    let list = asker.services().status.list_workers(asker.request(request));
+    let list = list.await?.into_inner();
+    let mut names = Names::of(&asker);
+    let mut shown = Vec::new();
+    for worker in &list.workers {
+        shown.push(panel(&asker, &mut names, &status, worker).await?);
+    }
+    // A cordon is of a name, whether or not a worker has it at present.
+    let absent = |it: &&Cordon| {
+        !list
+            .workers
+            .iter()
+            .any(|worker| worker.display_name == it.display_name)
+    };
+    let absent: Vec<&Cordon> = status.cordons.iter().filter(absent).collect();
+    let body = html! {
+        h1 { "Workers" }
+        @if shown.is_empty() {
+            p .empty { "None: jobs wait until a worker asks for them. " code { "yoto worker --service URL" } " starts one." }
+        }
+        @for worker in shown { (worker) }
+        @if !absent.is_empty() {
+            h2 { "Cordoned names without a worker" }
+            @for cordon in absent { section .panel { (cordoned(&asker, cordon)?) } }
+        }
+        (more("/workers", &list.next_page_token))
+    };
+    Ok(document::live("Workers", "/workers", "", body))
+}
+
+async fn panel(
+    asker: &Asker,
+    names: &mut Names<'_>,
+    status: &ServiceStatus,
+    worker: &WorkerStatus,
+) -> Result<Markup, Status> {
+    let device = worker.device.clone().unwrap_or_default();
+    let active = status.workers.iter().any(|it| it.name == worker.name);
+    let cordon = status
+        .cordons
+        .iter()
+        .find(|it| it.display_name == worker.display_name);
+    let kinds: Vec<&str> = worker.kinds().map(kind_word).collect();
+    let does = does(asker, names, worker).await?;
+    Ok(html! {
+        section id={ "worker-" (super::words::short(&worker.name)) } .panel {
+            h2 {
+                (name(&worker.display_name)) " "
+                @match (cordon, active) {
+                    (Some(_), _) => (badge("warn", "cordoned")),
+                    (None, true) => (badge("good", "active")),
+                    (None, false) => (badge("calm", "away")),
+                }
+                @if worker.order_level < status.order_level { " " (badge("warn", "older version")) }
+            }
+            div { (does) }
+            dl .facts {
+                div { dt { "Device" } dd { (told(&device.adapter)) " (" (told(&device.backend)) ")" } }
+                @if device.memory_bytes > 0 { div { dt { "Memory" } dd { (bytes(device.memory_bytes)) } } }
+                div { dt { "Takes" } dd { (kinds.join(", ")) @if worker.reads_films { ", films without poses" } } }
+                div { dt { "Seen" } dd { (ago(asker.now(), worker.last_seen.as_ref())) } }
+                @if !worker.version.is_empty() { div { dt { "Version" } dd { (told(&worker.version)) } } }
+            }
+            @match cordon {
+                Some(cordon) => (cordoned(asker, cordon)?),
+                None => details id={ "cordon-" (super::words::short(&worker.name)) } .act {
+                    summary { "Cordon…" }
+                    p { "Workers of this name get no more jobs; a running one continues." }
+                    (form(asker, "/workers/cordon", &[("worker", &worker.display_name)], html! {
+                        label { "Reason " input name="reason" maxlength=(REASON_CHARACTERS) autocomplete="off"; }
+                        button { "Cordon" }
+                    })?)
+                },
+            }
+        }
+    })
+}
+
+/// The job that a worker has.
+async fn does(
+    asker: &Asker,
+    names: &mut Names<'_>,
+    worker: &WorkerStatus,
+) -> Result<Markup, Status> {
+    if worker.job.is_empty() {
+        return Ok(html! { p .detail { "It has no job." } });
+    }
+    let request = GetJobRequest {
+        name: worker.job.clone(),
+    };
+    let job = match asker.services().jobs.get_job(asker.request(request)).await {
+        Ok(job) => job.into_inner(),
+        // It was deleted meanwhile.
+        Err(error) if error.code() == Code::NotFound => return Ok(html! {}),
+        Err(error) => return Err(error),
+    };
+    let title = names.title(&job).await?;
+    Ok(html! {
+        p { a href=(page_of(&job.name)) { bdi { (title) } } }
+        (progress::bar(&job))
+    })
+}
+
+/// A cordon, and the form that ends it.
+fn cordoned(asker: &Asker, cordon: &Cordon) -> Result<Markup, Status> {
+    Ok(html! {
+        p .message {
+            (name(&cordon.display_name)) " gets no jobs"
+            @if !cordon.reason.is_empty() { ": " (name(&cordon.reason)) }
+            ", since " (ago(asker.now(), cordon.since.as_ref()))
+        }
+        (form(asker, "/workers/uncordon", &[("worker", &cordon.display_name)], html! { button { "Give it jobs again" } })?)
+    })
+}

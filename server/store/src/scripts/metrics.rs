@@ -1,0 +1,103 @@
+//! Figures of trainings over their steps, written with heartbeats and thinned to a bounded number per job.
+
+use crate::StoreError;
+use crate::Tenant;
+use crate::db::{Tx, sql};
+use crate::rules::thinning::{MOST, is_worth};
+use yoto_proto::names::Collection;
+use yoto_proto::v1::{JobMetrics, MetricPoint, Progress};
+
+/// Records the figures of `progress`, if it has any and is far enough from the last point. Points of later steps belong to
+/// work that was lost, and are forgotten.
+pub async fn record(tx: &mut Tx, job_id: &str, progress: &Progress) -> Result<(), StoreError> {
+    let Ok(step) = i64::try_from(progress.step) else {
+        return Ok(());
+    };
+    if step == 0 || progress.loss.is_none() && progress.psnr.is_none() {
+        return Ok(());
+    }
+    sql("DELETE FROM job_metrics WHERE job = $1 AND step > $2")
+        .bind(job_id)
+        .bind(step)
+        .execute(tx, "forgetting figures of lost steps")
+        .await?;
+    let row = sql(
+        "SELECT count(*) AS points, min(step) AS first, max(step) AS last,
+             (SELECT psnr FROM job_metrics WHERE job = $1 AND psnr IS NOT NULL
+              ORDER BY step DESC LIMIT 1) AS psnr
+         FROM job_metrics WHERE job = $1",
+    )
+    .bind(job_id)
+    .one(tx, "reading the last figures of a job")
+    .await?;
+    // Heartbeats repeat the last measurement until the next one.
+    let is_measured = progress.psnr.is_some() && row.real("psnr")? != progress.psnr;
+    let span = row
+        .maybe_number("first")?
+        .zip(row.maybe_number("last")?)
+        .map(|(first, last): (u64, u64)| (first, last));
+    if !is_measured && !is_worth(progress.step, span) {
+        return Ok(());
+    }
+    sql(
+        "INSERT INTO job_metrics (job, step, seconds, loss, psnr, ssim) VALUES ($1, $2, $3, $4, $5, $6)
+         ON CONFLICT (job, step) DO UPDATE SET seconds = excluded.seconds, loss = excluded.loss,
+             psnr = excluded.psnr, ssim = excluded.ssim",
+    )
+    .bind(job_id)
+    .bind(step)
+    .bind(progress.train_seconds)
+    .bind(progress.loss)
+    .bind(progress.psnr.filter(|_| is_measured))
+    .bind(progress.ssim.filter(|_| is_measured))
+    .execute(tx, "recording figures of a job").await?;
+    match row.number::<usize>("points")? {
+        points if points >= MOST => thin_out(tx, job_id).await,
+        _ => Ok(()),
+    }
+}
+
+/// Removes every second point, of those with a measurement and those without apart: whichever are half of all, or more.
+async fn thin_out(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
+    sql("DELETE FROM job_metrics WHERE job = $1 AND step IN (
+             SELECT step FROM (
+                 SELECT step, row_number() OVER (PARTITION BY psnr IS NULL ORDER BY step) AS place,
+                     count(*) OVER (PARTITION BY psnr IS NULL) AS points
+                 FROM job_metrics WHERE job = $1) AS all_points
+             WHERE points >= $2 AND place % 2 = 0 AND place < points)")
+    .bind(job_id)
+    .bind(MOST as i64 / 2)
+    .execute(tx, "thinning out the figures of a job")
+    .await?;
+    Ok(())
+}
+
+/// The figures of a job by step.
+pub async fn of_job(tx: &mut Tx, tenant: &Tenant, job_id: &str) -> Result<JobMetrics, StoreError> {
+    let rows = sql("SELECT j.id, m.step, m.seconds, m.loss, m.psnr, m.ssim
+         FROM jobs j LEFT JOIN job_metrics m ON m.job = j.id
+         WHERE j.id = $1 AND j.tenant = $2 ORDER BY m.step")
+    .bind(job_id)
+    .bind(tenant.id())
+    .rows(tx, "reading the figures of a job")
+    .await?;
+    if rows.is_empty() {
+        return Err(StoreError::NotFound {
+            name: Collection::Jobs.name(job_id),
+        });
+    }
+    let mut points = Vec::with_capacity(rows.len());
+    for row in &rows {
+        // A job without figures has one row without a step.
+        if let Some(step) = row.maybe_number("step")? {
+            points.push(MetricPoint {
+                step,
+                seconds: row.real("seconds")?.unwrap_or_default(),
+                loss: row.real("loss")?,
+                psnr: row.real("psnr")?,
+                ssim: row.real("ssim")?,
+            });
+        }
+    }
+    Ok(JobMetrics { points })
+}

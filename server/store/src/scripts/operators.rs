@@ -1,0 +1,112 @@
+//! What operators say of the service and of its workers: drains and cordons.
+
+use crate::StoreError;
+use crate::Tenant;
+use crate::db::{Tx, sql};
+use yoto_proto::v1::{Cordon, Draining, ErrorReason};
+
+/// The condition that worker `$1` may get leases.
+macro_rules! admitted {
+    () => {
+        "NOT EXISTS (SELECT 1 FROM drains)
+           AND NOT EXISTS (SELECT 1 FROM cordons c JOIN workers w
+                           ON w.tenant = c.tenant AND w.display_name = c.worker WHERE w.id = $1)"
+    };
+}
+pub(super) use admitted;
+
+/// Begins a drain of the service, or changes its reason.
+pub async fn drain(tx: &mut Tx, reason: &str) -> Result<(), StoreError> {
+    sql("INSERT INTO drains (id, reason, since) VALUES (1, $1, $2)
+         ON CONFLICT (id) DO UPDATE SET reason = $1")
+    .bind(reason)
+    .bind(tx.now())
+    .execute(tx, "draining the service")
+    .await?;
+    Ok(())
+}
+
+/// Ends the drain of the service.
+pub async fn end_drain(tx: &mut Tx) -> Result<(), StoreError> {
+    let statement = sql("DELETE FROM drains");
+    statement.execute(tx, "ending a drain").await?;
+    Ok(())
+}
+
+/// The drain of the service, if there is one.
+pub async fn draining(tx: &mut Tx) -> Result<Option<Draining>, StoreError> {
+    let row = sql("SELECT reason, since FROM drains")
+        .row(tx, "looking for a drain")
+        .await?;
+    row.map(|row| {
+        Ok(Draining {
+            reason: row.text("reason")?,
+            since: row.time("since")?,
+        })
+    })
+    .transpose()
+}
+
+/// Refuses a new job during a drain.
+pub async fn require_open(tx: &mut Tx) -> Result<(), StoreError> {
+    match draining(tx).await? {
+        None => Ok(()),
+        Some(Draining { reason, .. }) => {
+            let because = match reason.as_str() {
+                "" => String::new(),
+                reason => format!(": {reason}"),
+            };
+            Err(StoreError::Rule {
+                reason: ErrorReason::Draining,
+                message: format!("the service is drained and takes no new jobs{because}"),
+            })
+        }
+    }
+}
+
+/// Cordons the workers called `worker`, or changes the reason.
+pub async fn cordon(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    worker: &str,
+    reason: &str,
+) -> Result<(), StoreError> {
+    sql(
+        "INSERT INTO cordons (tenant, worker, reason, since) VALUES ($1, $2, $3, $4)
+         ON CONFLICT (tenant, worker) DO UPDATE SET reason = $3",
+    )
+    .bind(tenant.id())
+    .bind(worker)
+    .bind(reason)
+    .bind(tx.now())
+    .execute(tx, "cordoning a worker")
+    .await?;
+    Ok(())
+}
+
+/// Ends the cordon of the workers called `worker`.
+pub async fn uncordon(tx: &mut Tx, tenant: &Tenant, worker: &str) -> Result<(), StoreError> {
+    sql("DELETE FROM cordons WHERE tenant = $1 AND worker = $2")
+        .bind(tenant.id())
+        .bind(worker)
+        .execute(tx, "uncordoning a worker")
+        .await?;
+    Ok(())
+}
+
+/// The cordons of the tenant's workers.
+pub async fn cordons(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<Cordon>, StoreError> {
+    let rows = sql("SELECT worker, reason, since FROM cordons WHERE tenant = $1 ORDER BY worker")
+        .bind(tenant.id())
+        .rows(tx, "listing cordons")
+        .await?;
+    rows.iter()
+        .map(|row| {
+            Ok(Cordon {
+                display_name: row.text("worker")?,
+                reason: row.text("reason")?,
+                since: row.time("since")?,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,184 @@
+//! What tenants use: what they have now, and what workers have done for them.
+
+use crate::Tenant;
+use crate::db::{Row, Tx, sql};
+use crate::{LeaseKey, StoreError};
+use yoto_proto::v1::{Quota, StoredBytes, Usage};
+
+/// Seconds of a day.
+const DAY: f64 = 86_400.0;
+/// Days before today whose work counts.
+const PAST_DAYS: i64 = 30;
+
+/// What a tenant uses, with its quota.
+pub async fn of(tx: &mut Tx, tenant: &Tenant) -> Result<Usage, StoreError> {
+    let work = work(tx, tenant).await?;
+    let stored = stored(tx, tenant).await?;
+    Ok(Usage {
+        tenant: tenant.id().to_owned(),
+        people: people(tx, tenant).await?,
+        bytes: total(&stored),
+        open_jobs: open_jobs(tx, tenant).await?,
+        device_seconds: work.device_seconds,
+        pictures: work.pictures,
+        quota: Some(quota(tx, tenant).await?),
+        stored: Some(stored),
+    })
+}
+
+/// The ids of all tenants that have anything, ordered.
+pub async fn tenants(tx: &mut Tx) -> Result<Vec<Tenant>, StoreError> {
+    let rows = sql("SELECT tenant FROM keys UNION SELECT tenant FROM quotas UNION SELECT tenant FROM work_of_days
+         UNION SELECT tenant FROM subjects UNION SELECT tenant FROM models UNION SELECT tenant FROM jobs ORDER BY tenant")
+    .rows(tx, "listing tenants")
+    .await?;
+    let ids = rows.iter().map(|row| row.text("tenant"));
+    let mut tenants = Vec::new();
+    for id in ids {
+        tenants.extend(Tenant::new(&id?));
+    }
+    Ok(tenants)
+}
+
+/// The quota of a tenant; without a row, one without limits.
+pub async fn quota(tx: &mut Tx, tenant: &Tenant) -> Result<Quota, StoreError> {
+    let row = sql("SELECT * FROM quotas WHERE tenant = $1")
+        .bind(tenant.id())
+        .row(tx, "reading a quota")
+        .await?;
+    row.map_or(Ok(Quota::default()), |row| read(&row))
+}
+
+fn read(row: &Row) -> Result<Quota, StoreError> {
+    Ok(Quota {
+        people: row.maybe_number("people")?,
+        bytes: row.maybe_number("bytes")?,
+        open_jobs: row.maybe_number("open_jobs")?,
+        device_seconds: row.real("device_seconds")?,
+        pictures: row.maybe_number("pictures")?,
+        calls_per_second: row.real("calls_per_second")?,
+    })
+}
+
+/// Number of people.
+pub async fn people(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
+    sql("SELECT count(*) AS people FROM subjects WHERE tenant = $1")
+        .bind(tenant.id())
+        .one(tx, "counting people")
+        .await?
+        .number("people")
+}
+
+/// Number of jobs that wait or run.
+pub async fn open_jobs(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
+    sql("SELECT count(*) AS jobs FROM jobs WHERE tenant = $1 AND state IN ('QUEUED', 'RUNNING')")
+        .bind(tenant.id())
+        .one(tx, "counting open jobs")
+        .await?
+        .number("jobs")
+}
+
+/// Bytes of all files that rows of the tenant name. Files of an upload count as announced.
+pub async fn bytes(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
+    Ok(total(&stored(tx, tenant).await?))
+}
+
+fn total(stored: &StoredBytes) -> u64 {
+    stored.uploads + stored.captures + stored.checkpoints + stored.results
+}
+
+/// The same bytes by what they are.
+async fn stored(tx: &mut Tx, tenant: &Tenant) -> Result<StoredBytes, StoreError> {
+    let row = sql("SELECT CAST(
+             (SELECT coalesce(sum(f.bytes), 0) FROM capture_files f
+              JOIN captures c ON c.id = f.capture JOIN subjects s ON s.id = c.subject
+              WHERE s.tenant = $1 AND c.files_removed = 0)
+         AS BIGINT) AS uploads, CAST(
+             (SELECT coalesce(sum(c.shard_bytes), 0) FROM captures c JOIN subjects s ON s.id = c.subject
+              WHERE s.tenant = $1)
+           + (SELECT coalesce(sum(o.bytes), 0) FROM capture_objects o
+              JOIN captures c ON c.id = o.capture JOIN subjects s ON s.id = c.subject
+              WHERE s.tenant = $1)
+         AS BIGINT) AS captures, CAST(
+             (SELECT coalesce(sum(p.bytes + p.manifest_bytes), 0) FROM checkpoints p
+              JOIN models m ON m.id = p.model WHERE m.tenant = $1)
+         AS BIGINT) AS checkpoints, CAST(
+             (SELECT coalesce(sum(o.bytes), 0) FROM job_outputs o JOIN jobs j ON j.id = o.job
+              WHERE j.tenant = $1)
+         AS BIGINT) AS results")
+    .bind(tenant.id())
+    .one(tx, "adding up the bytes of a tenant")
+    .await?;
+    Ok(StoredBytes {
+        uploads: row.number("uploads")?,
+        captures: row.number("captures")?,
+        checkpoints: row.number("checkpoints")?,
+        results: row.number("results")?,
+    })
+}
+
+/// What workers have done.
+#[derive(Debug, Clone, Copy)]
+pub struct Work {
+    /// Seconds for which they had jobs.
+    pub device_seconds: f64,
+    /// Pictures of renders.
+    pub pictures: u64,
+}
+
+/// What workers have done for a tenant today and in the days before, with what they do now.
+pub async fn work(tx: &mut Tx, tenant: &Tenant) -> Result<Work, StoreError> {
+    let row = sql("SELECT coalesce(sum(device_seconds), 0.0) AS seconds,
+             CAST(coalesce(sum(pictures), 0) AS BIGINT) AS pictures
+         FROM work_of_days WHERE tenant = $1 AND day >= $2")
+    .bind(tenant.id())
+    .bind(day(tx.now()) - PAST_DAYS)
+    .one(tx, "adding up the work for a tenant")
+    .await?;
+    let now = sql("SELECT coalesce(sum($2 - a.begin_time), 0.0) AS seconds
+         FROM jobs j JOIN job_attempts a ON a.job = j.id
+         WHERE j.tenant = $1 AND j.state = 'RUNNING' AND a.end_time IS NULL AND a.begin_time < $2")
+    .bind(tenant.id())
+    .bind(tx.now())
+    .one(tx, "adding up the running work for a tenant")
+    .await?;
+    let seconds = |row: &Row| Ok::<_, StoreError>(row.real("seconds")?.unwrap_or_default());
+    Ok(Work {
+        device_seconds: seconds(&row)? + seconds(&now)?,
+        pictures: row.number("pictures")?,
+    })
+}
+
+/// Counts the seconds of the attempt of a lease, which ends now.
+pub async fn attempt_ends(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
+    sql("INSERT INTO work_of_days (tenant, day, device_seconds)
+         SELECT j.tenant, $3, CASE WHEN a.begin_time < $4 THEN $4 - a.begin_time ELSE 0.0 END
+         FROM job_attempts a JOIN jobs j ON j.id = a.job
+         WHERE a.job = $1 AND a.lease = $2 AND a.end_time IS NULL
+         ON CONFLICT (tenant, day) DO UPDATE
+             SET device_seconds = work_of_days.device_seconds + excluded.device_seconds")
+    .bind(&lease.job_id)
+    .bind(lease.column()?)
+    .bind(day(tx.now()))
+    .bind(tx.now())
+    .execute(tx, "counting the seconds of an attempt")
+    .await?;
+    Ok(())
+}
+
+/// Counts a picture, if the job is a render.
+pub async fn picture(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
+    sql("INSERT INTO work_of_days (tenant, day, pictures)
+         SELECT tenant, $2, 1 FROM jobs WHERE id = $1 AND kind = 'render'
+         ON CONFLICT (tenant, day) DO UPDATE SET pictures = work_of_days.pictures + 1")
+    .bind(job_id)
+    .bind(day(tx.now()))
+    .execute(tx, "counting a picture")
+    .await?;
+    Ok(())
+}
+
+/// Days since 1970 at `now`, seconds since then.
+fn day(now: f64) -> i64 {
+    (now / DAY).floor() as i64
+}
