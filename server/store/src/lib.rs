@@ -18,7 +18,7 @@ mod race_tests;
 pub mod rules;
 mod scripts;
 #[cfg(test)]
-pub mod stage;
+mod stage;
 mod tenant;
 mod trace_parent;
 mod transaction;
