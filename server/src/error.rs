@@ -1,6 +1,6 @@
 //! Errors of the coordinator while it opens or serves.
 
-use crate::otlp::OtlpError;
+use crate::config::{ConfigError, OtlpError};
 use std::path::PathBuf;
 use thiserror::Error;
 use yoto_objects::ObjectsError;
@@ -59,5 +59,11 @@ pub enum ServerError {
 impl From<BindingError> for ServerError {
     fn from(error: BindingError) -> Self {
         Self::Binding(Box::new(error))
+    }
+}
+
+impl From<ConfigError> for ServerError {
+    fn from(error: ConfigError) -> Self {
+        Self::Config(error.0)
     }
 }

@@ -3,16 +3,20 @@
 //!
 //! With a full disk or a locked file, reads still succeed, so each check writes: it records the time.
 
-use crate::context::Context;
+use crate::objects::Storage;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
+use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
+use yoto_objects::Objects;
 use yoto_objects::ObjectsError;
 use yoto_proto::v1::object_service_server::SERVICE_NAME as OBJECT_SERVICE;
 use yoto_proto::v1::upload_service_server::SERVICE_NAME as UPLOAD_SERVICE;
 use yoto_request::methods::services;
+use yoto_store::Store;
 
 /// Longest interval between two checks while something fails.
 const RECHECK: Duration = Duration::from_secs(1);
@@ -71,97 +75,123 @@ pub async fn set(reporter: &HealthReporter, health: Health) {
     }
 }
 
-/// Writes the time to the database and asks the object store at each [`crate::ServerConfig::health_interval`], and records
-/// whether that succeeded, until the coordinator stops.
-pub async fn run(context: Arc<Context>) {
-    let every = context.config.health_interval;
-    loop {
-        let known = *context.health.borrow();
-        let pause = match known.database && known.objects {
-            true => every,
-            false => every.min(RECHECK),
+/// Checks whether database and object store work.
+pub struct HealthCheck {
+    store: Arc<Store>,
+    objects: Objects,
+    storage: Arc<Storage>,
+    found: watch::Sender<Health>,
+}
+
+impl HealthCheck {
+    /// A check that has found nothing wrong yet.
+    pub fn new(store: &Arc<Store>, objects: &Objects, storage: &Arc<Storage>) -> Self {
+        Self {
+            store: Arc::clone(store),
+            objects: objects.clone(),
+            storage: Arc::clone(storage),
+            found: watch::Sender::default(),
+        }
+    }
+
+    /// What was found last.
+    pub fn found(&self) -> Health {
+        *self.found.borrow()
+    }
+
+    /// Changes what is known. Returns whether that was news.
+    fn change(&self, change: impl FnOnce(&mut Health)) -> bool {
+        self.found.send_if_modified(|known| {
+            let before = *known;
+            change(known);
+            *known != before
+        })
+    }
+
+    /// Says from now on that the coordinator is about to end.
+    pub fn leave(&self) {
+        self.change(|health| health.leaving = true);
+    }
+
+    /// Writes the time to the database and asks the object store at each interval, and records whether that succeeded, until
+    /// `stop`.
+    pub async fn run(self: Arc<Self>, every: Duration, stop: CancellationToken) {
+        loop {
+            let known = self.found();
+            let pause = match known.database && known.objects {
+                true => every,
+                false => every.min(RECHECK),
+            };
+            tokio::select! {
+                () = stop.cancelled() => return,
+                () = sleep(pause) => {}
+            }
+            let limit = every * PATIENCE;
+            tokio::join!(self.check_database(limit), self.check_objects(limit));
+        }
+    }
+
+    async fn check_database(&self, limit: Duration) {
+        // Not cancelled at the limit: whether a step of the clock was recorded would be unknown.
+        let write = self.store.keep_time();
+        tokio::pin!(write);
+        let written = match timeout(limit, &mut write).await {
+            Ok(written) => written,
+            Err(late) => {
+                self.found_database(Some(&late));
+                write.await
+            }
         };
-        tokio::select! {
-            () = context.stop.cancelled() => return,
-            () = sleep(pause) => {}
-        }
-        let limit = every * PATIENCE;
-        tokio::join!(
-            check_database(&context, limit),
-            check_objects(&context, limit)
-        );
-    }
-}
-
-async fn check_database(context: &Context, limit: Duration) {
-    // Not cancelled at the limit: whether a step of the clock was recorded would be unknown.
-    let write = context.store.keep_time();
-    tokio::pin!(write);
-    let written = match timeout(limit, &mut write).await {
-        Ok(written) => written,
-        Err(late) => {
-            found_database(context, Some(&late));
-            write.await
-        }
-    };
-    match written {
-        Ok(_) => found_database(context, None),
-        Err(error) => found_database(context, Some(&error)),
-    }
-}
-
-async fn check_objects(context: &Context, limit: Duration) {
-    let asked = timeout(limit, answers(context)).await;
-    let fault: Option<&dyn std::error::Error> = match &asked {
-        Ok(Ok(())) => None,
-        Ok(Err(error)) => Some(error),
-        Err(late) => Some(late),
-    };
-    let works = fault.is_none();
-    match fault {
-        _ if !change(context, |health| health.objects = works) => {}
-        None => tracing::info!("the object store answers again"),
-        Some(error) => tracing::error!(%error, "the object store does not answer"),
-    }
-}
-
-/// Asks the object store for something that it does not have.
-async fn answers(context: &Context) -> Result<(), ObjectsError> {
-    context.objects.answers().await?;
-    // A folder that is no longer there has no object either.
-    context.place.is_there().await
-}
-
-/// Records the outcome of a write. A change is logged, and reaches all listeners.
-fn found_database(context: &Context, fault: Option<&dyn std::error::Error>) {
-    let works = fault.is_none();
-    match fault {
-        _ if !change(context, |health| health.database = works) => {}
-        None => tracing::info!("the database can be written again: the service is healthy"),
-        Some(error) => {
-            tracing::error!(%error, "the database can't be written: the service is not healthy");
+        match written {
+            Ok(_) => self.found_database(None),
+            Err(error) => self.found_database(Some(&error)),
         }
     }
-}
 
-/// Changes what is known. Returns whether that was news.
-pub fn change(context: &Context, change: impl FnOnce(&mut Health)) -> bool {
-    context.health.send_if_modified(|known| {
-        let before = *known;
-        change(known);
-        *known != before
-    })
-}
+    async fn check_objects(&self, limit: Duration) {
+        let asked = timeout(limit, self.objects_answer()).await;
+        let fault: Option<&dyn std::error::Error> = match &asked {
+            Ok(Ok(())) => None,
+            Ok(Err(error)) => Some(error),
+            Err(late) => Some(late),
+        };
+        let works = fault.is_none();
+        match fault {
+            _ if !self.change(|health| health.objects = works) => {}
+            None => tracing::info!("the object store answers again"),
+            Some(error) => tracing::error!(%error, "the object store does not answer"),
+        }
+    }
 
-/// Sets the status of every service to what [`run`] finds. Never returns.
-pub async fn follow(context: &Context, reporter: &HealthReporter) {
-    let mut health = context.health.subscribe();
-    loop {
-        let known = *health.borrow_and_update();
-        set(reporter, known).await;
-        if health.changed().await.is_err() {
-            // Unreachable: the context owns the sender.
-            std::future::pending::<()>().await;
+    /// Asks the object store for something that it does not have.
+    async fn objects_answer(&self) -> Result<(), ObjectsError> {
+        self.objects.answers().await?;
+        // A folder that is no longer there has no object either.
+        self.storage.place.is_there().await
+    }
+
+    /// Records the outcome of a write. A change is logged, and reaches all listeners.
+    fn found_database(&self, fault: Option<&dyn std::error::Error>) {
+        let works = fault.is_none();
+        match fault {
+            _ if !self.change(|health| health.database = works) => {}
+            None => tracing::info!("the database can be written again: the service is healthy"),
+            Some(error) => {
+                tracing::error!(%error, "the database can't be written: the service is not healthy");
+            }
+        }
+    }
+
+    /// Sets the status of every service to what [`Self::run`] finds. Never returns.
+    pub async fn follow(&self, reporter: &HealthReporter) {
+        let mut health = self.found.subscribe();
+        loop {
+            let known = *health.borrow_and_update();
+            set(reporter, known).await;
+            if health.changed().await.is_err() {
+                // Unreachable: this check owns the sender.
+                std::future::pending::<()>().await;
+            }
         }
     }
 }

@@ -40,6 +40,7 @@ mod person;
 mod progress;
 mod query;
 mod report;
+mod routes;
 mod service;
 mod shares;
 mod token;
@@ -52,10 +53,11 @@ mod workers;
 pub use backend::{Backend, Services};
 pub use document::outside;
 pub use query::Fields;
+pub use routes::{PageRule, RULES};
 
 use axum::Router;
 use axum::middleware::map_response;
-use axum::routing::{get, post, put};
+use axum::routing::get;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
@@ -73,42 +75,11 @@ pub fn routes(
         drain,
         calls,
     });
-    Router::new()
-        .route("/", get(overview::page))
-        .route("/people", get(people::page))
-        .route("/people/{id}", get(person::page))
-        .route("/people/{id}/avatar", post(avatar::make))
-        .route("/people/upload/person", post(upload::person))
-        .route("/people/upload/files", post(upload::begin))
-        .route("/people/upload/files/{id}", get(upload::state))
-        .route("/people/upload/files/{id}/{file}", put(upload::write))
-        .route("/people/upload/finish/{id}", post(upload::finish))
-        .route("/people/upload/cancel/{id}", post(upload::cancel))
-        .route(
-            "/people/upload/cancel-capture/{id}",
-            post(upload::cancel_capture),
-        )
-        .route("/models", get(models::page))
-        .route("/models/{id}", get(model::page))
-        .route("/models/{id}/report.html", get(report::page))
-        .route("/models/{id}/train", post(orders::train))
-        .route("/models/{id}/player", post(orders::player))
-        .route("/models/{id}/film", post(orders::film))
-        .route("/compare", get(compare::page))
-        .route("/jobs", get(jobs::page))
-        .route("/jobs/{id}", get(job::page))
-        .route("/jobs/{id}/cancel", post(actions::cancel))
-        .route("/jobs/{id}/retry", post(actions::retry))
-        .route("/jobs/{id}/share", post(shares::create))
-        .route("/shares/{id}/revoke", post(shares::revoke))
-        .route("/jobs/{id}/files/{file}", get(files::of_job))
-        .route("/captures/{id}/thumbnail.png", get(files::thumbnail))
-        .route("/workers", get(workers::page))
-        .route("/workers/cordon", post(actions::cordon))
-        .route("/workers/uncordon", post(actions::uncordon))
-        .route("/service", get(service::page))
-        .route("/sign-out", post(actions::sign_out))
-        .route("/events", get(events::stream))
+    let pages = routes::all().into_iter();
+    pages
+        .fold(Router::new(), |router, page| {
+            router.route(page.path, page.answers)
+        })
         .route("/assets/{file}", get(assets::file))
         .layer(map_response(headers::secured))
         .with_state(site)

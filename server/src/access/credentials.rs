@@ -1,7 +1,7 @@
 //! The key that a call has in its header.
 
 use super::browser;
-use crate::sign_in::session_of;
+use super::cookies::session_of;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use tonic::body::Body;

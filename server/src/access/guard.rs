@@ -1,8 +1,8 @@
 //! Ends the streams of a caller who may no longer call.
 
 use super::Admission;
+use super::Callers;
 use crate::access::keys::FRESH;
-use crate::context::Context;
 use bytes::Bytes;
 use http_body::{Frame, SizeHint};
 use std::future::Future;
@@ -20,22 +20,22 @@ pub type Ended = Pin<Box<dyn Future<Output = Status> + Send>>;
 /// Ready once the caller with the key of this SHA-256 may not call any more; without a key, once one is asked for. Looks at every
 /// change by this process, and at those of others every [`FRESH`]: a key that another coordinator has revoked ends a stream
 /// after at most twice that time and a read.
-pub fn ended(context: Arc<Context>, admission: Admission, sha256: Option<String>) -> Ended {
+pub fn ended(callers: Arc<Callers>, admission: Admission, sha256: Option<String>) -> Ended {
     Box::pin(async move {
-        let mut changes = context.keys.changes();
+        let mut changes = callers.ring.changes();
         loop {
             tokio::select! {
                 () = tokio::time::sleep(FRESH) => {}
-                // The context has the sender.
+                // The ring of keys has the sender.
                 _ = changes.changed() => {}
             }
-            let keys = match context.keys.current(&context.store).await {
+            let keys = match callers.keys().await {
                 Ok(keys) => keys,
                 Err(error) => return RequestError::from(error).into(),
             };
             let still = match &sha256 {
                 Some(sha256) => keys.find(sha256).map(drop),
-                None => admission.without_key(&keys, context.config.oidc.is_some()),
+                None => admission.without_key(&keys, callers.at_issuer),
             };
             if let Err(error) = still {
                 return error.into();

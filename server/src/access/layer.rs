@@ -1,12 +1,11 @@
 //! The layer that authorizes each call of a listener.
 
+use super::Callers;
 use super::credentials::Head;
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
 use super::rules::{self, Rule};
 use super::{Admission, browser};
-use crate::context::Context;
-use crate::sign_in::{self, OidcConfig};
 use futures::future::BoxFuture;
 use std::sync::Arc;
 use std::task::{self, Poll};
@@ -30,11 +29,17 @@ const KEY_MISSING: &str =
 /// Authorizes the calls of a listener.
 #[derive(Clone)]
 pub struct AccessLayer {
-    /// The shared parts.
-    pub context: Arc<Context>,
+    /// Who has a key.
+    pub callers: Arc<Callers>,
     /// Whom the listener admits.
     pub admission: Admission,
+    /// What people see who are asked for a key.
+    pub sign_in: SignInPage,
 }
+
+/// Makes the page in place of one that somebody may not see without a key, from the page that is shown after a sign-in, and why
+/// they are asked.
+pub type SignInPage = Arc<dyn Fn(&str, &str) -> Response<axum::body::Body> + Send + Sync>;
 
 impl<S> Layer<S> for AccessLayer {
     type Service = Authorized<S>;
@@ -97,14 +102,14 @@ impl Form {
     /// The answer to a caller who may not call.
     ///
     /// `to` is the page that is shown after a sign-in.
-    fn refusal(self, status: &Status, oidc: Option<&OidcConfig>, to: &str) -> Response<Body> {
+    fn refusal(self, status: &Status, sign_in: &SignInPage, to: &str) -> Response<Body> {
         match self {
             Self::Json => transcoding::refusal(status).map(Body::new),
             Self::Page if status.code() == Code::Unauthenticated => {
                 // How programs send a key is nothing to people.
                 let missing = status.message() == KEY_MISSING;
                 let why = if missing { "" } else { status.message() };
-                sign_in::asked(oidc, to, why).map(Body::new)
+                sign_in(to, why).map(Body::new)
             }
             _ => yoto_http::refusal(status, self == Self::Grpc),
         }
@@ -138,8 +143,8 @@ impl AccessLayer {
         if let Admission::Process(tenant) = &self.admission {
             return Ok((Caller::trusted(tenant.clone()), None));
         }
-        let oidc = self.context.config.oidc.is_some();
-        let keys = self.context.keys.current(&self.context.store).await?;
+        let oidc = self.callers.at_issuer;
+        let keys = self.callers.keys().await?;
         let key = match &request.key {
             Some(key) if keys.any() || oidc => key.of_caller(request)?,
             _ => {
@@ -152,14 +157,14 @@ impl AccessLayer {
         let sha256 = sha256_hex(key.as_bytes());
         let row = keys.find(&sha256)?;
         allows(row, rule)?;
-        if self.context.keys.is_news(&keys, row) {
+        if self.callers.ring.is_news(&keys, row) {
             self.note_use(row.id.clone());
         }
         let tenant = Tenant::new(&row.tenant).ok_or(RequestError::NoTenant)?;
         if let Some(rate) = row.calls_per_second
             && !is_of_workers(rule)
         {
-            self.context.rates.take(&tenant, rate)?;
+            self.callers.rates.take(&tenant, rate)?;
         }
         let caller = Caller::with_key(tenant, row.id.as_str().into());
         Ok((caller, Some(sha256)))
@@ -167,9 +172,9 @@ impl AccessLayer {
 
     /// Notes the use of a key, which no call waits for.
     fn note_use(&self, id: String) {
-        let context = Arc::clone(&self.context);
+        let callers = Arc::clone(&self.callers);
         tokio::spawn(async move {
-            if let Err(error) = context.store.note_key_use(&id).await {
+            if let Err(error) = callers.store.note_key_use(&id).await {
                 tracing::warn!(%error, key = id, "the use of a key can't be noted");
             }
         });
@@ -258,8 +263,7 @@ where
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,
                 Err(error) => {
-                    let oidc = access.context.config.oidc.as_ref();
-                    return Ok(form.refusal(&error.into(), oidc, &to));
+                    return Ok(form.refusal(&error.into(), &access.sign_in, &to));
                 }
             };
             request.extensions_mut().insert(caller.own_tenant().clone());
@@ -268,8 +272,8 @@ where
             if !streams || matches!(access.admission, Admission::Process(_)) {
                 return answer.await;
             }
-            let ended = guard::ended(access.context, access.admission, sha256);
-            until(answer, ended, form).await
+            let ended = guard::ended(access.callers, access.admission, sha256);
+            until(answer, ended, form, &access.sign_in).await
         })
     }
 }
@@ -280,9 +284,10 @@ async fn until<E>(
     answer: impl Future<Output = Result<Response<Body>, E>>,
     mut ended: Ended,
     form: Form,
+    sign_in: &SignInPage,
 ) -> Result<Response<Body>, E> {
     tokio::select! {
         answer = answer => Ok(answer?.map(|body| Body::new(Guarded::new(body, ended)))),
-        status = &mut ended => Ok(form.refusal(&status, None, "")),
+        status = &mut ended => Ok(form.refusal(&status, sign_in, "")),
     }
 }

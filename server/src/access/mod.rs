@@ -9,19 +9,58 @@
 //! rule is answered like one that does not exist, so nothing is allowed by being forgotten.
 
 mod browser;
+pub mod cookies;
 mod credentials;
 mod guard;
 pub mod keys;
 mod layer;
-pub mod rates;
+mod rates;
 mod rules;
 
-pub use layer::AccessLayer;
+pub use layer::{AccessLayer, SignInPage};
 pub use rules::{brings_file, changes_something, is_of_script, page_of};
 
+use keys::{KeyRing, Keys};
+use rates::Rates;
+use std::sync::Arc;
 use tonic::codegen::http::{HeaderMap, Uri};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
+use yoto_store::{Store, StoreError, Tenant};
+
+/// Who may call: the keys of the service, and the calls per second of each tenant.
+#[derive(Debug)]
+pub struct Callers {
+    store: Arc<Store>,
+    ring: KeyRing,
+    rates: Rates,
+    /// Whether people sign in at an issuer. Callers are then asked for a key also before there is any.
+    at_issuer: bool,
+}
+
+impl Callers {
+    /// Those of the service with this `store`, who may sign in at an issuer.
+    pub fn new(store: &Arc<Store>, at_issuer: bool) -> Self {
+        Self {
+            store: Arc::clone(store),
+            ring: KeyRing::default(),
+            rates: Rates::default(),
+            at_issuer,
+        }
+    }
+
+    /// The keys, no older than [`keys::FRESH`].
+    ///
+    /// # Errors
+    /// When the database can't be read: nobody knows then whose key was revoked.
+    pub async fn keys(&self) -> Result<Arc<Keys>, StoreError> {
+        self.ring.current(&self.store).await
+    }
+
+    /// Reads the keys anew at the next call, and has running streams check theirs now.
+    pub async fn renew_keys(&self) {
+        self.ring.renew().await;
+    }
+}
 
 /// Refuses a request that a page of another site has sent.
 ///

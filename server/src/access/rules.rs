@@ -5,6 +5,7 @@ use axum::http;
 use prost::Message;
 use std::collections::HashMap;
 use std::sync::LazyLock;
+use yoto_dashboard::PageRule;
 use yoto_http::transcoding::{self, Needed};
 use yoto_proto::v1::Scope;
 
@@ -43,67 +44,6 @@ const PAGES: [(&str, Rule); 3] = [
     ),
 ];
 
-/// The pages of [`yoto_dashboard`], each with the call whose rule it has: the most that it makes. `*` is any one segment.
-const DASHBOARD: [(&str, &str); 32] = [
-    ("/", "/yoto.v1.StatusService/GetStatus"),
-    ("/people", "/yoto.v1.SubjectService/ListSubjects"),
-    ("/people/*", "/yoto.v1.SubjectService/GetSubject"),
-    ("/people/*/avatar", "/yoto.v1.JobService/CreateJob"),
-    (
-        "/people/upload/person",
-        "/yoto.v1.SubjectService/CreateSubject",
-    ),
-    (
-        "/people/upload/files",
-        "/yoto.v1.UploadService/CreateUpload",
-    ),
-    ("/people/upload/files/*", "/yoto.v1.UploadService/GetUpload"),
-    (UPLOADED_FILE, "/yoto.v1.UploadService/WriteUpload"),
-    (
-        "/people/upload/finish/*",
-        "/yoto.v1.UploadService/FinishUpload",
-    ),
-    (
-        "/people/upload/cancel/*",
-        "/yoto.v1.SubjectService/DeleteSubject",
-    ),
-    (
-        "/people/upload/cancel-capture/*",
-        "/yoto.v1.SubjectService/DeleteCapture",
-    ),
-    ("/models", "/yoto.v1.ModelService/ListModels"),
-    ("/models/*", "/yoto.v1.ModelService/GetModel"),
-    ("/models/*/report.html", "/yoto.v1.ModelService/GetModel"),
-    ("/models/*/train", "/yoto.v1.JobService/CreateJob"),
-    ("/models/*/player", "/yoto.v1.JobService/CreateJob"),
-    ("/models/*/film", "/yoto.v1.JobService/CreateJob"),
-    ("/compare", "/yoto.v1.ModelService/GetModel"),
-    ("/jobs", "/yoto.v1.JobService/ListJobs"),
-    ("/jobs/*", "/yoto.v1.JobService/GetJob"),
-    ("/jobs/*/cancel", "/yoto.v1.JobService/CancelJob"),
-    ("/jobs/*/retry", "/yoto.v1.JobService/RetryJob"),
-    ("/jobs/*/share", "/yoto.v1.ShareService/CreateShare"),
-    ("/shares/*/revoke", "/yoto.v1.ShareService/RevokeShare"),
-    ("/jobs/*/files/*", "/yoto.v1.ObjectService/DownloadObject"),
-    (
-        "/captures/*/thumbnail.png",
-        "/yoto.v1.ObjectService/DownloadObject",
-    ),
-    ("/workers", "/yoto.v1.StatusService/ListWorkers"),
-    ("/workers/cordon", "/yoto.v1.StatusService/CordonWorker"),
-    ("/workers/uncordon", "/yoto.v1.StatusService/UncordonWorker"),
-    ("/service", "/yoto.v1.StatusService/GetStatus"),
-    ("/sign-out", "/yoto.v1.StatusService/GetStatus"),
-    (EVENTS, "/yoto.v1.JobService/WatchJobs"),
-];
-/// The page whose answer is a stream.
-const EVENTS: &str = "/events";
-/// The requests of the script that sends a person's files.
-const UPLOADS: &str = "/people/upload/";
-/// A file of a job, which may be long.
-const FILE: &str = "/jobs/*/files/*";
-/// Where the script of a page sends bytes of a file.
-const UPLOADED_FILE: &str = "/people/upload/files/*/*";
 /// Script and style of the dashboard, which are the same for everybody.
 const ASSETS: &str = "/assets/*";
 /// The pages behind links, whose addresses are their secrets.
@@ -135,8 +75,13 @@ fn of_dashboard(path: &str) -> Option<Rule> {
     if matches(ASSETS, path) {
         return Some(Rule::Open);
     }
-    let found = DASHBOARD.iter().find(|(page, _)| matches(page, path));
-    found.and_then(|(_, call)| RULES.get(*call).copied())
+    RULES.get(page(path)?.call).copied()
+}
+
+/// The page for people at this path.
+fn page(path: &str) -> Option<&'static PageRule> {
+    let mut pages = yoto_dashboard::RULES.iter();
+    pages.find(|it| matches(&it.pattern, path))
 }
 
 /// Whether the method at this path is one that people call to change something.
@@ -156,28 +101,27 @@ fn looks(path: &str) -> bool {
 
 /// Whether the path is that of a page for people, into which a browser signs in.
 pub fn is_of_dashboard(path: &str) -> bool {
-    page_of(path).is_some()
+    page(path).is_some()
 }
 
 /// The pattern of that page, with `*` for ids.
 pub fn page_of(path: &str) -> Option<&'static str> {
-    let found = DASHBOARD.iter().find(|(page, _)| matches(page, path));
-    found.map(|(page, _)| *page)
+    page(path).map(|it| it.pattern.as_str())
 }
 
 /// Whether the path is one that only the script of a page asks for.
 pub fn is_of_script(path: &str) -> bool {
-    path.starts_with(UPLOADS) && is_of_dashboard(path)
+    page(path).is_some_and(|it| it.of_script)
 }
 
 /// Whether the request to a page for people, or its answer, lasts: an answer of events, or a file that comes or goes.
 pub fn streams(verb: &http::Method, path: &str) -> bool {
-    path == EVENTS || matches(FILE, path) || brings_file(verb, path)
+    page(path).is_some_and(|it| it.lasts) || brings_file(verb, path)
 }
 
 /// Whether a page's script sends bytes of a file by this request. It may be long, so nothing waits for all of it.
 pub fn brings_file(verb: &http::Method, path: &str) -> bool {
-    verb == http::Method::PUT && matches(UPLOADED_FILE, path)
+    verb == http::Method::PUT && page(path).is_some_and(|it| it.takes_file)
 }
 
 /// Whether the segments of `path` are those of `pattern`.
@@ -299,8 +243,13 @@ mod tests {
 
     #[test]
     fn each_page_for_people_has_the_rule_of_a_call() {
-        for (page, call) in DASHBOARD {
-            assert!(RULES.contains_key(call), "{page}: {call}");
+        for PageRule {
+            pattern: page,
+            call,
+            ..
+        } in yoto_dashboard::RULES.iter()
+        {
+            assert!(RULES.contains_key(*call), "{page}: {call}");
             assert_eq!(of(&page.replace('*', "x")), of(call), "{page}");
         }
         let scope = |path: &str| match of(path) {

@@ -171,7 +171,7 @@ impl JobService for JobApi {
         let kind = fields::job_kind("kind", request.get_ref().kind)?;
         let resumed = self.context.store.resume_jobs(&tenant, kind).await;
         resumed.map_err(RequestError::from)?;
-        self.context.queued(&tenant, kind);
+        self.context.notifier.queued(&tenant, kind);
         tracing::info!(kind = kind.as_str(), "jobs resumed");
         Ok(Response::new(ResumeJobsResponse {}))
     }

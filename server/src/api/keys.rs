@@ -35,7 +35,7 @@ impl KeyService for KeyApi {
         let key = self.context.store.create_key(&tenant, &new).await;
         let key = key.map_err(RequestError::from)?;
         tracing::info!(key = key.name, %tenant, by = caller.key(), "a key was created");
-        self.context.keys.renew().await;
+        self.context.callers.renew_keys().await;
         Ok(Response::new(CreateKeyResponse {
             key: Some(key),
             secret,
@@ -75,7 +75,7 @@ impl KeyService for KeyApi {
         let key = self.context.store.revoke_key(of, &id).await;
         let key = key.map_err(RequestError::from)?;
         tracing::info!(key = key.name, by = caller.key(), "a key was revoked");
-        self.context.keys.renew().await;
+        self.context.callers.renew_keys().await;
         Ok(Response::new(key))
     }
 }

@@ -41,7 +41,7 @@ impl StatusService for StatusApi {
         let paused = context.store.paused_kinds(&tenant).await;
         let draining = context.store.draining().await;
         let cordons = context.store.cordons(&tenant).await;
-        let disk = context.place.room();
+        let disk = context.storage.place.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             order_level: orders::LEVEL,
@@ -49,7 +49,7 @@ impl StatusService for StatusApi {
             workers,
             queued,
             running,
-            objects: context.objects_url.scheme().to_owned(),
+            objects: context.storage.url.scheme().to_owned(),
             disk_free: disk.map(|disk| disk.free),
             disk_total: disk.map(|disk| disk.total),
             paused: paused.map_err(RequestError::from)?,
@@ -140,7 +140,7 @@ impl StatusService for StatusApi {
 /// What this service allows: the contract's limits, and those that its operator has set; `films` says whether a worker reads them.
 fn limits(context: &Context, films: bool) -> ServiceLimits {
     let (upload, storage) = (&context.config.upload, &context.config.storage);
-    let room = context.place.room();
+    let room = context.storage.place.room();
     let room = room.map(|it| it.free.saturating_sub(storage.min_free_bytes));
     ServiceLimits {
         upload: Some(UploadLimits {

@@ -2,8 +2,8 @@
 
 use super::{fields, worker_text};
 use crate::context::Context;
-use crate::hints::Busy;
 use crate::jobs::{lease, report};
+use crate::notify::hints::Busy;
 use crate::traffic::Client;
 use std::sync::Arc;
 use std::time::Duration;
@@ -121,7 +121,7 @@ impl WorkerService for WorkerApi {
             display_name,
             device,
             kinds,
-            embedded: embedded.then(|| self.context.instance.clone()),
+            embedded: embedded.then(|| self.context.data_dir.instance.clone()),
             version: worker_text::line(request.version),
             order_level: request.order_level,
             reads_films: request.reads_films,
@@ -169,7 +169,7 @@ impl WorkerService for WorkerApi {
         let time = Duration::try_from_secs_f64(request.seconds);
         let time = time.map_err(|error| RequestError::invalid("seconds", error.to_string()));
         let (kinds, time) = both(kinds, time)?;
-        let waiting = &self.context.hints.waiting;
+        let waiting = &self.context.notifier.hints().waiting;
         let queued = tokio::select! {
             queued = waiting.wait(&tenant, kinds, time.min(LONGEST_WAIT)) => queued,
             () = self.drain.cancelled() => return Err(RequestError::ShuttingDown.into()),

@@ -1,8 +1,8 @@
 //! The middleware that records calls: behind the one that authorizes them, since it needs to know who calls.
 
+use super::Audit;
 use super::names;
 use crate::access;
-use crate::context::Context;
 use axum::extract::{Request, State};
 use axum::http::Method;
 use axum::middleware::Next;
@@ -27,7 +27,7 @@ const OK: &str = "OK";
 const CUT_OFF: &str = "CUT_OFF";
 
 /// Records the call, if it changes something.
-pub async fn record(State(context): State<Arc<Context>>, request: Request, next: Next) -> Response {
+pub async fn record(State(audit): State<Arc<Audit>>, request: Request, next: Next) -> Response {
     let Some((call, named)) = recorded(&request) else {
         return next.run(request).await;
     };
@@ -49,9 +49,9 @@ pub async fn record(State(context): State<Arc<Context>>, request: Request, next:
         began: None,
         outcome: String::new(),
     };
-    let begun = match context.audit.begin(entry.clone()).await {
+    let begun = match audit.begin(entry.clone()).await {
         Ok(number) => Begun {
-            context,
+            audit,
             entry: Some(NewAuditEntry {
                 began: Some(number),
                 ..entry
@@ -71,7 +71,7 @@ pub async fn record(State(context): State<Arc<Context>>, request: Request, next:
 
 /// A call that has begun. If its future is dropped, it was cut off: the connection is lost, or its time is over.
 struct Begun {
-    context: Arc<Context>,
+    audit: Arc<Audit>,
     entry: Option<NewAuditEntry>,
 }
 
@@ -90,7 +90,7 @@ impl Begun {
                 names,
                 ..entry
             };
-            self.context.audit.end(entry).await;
+            self.audit.end(entry).await;
         }
     }
 }
@@ -99,9 +99,7 @@ impl Drop for Begun {
     fn drop(&mut self) {
         if let Some(entry) = self.entry.take() {
             let outcome = CUT_OFF.to_owned();
-            self.context
-                .audit
-                .end_now(NewAuditEntry { outcome, ..entry });
+            self.audit.end_now(NewAuditEntry { outcome, ..entry });
         }
     }
 }

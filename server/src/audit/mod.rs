@@ -8,11 +8,9 @@
 
 mod layer;
 mod names;
-mod on_disk;
 mod task;
 mod writer;
 
 pub use layer::record;
-pub use on_disk::{AuditError, AuditLog};
 pub use task::run;
 pub use writer::Audit;

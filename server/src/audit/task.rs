@@ -1,13 +1,15 @@
 //! Writes entries in batches: calls at the same time share a transaction, so that a busy service does not wait for the disk once
 //! for each.
 
+use super::Audit;
 use super::writer::{BATCH, Wanted};
-use crate::context::Context;
 use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+use yoto_store::Store;
 
 /// Writes what comes until the service ends, and then what waits.
-pub async fn run(context: Arc<Context>) {
-    let Some(mut receiver) = context.audit.receiver().await else {
+pub async fn run(audit: Arc<Audit>, store: Arc<Store>, stop: CancellationToken) {
+    let Some(mut receiver) = audit.receiver().await else {
         return;
     };
     let mut batch = Vec::new();
@@ -15,24 +17,24 @@ pub async fn run(context: Arc<Context>) {
         let got = tokio::select! {
             biased;
             got = receiver.recv_many(&mut batch, BATCH) => got,
-            () = context.stop.cancelled() => break,
+            () = stop.cancelled() => break,
         };
         if got == 0 {
             return;
         }
-        write(&context, &mut batch).await;
+        write(&store, &mut batch).await;
     }
     receiver.close();
     while receiver.recv_many(&mut batch, BATCH).await > 0 {
-        write(&context, &mut batch).await;
+        write(&store, &mut batch).await;
     }
 }
 
 /// Writes the batch and empties it. If that fails, those who wait learn of it by the end of their channels.
-async fn write(context: &Context, batch: &mut Vec<Wanted>) {
+async fn write(store: &Store, batch: &mut Vec<Wanted>) {
     let (entries, waiting): (Vec<_>, Vec<_>) =
         batch.drain(..).map(|it| (it.entry, it.written)).unzip();
-    match context.store.append_audit(&entries).await {
+    match store.append_audit(&entries).await {
         Ok(numbers) => {
             for (number, written) in numbers.into_iter().zip(waiting) {
                 if let Some(written) = written {

@@ -43,7 +43,7 @@ pub async fn tick(context: &Context) {
         return;
     }
     // Another step of this process would find the same.
-    let Ok(_one_at_a_time) = context.erasing.try_lock() else {
+    let Ok(_one_at_a_time) = context.alone.erasing.try_lock() else {
         return;
     };
     for erasure in open {
@@ -76,7 +76,7 @@ async fn advance(context: &Context, erasure: &OpenErasure) -> Result<(), Request
             }
             if erasure.retrain {
                 for model in context.store.retrain(erasure).await? {
-                    context.queued(&erasure.tenant, JobKind::Train);
+                    context.notifier.queued(&erasure.tenant, JobKind::Train);
                     tracing::info!(erasure = erasure.id, model, "others are trained anew");
                 }
             }
@@ -93,7 +93,7 @@ async fn advance(context: &Context, erasure: &OpenErasure) -> Result<(), Request
 async fn stop_jobs(context: &Context, erasure: &OpenErasure) -> Result<(), RequestError> {
     consent::stop(context, Some(&erasure.subject_id)).await?;
     for job in context.store.stop_ingests(&erasure.subject_id).await? {
-        context.announce_end(&Collection::Jobs.name(&job));
+        context.notifier.announce_end(&Collection::Jobs.name(&job));
     }
     Ok(())
 }
@@ -105,7 +105,7 @@ async fn leave_models(context: &Context, erasure: &OpenErasure) -> Result<bool, 
         match leaving {
             Leaving::Done => {}
             Leaving::Queued { job } => {
-                context.queued(&erasure.tenant, JobKind::Train);
+                context.notifier.queued(&erasure.tenant, JobKind::Train);
                 tracing::info!(erasure = erasure.id, job, model, "a person leaves a model");
                 waits.push(job);
             }
@@ -138,7 +138,7 @@ async fn finish(
     mut work: Work,
 ) -> Result<(), RequestError> {
     // A collection notes folders that it has still seen. While one runs, this waits for a later attempt.
-    let Ok(_alone) = context.collecting.try_lock() else {
+    let Ok(_alone) = context.alone.collecting.try_lock() else {
         return Ok(());
     };
     if work.objects.is_none() {
@@ -150,7 +150,7 @@ async fn finish(
             .await?;
     }
     for folder in &work.folders {
-        context.place.delete_folder(folder).await?;
+        context.storage.place.delete_folder(folder).await?;
     }
     // No row that could be written to them is left. Notes of checkpoints stay: their keys have nothing of the person.
     let noted = work.folders.iter().filter(|it| !it.starts_with("models/"));

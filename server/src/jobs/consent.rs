@@ -11,7 +11,7 @@ pub async fn stop(context: &Context, subject_id: Option<&str>) -> Result<Vec<Str
     let stopped = context.store.stop_without_consent(subject_id).await?;
     let mut jobs = Vec::with_capacity(stopped.len());
     for it in stopped {
-        context.announce_end(&it.job);
+        context.notifier.announce_end(&it.job);
         tracing::info!(
             job = it.job,
             reason = it.reason,

@@ -67,7 +67,7 @@ pub async fn lease(
     .await?;
     for (job, reason) in &outcome.failed {
         tracing::warn!(job, reason, "job failed before it could be leased");
-        context.announce_end(job);
+        context.notifier.announce_end(job);
     }
     let Some(leased) = outcome.leased else {
         return Ok(None);
@@ -80,7 +80,7 @@ pub async fn lease(
     } = leased;
     let name = job.name.clone();
     let kind = job.spec.as_ref().and_then(JobKind::of);
-    context.announce(&name);
+    context.notifier.announce(&name);
     let lease = Lease {
         job: Some(job),
         token,
@@ -139,6 +139,6 @@ async fn end_unreadable(
     };
     context.store.end_job(tenant, lease, ending).await?;
     let job = Collection::Jobs.name(&lease.job_id);
-    context.announce_end(&job);
+    context.notifier.announce_end(&job);
     Ok(())
 }

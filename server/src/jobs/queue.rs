@@ -36,7 +36,7 @@ pub async fn create(
     let request_id = id_of(&request);
     let job = context.store.create_job(tenant, new, request).await?;
     if let Some(kind) = kind {
-        context.queued(tenant, kind);
+        context.notifier.queued(tenant, kind);
     }
     let kind = kind.map_or("", JobKind::as_str);
     tracing::info!(job = job.name, kind, request_id, "job queued");
@@ -105,7 +105,7 @@ pub async fn cancel(
 ) -> Result<Job, RequestError> {
     let request_id = id_of(&request);
     let job = context.store.cancel_job(tenant, id, request).await?;
-    context.announce_end(&job.name);
+    context.notifier.announce_end(&job.name);
     tracing::info!(
         job = job.name,
         state = job.state().as_str_name(),

@@ -31,7 +31,7 @@ pub async fn run(context: Arc<Context>) {
 /// # Errors
 /// When the store fails.
 pub async fn tick(context: &Context) -> Result<(), StoreError> {
-    let _one_at_a_time = context.reaping.lock().await;
+    let _one_at_a_time = context.alone.reaping.lock().await;
     let (cap, lease_seconds) = (
         context.config.max_lost_workers,
         context.config.lease_seconds,
@@ -46,14 +46,16 @@ pub async fn tick(context: &Context) -> Result<(), StoreError> {
 /// When the store fails.
 pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
     let cap = context.config.max_lost_workers;
-    let taken = context.store.take_back_embedded(&context.instance, cap);
+    let taken = context
+        .store
+        .take_back_embedded(&context.data_dir.instance, cap);
     told(context, taken.await?);
     Ok(())
 }
 
 fn told(context: &Context, reaped: Vec<Reaped>) {
     for it in reaped {
-        context.announce_end(&it.job);
+        context.notifier.announce_end(&it.job);
         METRICS.lease_lost(&it.job);
         let (job, worker, losses) = (it.job, it.worker, it.losses);
         tracing::warn!(

@@ -182,7 +182,7 @@ pub async fn end(
     context.store.end_job(tenant, lease, ending.clone()).await?;
     let job = Collection::Jobs.name(&lease.job_id);
     METRICS.trainings.ended(&job);
-    context.announce_end(&job);
+    context.notifier.announce_end(&job);
     let outcome = ending.outcome().as_str_name();
     tracing::info!(
         job = lease.job_id,
@@ -195,5 +195,5 @@ pub async fn end(
 
 fn announce(context: &Context, lease: &LeaseKey) {
     let job = Collection::Jobs.name(&lease.job_id);
-    context.announce(&job);
+    context.notifier.announce(&job);
 }

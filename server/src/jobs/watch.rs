@@ -1,7 +1,7 @@
 //! Watches of jobs: the current state and every change, resumable by sequence number.
 
-use crate::changes::{WatchedState, subscribe};
 use crate::context::Context;
+use crate::notify::changes::{WatchedState, subscribe};
 use futures::{Stream, stream};
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -39,7 +39,7 @@ pub fn watch(
     stop: CancellationToken,
 ) -> impl Stream<Item = Result<Job, RequestError>> + Send + 'static {
     let watcher = Watcher {
-        states: subscribe(&context, &tenant, &id),
+        states: subscribe(&context.notifier, &tenant, &id),
         context,
         tenant,
         id,

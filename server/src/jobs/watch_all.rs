@@ -1,7 +1,7 @@
 //! Watches of all jobs that match a filter: the open ones, then each change, resumable by what the caller knows.
 
 use crate::context::Context;
-use crate::job_feed::{Change, subscribe};
+use crate::notify::job_feed::{Change, subscribe};
 use futures::{Stream, stream};
 use prost::Message;
 use std::collections::{HashMap, VecDeque};
@@ -106,7 +106,7 @@ impl Watcher {
             return Err(RequestError::ShuttingDown);
         }
         // Changes after this are in both, and are recognised by their sequence numbers.
-        self.changes = Some(subscribe(&self.context, &self.tenant).await?);
+        self.changes = Some(subscribe(&self.context.notifier, &self.tenant).await?);
         let mut gone = take(&mut self.known);
         let mut batch = Batch::default();
         for job in self.open().await? {

@@ -74,7 +74,7 @@ pub async fn run(context: Arc<Context>) {
 /// # Errors
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
 pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>, RequestError> {
-    let _one_at_a_time = context.collecting.lock().await;
+    let _one_at_a_time = context.alone.collecting.lock().await;
     if !options.dry_run {
         let idle = context.config.upload.expiry.as_secs_f64();
         for upload in context.store.expire_uploads(idle).await? {
@@ -83,7 +83,7 @@ pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>
     }
     // In this order: an object is written before a row names it, and noted before it is looked for.
     let known = context.store.garbage().await?;
-    let folders = context.place.folders().await?;
+    let folders = context.storage.place.folders().await?;
     let keys: Vec<String> = folders.iter().map(|it| it.key.clone()).collect();
     let references = context.store.references(&keys, kept(context)).await?;
     let grace = context.config.storage.grace.as_secs_f64();
@@ -145,7 +145,7 @@ async fn remove(context: &Context, at: usize, it: &Garbage) -> Result<(usize, bo
     if context.stop.is_cancelled() || !is_released(context, key).await? {
         return Ok((at, false));
     }
-    let removed = context.place.delete_folder(key).await;
+    let removed = context.storage.place.delete_folder(key).await;
     match &removed {
         Ok(()) => tracing::info!(key, bytes, deleted = it.deleted, "garbage removed"),
         Err(error) => {

@@ -7,15 +7,11 @@
 //! counted and dropped.
 
 mod attributes;
-mod config;
-mod ended;
 mod exposition;
 mod figures;
 mod push;
 mod spans;
 mod wire;
 
-pub use config::{OtlpConfig, OtlpEndpoint, OtlpError, OtlpHeaders};
-pub use ended::EndedJobs;
 pub use push::run;
 pub use wire::Wire;

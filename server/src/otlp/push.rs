@@ -1,12 +1,13 @@
 //! The task that sends.
 
 use super::attributes::{nanos, resource, scope};
-use super::config::OtlpConfig;
 use super::exposition::{Unreadable, families};
 use super::figures::{Period, metric};
+use super::spans;
 use super::wire::Wire;
-use super::{EndedJobs, spans};
+use crate::config::OtlpConfig;
 use crate::context::Context;
+use crate::notify::EndedJobs;
 use crate::pages::figures;
 use opentelemetry_proto::tonic::collector::metrics::v1::ExportMetricsServiceRequest;
 use opentelemetry_proto::tonic::collector::metrics::v1::metrics_service_client::MetricsServiceClient;
@@ -91,7 +92,7 @@ pub async fn run(context: Arc<Context>, config: OtlpConfig, wire: Wire, ended: A
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut push = Push {
         channel: wire.channel(),
-        resource: resource(&context.instance),
+        resource: resource(&context.data_dir.instance),
         started: nanos(context.started),
         metrics: Signal::new("figures"),
         traces: Signal::new("traces"),

@@ -1,6 +1,6 @@
 //! The connection to the collector.
 
-use super::config::{OtlpEndpoint, OtlpError};
+use crate::config::{OtlpEndpoint, OtlpError};
 use hyper_util::rt::TokioIo;
 use rustls::crypto::ring::default_provider;
 use rustls::pki_types::ServerName;

@@ -17,7 +17,7 @@ pub struct Coordinated(pub Arc<Context>);
 #[tonic::async_trait]
 impl Backend for Coordinated {
     fn store_id(&self) -> &str {
-        &self.0.store_id
+        &self.0.storage.id
     }
 
     fn now(&self) -> f64 {
@@ -25,7 +25,7 @@ impl Backend for Coordinated {
     }
 
     fn health_faults(&self) -> Vec<&'static str> {
-        self.0.health.borrow().faults()
+        self.0.health.found().faults()
     }
 
     fn last_collected(&self) -> Option<f64> {

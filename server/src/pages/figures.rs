@@ -15,6 +15,9 @@ use yoto_store::{OpenJobs, StoreError};
 /// Age up to which a text is given again: however many ask, the database is read once in this time.
 const FRESH: Duration = Duration::from_secs(1);
 
+/// The last text, and when it was written.
+pub type LastText = tokio::sync::Mutex<Option<(Instant, String)>>;
+
 type Real = Gauge<f64, AtomicU64>;
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -27,8 +30,8 @@ struct OfState {
 ///
 /// # Errors
 /// Never in practice: when a string can't be written to.
-pub async fn exposed(context: &Context) -> Result<String, fmt::Error> {
-    let mut last = context.exposed.lock().await;
+pub async fn exposed(context: &Context, last: &LastText) -> Result<String, fmt::Error> {
+    let mut last = last.lock().await;
     if let Some((at, text)) = &*last
         && at.elapsed() < FRESH
     {
@@ -54,9 +57,9 @@ pub async fn read(context: &Context) -> Result<String, fmt::Error> {
 async fn read_now(context: &Context) -> Registry {
     let mut registry = Registry::with_prefix("yoto");
     let ready = Gauge::<i64>::default();
-    ready.set(i64::from(context.health.borrow().faults().is_empty()));
+    ready.set(i64::from(context.health.found().faults().is_empty()));
     registry.register("ready", "1 if this coordinator can serve", ready);
-    if let Some(room) = context.place.room() {
+    if let Some(room) = context.storage.place.room() {
         for (name, bytes) in [("disk_free", room.free), ("disk_size", room.total)] {
             let gauge = Gauge::<i64>::default();
             gauge.set(i64::try_from(bytes).unwrap_or(i64::MAX));

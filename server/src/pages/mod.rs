@@ -16,13 +16,23 @@ use axum::Router;
 use axum::routing::get;
 use std::sync::Arc;
 
+/// What the page of metrics needs.
+#[derive(Clone)]
+struct Pages {
+    context: Arc<Context>,
+    last: Arc<figures::LastText>,
+}
+
 /// The pages beside `router`.
 pub fn pages(router: Router, context: Arc<Context>) -> Router {
     let pages = Router::new()
         .route("/healthz", get(probes::lives))
         .route("/readyz", get(probes::is_ready))
-        .route("/metrics", get(metrics::page))
         .route("/share/{secret}", get(shares::page))
-        .with_state(context);
-    router.merge(pages)
+        .with_state(Arc::clone(&context));
+    let last = Arc::default();
+    let metrics = Router::new()
+        .route("/metrics", get(metrics::page))
+        .with_state(Pages { context, last });
+    router.merge(pages).merge(metrics)
 }

@@ -14,7 +14,7 @@ pub async fn lives() -> &'static str {
 /// 200 if the last write to the database succeeded and the object store has answered; 503 otherwise, and once the
 /// coordinator is about to end.
 pub async fn is_ready(State(context): State<Arc<Context>>) -> (StatusCode, String) {
-    let faults = context.health.borrow().faults();
+    let faults = context.health.found().faults();
     match faults.is_empty() {
         true => (StatusCode::OK, "ready\n".to_owned()),
         false => {

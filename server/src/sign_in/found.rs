@@ -1,9 +1,9 @@
 //! The issuer as it was found last. Everybody can ask for a sign-in, so not each one asks the issuer.
 
-use super::cookies::Begun;
 use super::grants::Claims;
 use super::issuer::{Issuer, IssuerError};
-use super::settings::OidcConfig;
+use crate::access::cookies::Begun;
+use crate::config::OidcConfig;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::{Mutex, Semaphore};

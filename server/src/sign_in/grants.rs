@@ -1,6 +1,6 @@
 //! Which tenant and scopes somebody has, by the claims of an ID token.
 
-use super::settings::{Grant, OidcConfig};
+use crate::config::{Grant, OidcConfig};
 use serde_json::{Map, Value};
 
 /// The claims of an ID token whose signature and validity were checked.
@@ -60,8 +60,8 @@ pub fn name(claims: &Claims) -> &str {
 
 #[cfg(test)]
 mod tests {
-    use super::super::settings::GrantedScope;
     use super::*;
+    use crate::config::GrantedScope;
     use serde_json::json;
 
     fn fitting(claim: &str, value: &str, claims: Value) -> bool {

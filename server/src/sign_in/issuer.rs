@@ -2,10 +2,11 @@
 //!
 //! The authorization code flow with PKCE (RFC 7636).
 
+use super::BACK;
 use super::fetch::{self, FetchError};
 use super::grants::Claims;
-use super::settings::OidcConfig;
-use super::{BACK, cookies::Begun};
+use crate::access::cookies::Begun;
+use crate::config::OidcConfig;
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use openidconnect::core::{CoreAuthenticationFlow, CoreClient, CoreProviderMetadata};

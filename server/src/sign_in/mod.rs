@@ -9,7 +9,6 @@
 //! operator's settings grant, and it expires. So a session is listed, expires, is revoked and stands in the audit log as every
 //! other key does, on all coordinators of a database. Programs keep keys that are made for them.
 
-mod cookies;
 mod fetch;
 mod found;
 mod grants;
@@ -17,14 +16,11 @@ mod issuer;
 mod page;
 mod routes;
 mod session;
-mod settings;
 
-pub use cookies::session_of;
 pub use found::Found;
 pub use page::{asked, signed_out};
 pub use routes::routes;
 pub use session::sign_out;
-pub use settings::{Grant, OidcConfig};
 
 /// Where people sign in.
 const PAGE: &str = "/sign-in";

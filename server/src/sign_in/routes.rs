@@ -1,11 +1,11 @@
 //! The requests of a sign-in. They are open to everybody, and change nothing but by a key or by the issuer's word.
 
-use super::cookies::{self, Begun, is_encrypted};
 use super::issuer::IssuerError;
 use super::page::{asked, failed, moved, own, shown};
-use super::settings::OidcConfig;
 use super::{BACK, BY_KEY, PAGE, START, grants, session};
 use crate::access;
+use crate::access::cookies::{self, Begun, is_encrypted};
+use crate::config::OidcConfig;
 use crate::context::Context;
 use axum::Router;
 use axum::body::{Body, to_bytes};
@@ -74,7 +74,7 @@ async fn by_key(
 }
 
 async fn is_valid(context: &Context, key: &str) -> Result<(), RequestError> {
-    let keys = context.keys.current(&context.store).await?;
+    let keys = context.callers.keys().await?;
     keys.find(&sha256_hex(key.as_bytes())).map(drop)
 }
 
@@ -94,7 +94,7 @@ async fn start(
     if let (false, Some(place)) = (told, elsewhere(oidc, &uri, &headers, own(fields.get("to")))) {
         return moved(&place, []);
     }
-    match context.sign_in.issuer(oidc).await {
+    match context.issuer.issuer(oidc).await {
         Ok(issuer) => {
             let (url, begun) = issuer.begin(&oidc.request_scopes, own(fields.get("to")));
             moved(url.as_str(), [begun.cookie(is_https(oidc))])
@@ -123,7 +123,7 @@ async fn back(
         tracing::info!(error = fields.get("error"), "{words}");
         return failed(StatusCode::FORBIDDEN, &words);
     }
-    let claims = context.sign_in.claims(oidc, fields.get("code"), &begun);
+    let claims = context.issuer.claims(oidc, fields.get("code"), &begun);
     let claims = match claims.await {
         Ok(claims) => claims,
         Err(error) => return not_asked(oidc, &error),

@@ -1,8 +1,8 @@
 //! Sessions of people: keys that the service makes for them.
 
 use super::grants::{self, Claims};
-use super::settings::{Grant, OidcConfig};
 use crate::access::keys::{FRESH, new_secret};
+use crate::config::{Grant, OidcConfig};
 use crate::context::Context;
 use serde_json::Value;
 use yoto_proto::sha256_hex;
@@ -28,7 +28,7 @@ pub async fn begin(
     grant: &Grant,
 ) -> Result<String, RequestError> {
     let tenant = Tenant::new(&grant.tenant).ok_or(RequestError::NoTenant)?;
-    let keys = context.keys.current(&context.store).await?;
+    let keys = context.callers.keys().await?;
     let secret = new_secret();
     let new = NewKey {
         display_name: display_name(claims),
@@ -60,7 +60,7 @@ pub async fn begin(
     context.audit.end(ended).await;
     let key = made?;
     tracing::info!(key = key.name, %tenant, "somebody has signed in");
-    context.keys.renew().await;
+    context.callers.renew_keys().await;
     if context.store.is_shared() {
         // The next page may be another coordinator's, which reads the keys as often.
         tokio::time::sleep(FRESH).await;
@@ -73,7 +73,7 @@ pub async fn begin(
 /// # Errors
 /// When the database fails.
 pub async fn end(context: &Context, secret: &str) -> Result<(), RequestError> {
-    let keys = context.keys.current(&context.store).await?;
+    let keys = context.callers.keys().await?;
     match keys.find(&sha256_hex(secret.as_bytes())) {
         Ok(row) => sign_out(context, &row.id).await,
         Err(_) => Ok(()),
@@ -85,10 +85,10 @@ pub async fn end(context: &Context, secret: &str) -> Result<(), RequestError> {
 /// # Errors
 /// When the database fails.
 pub async fn sign_out(context: &Context, key: &str) -> Result<(), RequestError> {
-    let keys = context.keys.current(&context.store).await?;
+    let keys = context.callers.keys().await?;
     if keys.is_session(key) {
         context.store.revoke_key(None, key).await?;
-        context.keys.renew().await;
+        context.callers.renew_keys().await;
     }
     Ok(())
 }

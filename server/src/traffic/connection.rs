@@ -1,7 +1,7 @@
 //! Limits the number of connections, and closes idle ones.
 
 use super::{Client, Traffic};
-use crate::in_memory::InProcess;
+use crate::listen::InProcess;
 use std::any::Any;
 use std::io;
 use std::pin::Pin;
@@ -132,8 +132,8 @@ impl<IO: AsyncWrite + Unpin> AsyncWrite for Admitted<IO> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::TrafficLimits;
     use super::*;
+    use crate::config::TrafficLimits;
     use tokio::io::AsyncReadExt;
 
     fn traffic() -> Arc<Traffic> {

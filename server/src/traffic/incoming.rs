@@ -229,8 +229,8 @@ impl Incoming {
 
 #[cfg(test)]
 mod tests {
-    use super::super::TrafficLimits;
     use super::*;
+    use crate::config::TrafficLimits;
     use futures::channel::mpsc;
     use futures::{FutureExt, StreamExt};
     use std::pin::Pin;

@@ -14,11 +14,10 @@ mod connection;
 mod decoded;
 mod incoming;
 mod layer;
-mod limits;
 
 pub use layer::TrafficLayer;
-pub use limits::TrafficLimits;
 
+use crate::config::TrafficLimits;
 use std::sync::atomic::AtomicUsize;
 use std::sync::{Arc, Mutex};
 use tokio::sync::Semaphore;

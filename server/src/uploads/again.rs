@@ -43,7 +43,7 @@ pub async fn ingest_again(
         }
     }
     let capture = context.store.ingest_capture(tenant, id, request).await?;
-    context.queued(tenant, JobKind::Ingest);
+    context.notifier.queued(tenant, JobKind::Ingest);
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture is read again");
     Ok(capture)

@@ -114,7 +114,7 @@ impl Writer {
         };
         if number == 0 {
             let folder = keys::upload_parts(&self.id);
-            self.context.place.make_private(&folder).await?;
+            self.context.storage.place.make_private(&folder).await?;
         }
         let key = keys::upload_part(&self.id, id.writer, id.number);
         let object = self.context.objects.put_chunks(&key, &chunks).await?;

@@ -46,7 +46,7 @@ pub async fn finish(
     }
     let finished = context.store.finish_upload(tenant, id, writer, request);
     let capture = finished.await?;
-    context.queued(tenant, JobKind::Ingest);
+    context.notifier.queued(tenant, JobKind::Ingest);
     let (name, job) = (&capture.name, &capture.ingest_job);
     tracing::info!(capture = name, job, "capture uploaded");
     Ok(capture)

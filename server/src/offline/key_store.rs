@@ -1,8 +1,8 @@
 //! Keys in a service's database, for its operator on its own host: so the first key is made, and a lost one replaced.
 
+use super::on_host;
 use crate::api::new_key;
 use crate::error::ServerError;
-use crate::on_host;
 use std::path::Path;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{CreateKeyRequest, CreateKeyResponse, Key};

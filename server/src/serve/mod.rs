@@ -1,6 +1,8 @@
 //! Serves every gRPC service of a coordinator on a stream of connections.
 
-use crate::access::{AccessLayer, Admission};
+mod fault_layer;
+
+use crate::access::{AccessLayer, Admission, SignInPage};
 use crate::api::{
     JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, ShareApi, StatusApi, StorageApi, SubjectApi,
     TenantApi, UploadApi, WebhookApi, WorkerApi,
@@ -9,10 +11,10 @@ use crate::audit;
 use crate::context::Context;
 
 use crate::error::ServerError;
-use crate::fault_layer::FaultLayer;
 use crate::health::{self, Health};
 use crate::pages::{self, Coordinated};
 use axum::Router;
+use fault_layer::FaultLayer;
 use yoto_dashboard::Services;
 
 use crate::sign_in;
@@ -94,7 +96,8 @@ async fn routes(
         .add_service(workers.max_decoding_message_size(limit));
     let mut routes = routes;
     let router = std::mem::take(routes.axum_router_mut());
-    let recorded = || axum::middleware::from_fn_with_state(context(), audit::record);
+    let recorded =
+        || axum::middleware::from_fn_with_state(Arc::clone(&context().audit), audit::record);
     let router = router.layer(recorded());
     let calls =
         yoto_http::transcoding::routes(router.clone(), Arc::new(ObjectApi { context: context() }));
@@ -105,6 +108,12 @@ async fn routes(
         .merge(sign_in::routes(context()));
     *routes.axum_router_mut() = pages::pages(router, context());
     Ok((routes, reporter))
+}
+
+/// The page in place of one that somebody may not see without a key.
+fn sign_in_page(context: &Arc<Context>) -> SignInPage {
+    let context = Arc::clone(context);
+    Arc::new(move |to, why| sign_in::asked(context.config.oidc.as_ref(), to, why))
 }
 
 /// The pages for people, over the services of the contract.
@@ -141,7 +150,7 @@ where
     let drain = context.stop.child_token();
     if admission == Admission::Nobody
         && context.config.oidc.is_none()
-        && !context.keys.current(&context.store).await?.any()
+        && !context.callers.keys().await?.any()
     {
         tracing::warn!(
             "the service has no key yet, so nobody can call it: `yoto key create` makes one on this host, with --data or --database"
@@ -152,7 +161,7 @@ where
         tokio::select! {
             () = shutdown => {}
             () = drain.cancelled() => {}
-            () = health::follow(&context, &reporter) => {}
+            () = context.health.follow(&reporter) => {}
         }
         let leaving = Health {
             leaving: true,
@@ -172,8 +181,9 @@ where
         std::future::ready(admitted)
     });
     let access = AccessLayer {
-        context: Arc::clone(&context),
+        callers: Arc::clone(&context.callers),
         admission,
+        sign_in: sign_in_page(&context),
     };
     let faults = context.config.faults.clone().map(FaultLayer);
     let cors = yoto_http::cors(&context.config.allow_origins)

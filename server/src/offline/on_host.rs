@@ -1,7 +1,7 @@
 //! A service's database, opened on its own host beside the running service. Operators need no key there: a person who can
 //! open the database can do everything.
 
-use crate::DATABASE_FILE;
+use crate::data_dir::DATABASE_FILE;
 use crate::error::ServerError;
 use std::path::Path;
 use std::sync::Arc;

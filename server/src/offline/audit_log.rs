@@ -1,7 +1,7 @@
 //! The audit log in a service's database, for its operator on its own host.
 
+use super::on_host;
 use crate::error::ServerError;
-use crate::on_host;
 use std::path::Path;
 use thiserror::Error;
 use yoto_store::audit_chain::{Broken, Head};

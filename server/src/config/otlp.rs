@@ -58,7 +58,7 @@ pub struct OtlpEndpoint(Url);
 
 impl OtlpEndpoint {
     /// As a URL, which has a host.
-    pub(super) fn url(&self) -> &Url {
+    pub(crate) fn url(&self) -> &Url {
         &self.0
     }
 }
@@ -100,7 +100,7 @@ pub struct OtlpHeaders(MetadataMap);
 
 impl OtlpHeaders {
     /// The headers.
-    pub(super) fn metadata(&self) -> &MetadataMap {
+    pub(crate) fn metadata(&self) -> &MetadataMap {
         &self.0
     }
 }

@@ -7,7 +7,8 @@
 mod orphans;
 mod verify;
 
-use crate::{DATABASE_FILE, OBJECTS_FOLDER, ServerError, folder_url};
+use crate::ServerError;
+use crate::data_dir::{DATABASE_FILE, OBJECTS_FOLDER, folder_url};
 use futures::TryStreamExt;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

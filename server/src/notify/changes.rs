@@ -1,8 +1,8 @@
 //! The watched jobs: each is read once for all of its watchers, at each announced change and at each poll.
 //!
-//! An announcement is only a [hint](crate::hints): a job is polled as well, so a lost one only delays its watchers.
+//! An announcement is only a [hint](super::hints): a job is polled as well, so a lost one only delays its watchers.
 
-use crate::context::Context;
+use super::Notifier;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -51,11 +51,11 @@ impl JobChanges {
 
 /// The states of the tenant's job with this id, from now on. The caller has found that the tenant has it.
 pub fn subscribe(
-    context: &Arc<Context>,
+    notifier: &Arc<Notifier>,
     tenant: &Tenant,
     id: &str,
 ) -> watch::Receiver<WatchedState> {
-    let mut watched = context.changes.lock();
+    let mut watched = notifier.changes.lock();
     match watched.entry(Collection::Jobs.name(id)) {
         Entry::Occupied(entry) => entry.get().seen.subscribe(),
         Entry::Vacant(entry) => {
@@ -65,7 +65,7 @@ pub fn subscribe(
             );
             let receiver = seen.subscribe();
             tokio::spawn(follow(
-                context.clone(),
+                notifier.clone(),
                 tenant.clone(),
                 id.to_owned(),
                 changed.clone(),
@@ -77,22 +77,22 @@ pub fn subscribe(
 }
 
 /// Reads a job at each change and at each poll, until nobody watches it.
-async fn follow(context: Arc<Context>, tenant: Tenant, id: String, changed: Arc<Notify>) {
+async fn follow(notifier: Arc<Notifier>, tenant: Tenant, id: String, changed: Arc<Notify>) {
     let name = Collection::Jobs.name(&id);
     loop {
-        let seen = match context.store.job_state(&tenant, &id).await {
+        let seen = match notifier.store.job_state(&tenant, &id).await {
             Ok(job) => Some(WatchedState::Job(Arc::new(job))),
             // The watch continues with the last known state.
             Err(StoreError::Unavailable { .. }) => None,
             Err(_) => Some(WatchedState::Unreadable),
         };
-        if !told(&context.changes, &name, seen) {
+        if !told(&notifier.changes, &name, seen) {
             return;
         }
         tokio::select! {
             () = changed.notified() => {}
-            () = tokio::time::sleep(context.watch_poll()) => {}
-            () = context.stop.cancelled() => return,
+            () = tokio::time::sleep(notifier.watch_poll()) => {}
+            () = notifier.stop.cancelled() => return,
         }
     }
 }

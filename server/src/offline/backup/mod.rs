@@ -10,8 +10,9 @@ mod folders;
 
 pub use database::PROGRAMS;
 
-use crate::lock::DataDirLock;
-use crate::{DATABASE_FILE, OBJECTS_FOLDER, ServerError};
+use crate::ServerError;
+use crate::data_dir::DataDirLock;
+use crate::data_dir::{DATABASE_FILE, OBJECTS_FOLDER};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;

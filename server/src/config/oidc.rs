@@ -1,6 +1,6 @@
 //! Settings of an issuer of OpenID Connect.
 
-use crate::error::ServerError;
+use super::ConfigError;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use url::Url;
@@ -90,16 +90,15 @@ impl OidcConfig {
     }
 
     /// The issuer's name for people.
-    pub(super) fn host(&self) -> String {
+    pub(crate) fn host(&self) -> String {
         let url = Url::parse(&self.issuer).ok();
         let host = url.as_ref().and_then(Url::host_str);
         host.unwrap_or(&self.issuer).to_owned()
     }
 
     /// Rejects settings by which nobody could sign in, or by a way that others can listen to.
-    pub(crate) fn check(&self) -> Result<(), ServerError> {
-        let refused =
-            |field: &str, why: &str| Err(ServerError::Config(format!("oidc: {field} {why}")));
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        let refused = |field: &str, why: &str| Err(ConfigError(format!("oidc: {field} {why}")));
         let issuer = Url::parse(&self.issuer).ok();
         for (field, url) in [
             ("issuer", issuer.as_ref()),

@@ -1,7 +1,7 @@
 //! Hints from and to other coordinators of the same database.
 
+use super::super::Notifier;
 use super::message::{Heard, heard, texts};
-use crate::context::Context;
 use std::mem;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
@@ -14,13 +14,13 @@ const BETWEEN: Duration = Duration::from_millis(20);
 const RETRY: Duration = Duration::from_secs(1);
 
 /// Sends hints until the coordinator stops: the first at once, and those that come soon after it together.
-pub async fn send(context: Arc<Context>) {
-    let Some(outgoing) = &context.hints.outgoing else {
+pub async fn send(notifier: Arc<Notifier>) {
+    let Some(outgoing) = &notifier.hints.outgoing else {
         return;
     };
     loop {
         tokio::select! {
-            () = context.stop.cancelled() => return,
+            () = notifier.stop.cancelled() => return,
             () = outgoing.news.notified() => {}
         }
         let hints = mem::take(
@@ -32,58 +32,58 @@ pub async fn send(context: Arc<Context>) {
         if hints.is_empty() {
             continue;
         }
-        for text in texts(&context.instance, &hints) {
-            if let Err(error) = context.store.notify(&text).await {
+        for text in texts(&notifier.instance, &hints) {
+            if let Err(error) = notifier.store.notify(&text).await {
                 tracing::debug!(%error, "hints for other coordinators are lost");
                 break;
             }
         }
         tokio::select! {
-            () = context.stop.cancelled() => return,
+            () = notifier.stop.cancelled() => return,
             () = tokio::time::sleep(BETWEEN) => {}
         }
     }
 }
 
 /// Passes on hints of other coordinators until this one stops.
-pub async fn listen(context: Arc<Context>) {
+pub async fn listen(notifier: Arc<Notifier>) {
     loop {
         let ended = tokio::select! {
-            () = context.stop.cancelled() => return,
-            ended = pass_on(&context) => ended,
+            () = notifier.stop.cancelled() => return,
+            ended = pass_on(&notifier) => ended,
         };
-        context.hints.listening.store(false, Ordering::Relaxed);
+        notifier.hints.listening.store(false, Ordering::Relaxed);
         let Err(error) = ended else {
             return;
         };
         tracing::debug!(%error, "hints of other coordinators are not heard");
         tokio::select! {
-            () = context.stop.cancelled() => return,
+            () = notifier.stop.cancelled() => return,
             () = tokio::time::sleep(RETRY) => {}
         }
     }
 }
 
 /// Passes on hints until the connection fails. Returns at once if the database has no other coordinators.
-async fn pass_on(context: &Context) -> Result<(), StoreError> {
-    let Some(mut listener) = context.store.listen().await? else {
+async fn pass_on(notifier: &Notifier) -> Result<(), StoreError> {
+    let Some(mut listener) = notifier.store.listen().await? else {
         return Ok(());
     };
-    context.hints.listening.store(true, Ordering::Relaxed);
+    notifier.hints.listening.store(true, Ordering::Relaxed);
     loop {
         let Some(text) = listener.next().await? else {
             tracing::debug!("some hints of other coordinators may be lost");
             continue;
         };
-        let faults = context.config.faults.as_ref();
+        let faults = notifier.faults.as_ref();
         if faults.is_some_and(|faults| !faults.hears()) {
             continue;
         }
-        for hint in heard(&context.instance, &text) {
+        for hint in heard(&notifier.instance, &text) {
             match hint {
-                Heard::Changed(job) => context.changes.announce(&job),
+                Heard::Changed(job) => notifier.changes.announce(&job),
                 Heard::Queued(tenant, kind, count) => {
-                    (0..count).for_each(|_| context.hints.waiting.wake(&tenant, kind));
+                    (0..count).for_each(|_| notifier.hints.waiting.wake(&tenant, kind));
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! The changes of all jobs of a tenant, for [`crate::jobs::watch_all`]: read once at each poll for all of its watchers, and only
 //! while there are any.
 
-use crate::context::Context;
+use super::Notifier;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::sync::{Mutex, broadcast};
@@ -32,37 +32,37 @@ pub struct JobFeed {
 /// # Errors
 /// When the store fails.
 pub async fn subscribe(
-    context: &Arc<Context>,
+    notifier: &Arc<Notifier>,
     tenant: &Tenant,
 ) -> Result<broadcast::Receiver<Change>, StoreError> {
-    let mut senders = context.feed.senders.lock().await;
+    let mut senders = notifier.feed.senders.lock().await;
     if let Some(sender) = senders.get(tenant) {
         return Ok(sender.subscribe());
     }
     // The first reading comes before the watcher's own: otherwise a change between the two would be lost.
     let mut open = Open::of(tenant.clone());
-    open.read(context).await?;
+    open.read(notifier).await?;
     let (new, receiver) = broadcast::channel(CHANGES);
-    tokio::spawn(follow(Arc::clone(context), new.clone(), open));
+    tokio::spawn(follow(Arc::clone(notifier), new.clone(), open));
     senders.insert(tenant.clone(), new);
     Ok(receiver)
 }
 
 /// Reads the jobs at each poll, until nobody watches or the store is broken. Watchers then subscribe again, and get the
 /// reason.
-async fn follow(context: Arc<Context>, sender: broadcast::Sender<Change>, mut open: Open) {
+async fn follow(notifier: Arc<Notifier>, sender: broadcast::Sender<Change>, mut open: Open) {
     loop {
         tokio::select! {
-            () = tokio::time::sleep(context.config.watch_poll) => {}
-            () = context.stop.cancelled() => break,
+            () = tokio::time::sleep(notifier.poll) => {}
+            () = notifier.stop.cancelled() => break,
         }
-        let mut senders = context.feed.senders.lock().await;
+        let mut senders = notifier.feed.senders.lock().await;
         if sender.receiver_count() == 0 {
             senders.remove(&open.tenant);
             return;
         }
         drop(senders);
-        match open.read(&context).await {
+        match open.read(&notifier).await {
             // Nobody may listen by now.
             Ok(changes) => changes
                 .into_iter()
@@ -74,7 +74,7 @@ async fn follow(context: Arc<Context>, sender: broadcast::Sender<Change>, mut op
             }
         }
     }
-    context.feed.senders.lock().await.remove(&open.tenant);
+    notifier.feed.senders.lock().await.remove(&open.tenant);
 }
 
 /// A tenant's open jobs of the last reading.
@@ -101,8 +101,8 @@ impl Open {
 
     /// The changes since the last reading. A job of which the reading fails keeps its last state, so that the next reading
     /// finds its change again.
-    async fn read(&mut self, context: &Context) -> Result<Vec<Change>, StoreError> {
-        let JobVersions { newest, jobs } = context
+    async fn read(&mut self, notifier: &Notifier) -> Result<Vec<Change>, StoreError> {
+        let JobVersions { newest, jobs } = notifier
             .store
             .job_versions(&self.tenant, self.newest)
             .await?;
@@ -118,7 +118,7 @@ impl Open {
                 // It ended before anybody watched.
                 None if !is_open => drop(self.ended.insert(id.clone(), sequence)),
                 _ if self.sequence(&id) != Some(sequence) => {
-                    self.update(context, &id, &mut changes).await?;
+                    self.update(notifier, &id, &mut changes).await?;
                 }
                 _ => {}
             }
@@ -127,7 +127,7 @@ impl Open {
         self.ended.retain(|id, _| seen.contains(id));
         let gone: Vec<String> = self.jobs.keys().cloned().collect();
         for id in gone.into_iter().filter(|id| !seen.contains(id)) {
-            self.update(context, &id, &mut changes).await?;
+            self.update(notifier, &id, &mut changes).await?;
         }
         self.newest = Some(newest);
         Ok(changes)
@@ -141,11 +141,11 @@ impl Open {
 
     async fn update(
         &mut self,
-        context: &Context,
+        notifier: &Notifier,
         id: &str,
         changes: &mut Vec<Change>,
     ) -> Result<(), StoreError> {
-        match context.store.job_state(&self.tenant, id).await {
+        match notifier.store.job_state(&self.tenant, id).await {
             Ok(job) => {
                 let job = Arc::new(job);
                 if job.state().is_terminal() {

@@ -1,12 +1,17 @@
 //! Settings for operators, with the defaults of an embedded coordinator.
 
-use crate::error::ServerError;
-use crate::otlp::OtlpConfig;
-use crate::sign_in::OidcConfig;
-use crate::traffic::TrafficLimits;
+mod oidc;
+mod otlp;
+mod traffic;
+
+pub use oidc::{Grant, GrantedScope, OidcConfig};
+pub use otlp::{OtlpConfig, OtlpEndpoint, OtlpError, OtlpHeaders};
+pub use traffic::TrafficLimits;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
+use thiserror::Error;
 use url::Url;
 use yoto_objects::Environment;
 use yoto_process::clock::{Clock, SystemClock};
@@ -14,6 +19,11 @@ use yoto_process::faults::Faults;
 use yoto_proto::limits;
 use yoto_store::PostgresUrl;
 use yoto_store::rules::retention::Retention;
+
+/// Settings under which nothing can run, in words that name the field.
+#[derive(Debug, Error)]
+#[error("{0}")]
+pub struct ConfigError(pub(crate) String);
 
 /// Settings of a [`crate::Coordinator`].
 #[derive(Debug, Clone)]
@@ -178,13 +188,13 @@ impl ServerConfig {
     }
 
     /// Rejects settings under which nothing can run.
-    pub(crate) fn check(&self) -> Result<(), ServerError> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         if !(self.lease_seconds.is_finite() && self.lease_seconds > 0.0) {
             let message = format!(
                 "lease_seconds is {}; it must be above 0",
                 self.lease_seconds
             );
-            return Err(ServerError::Config(message));
+            return Err(ConfigError(message));
         }
         let intervals = [
             self.reap_interval,
@@ -195,25 +205,25 @@ impl ServerConfig {
         if intervals.iter().any(Duration::is_zero) {
             let message =
                 "reap_interval, watch_poll, hinted_poll and health_interval must be above 0";
-            return Err(ServerError::Config(message.to_owned()));
+            return Err(ConfigError(message.to_owned()));
         }
         if self.otlp.as_ref().is_some_and(|it| it.interval.is_zero()) {
             let message = "otlp.interval must be above 0".to_owned();
-            return Err(ServerError::Config(message));
+            return Err(ConfigError(message));
         }
         if self.storage.collect_interval.is_zero() || self.storage.keep_newest == 0 {
             let message = "storage.collect_interval and storage.keep_newest must be above 0";
-            return Err(ServerError::Config(message.to_owned()));
+            return Err(ConfigError(message.to_owned()));
         }
         if self.upload.part_bytes == 0 || self.upload.part_bytes > limits::FILE_BYTES {
             let message = "upload.part_bytes must be above 0, and no more than a file".to_owned();
-            return Err(ServerError::Config(message));
+            return Err(ConfigError(message));
         }
         if let Some(oidc) = &self.oidc {
             oidc.check()?;
         }
         if self.max_lost_workers == 0 {
-            return Err(ServerError::Config(
+            return Err(ConfigError(
                 "max_lost_workers must be at least 1".to_owned(),
             ));
         }

@@ -1,8 +1,9 @@
 //! Binds a store of objects to a database by hand.
 
-use crate::lock::DataDirLock;
+use crate::data_dir::DataDirLock;
+use crate::data_dir::{DATABASE_FILE, create_dir, objects_url, open_store};
 use crate::objects::place::Place;
-use crate::{DATABASE_FILE, ServerConfig, ServerError, create_dir, objects_url, open_store};
+use crate::{ServerConfig, ServerError};
 use url::Url;
 use yoto_store::binding;
 

@@ -1,0 +1,9 @@
+//! Where connections come from: TCP, TLS over it, and this process itself.
+
+mod in_memory;
+mod tcp;
+mod tls;
+
+pub use in_memory::{InMemoryConnector, InMemoryIncoming, InProcess, in_memory};
+pub use tcp::tcp;
+pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};
