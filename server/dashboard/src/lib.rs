@@ -20,6 +20,7 @@ mod avatar;
 mod backend;
 mod chart;
 mod compare;
+mod cost;
 mod curves;
 mod document;
 mod events;
@@ -56,7 +57,7 @@ pub use query::Fields;
 pub use routes::{PageRule, RULES};
 
 use axum::Router;
-use axum::middleware::map_response;
+use axum::middleware::{from_fn, map_response};
 use axum::routing::get;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
@@ -82,5 +83,6 @@ pub fn routes(
         })
         .route("/assets/{file}", get(assets::file))
         .layer(map_response(headers::secured))
+        .layer(from_fn(cost::told))
         .with_state(site)
 }

@@ -1,4 +1,5 @@
-//! A coordinator as a process: its clock, its metrics, its private files, and the faults that tests inject.
+//! A coordinator as a process: its clock, its metrics, its private files, the faults that tests inject, and what a task
+//! costs the database.
 //!
 //! Everything of the coordinator may use these; they use nothing of it.
 
@@ -6,3 +7,4 @@ pub mod clock;
 pub mod faults;
 pub mod metrics;
 pub mod private;
+pub mod statements;

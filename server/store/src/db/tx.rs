@@ -6,6 +6,7 @@ use crate::StoreError;
 use std::time::Instant;
 use yoto_process::faults::{self, Moment};
 use yoto_process::metrics::METRICS;
+use yoto_process::statements;
 
 /// A transaction: the only way of the store's scripts to the database.
 #[derive(Debug)]
@@ -192,6 +193,7 @@ impl Tx {
         statement: Statement,
         action: &'static str,
     ) -> Result<Option<Row>, StoreError> {
+        statements::sent();
         match &mut self.driver {
             Driver::Sqlite(it) => Ok(it.row(statement, action).await?.map(Row::Sqlite)),
             Driver::Postgres(it) => {
@@ -206,6 +208,7 @@ impl Tx {
         statement: Statement,
         action: &'static str,
     ) -> Result<Vec<Row>, StoreError> {
+        statements::sent();
         match &mut self.driver {
             Driver::Sqlite(it) => {
                 let rows = it.rows(statement, action).await?.into_iter();
@@ -219,6 +222,7 @@ impl Tx {
     }
 
     async fn run(&mut self, statement: Statement, action: &'static str) -> Result<u64, StoreError> {
+        statements::sent();
         match &mut self.driver {
             Driver::Sqlite(it) => it.execute(statement, action).await,
             Driver::Postgres(it) => Box::pin(it.execute(statement, action)).await,

@@ -7,6 +7,7 @@ mod packing;
 mod report;
 mod sending;
 pub mod stage;
+mod statements;
 mod upload;
 
 use crate::support::{ask, ask_with, id, listen, listen_for};
