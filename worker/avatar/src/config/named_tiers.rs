@@ -83,7 +83,7 @@ fn grid_tier(
                     growth: 1.45,
                     log2_rows,
                     features: 2,
-                    // Chosen by experiment (docs/use/tiers.md).
+                    // Chosen by experiment (docs/research/tiers-experiments.md).
                     own_log2_rows: log2_rows - 3,
                 },
                 layers: LayersConfig {
