@@ -61,7 +61,7 @@ pub enum Encoding {
         /// Features per row: 1, 2, 4 or 8.
         features: usize,
         /// Binary logarithm of the rows of the largest level of an identity's own table. Its features are
-        /// added to those of a table that all share (docs/use/tiers.md).
+        /// added to those of a table that all share (docs/research/tiers-experiments.md).
         #[serde(rename = "sharing", with = "super::sharing")]
         own_log2_rows: u32,
     },

@@ -83,7 +83,7 @@ fn grid_tier(
                     growth: 1.45,
                     log2_rows,
                     features: 2,
-                    // Chosen by experiment (docs/use/tiers.md).
+                    // Chosen by experiment (docs/research/tiers-experiments.md).
                     own_log2_rows: log2_rows - 3,
                 },
                 layers: LayersConfig {
@@ -135,19 +135,19 @@ fn grid_tier(
     }
 }
 
-/// The tier `fast` with splats in place of its field (docs/research/splats.md has the experiments).
+/// The tier `fast` with splats in place of its field (docs/research/splats-experiments.md has the experiments).
 fn splats(variant: Variant) -> ModelConfig {
     let mut config = grid_tier("splat", variant, 8, 15, 64, 3, 64, [32, 33, 13]);
     config.appearance = Appearance::Splats(SplatConfig {
         pose_shapes: PoseShapesConfig::of_tier(),
         ..SplatConfig::default()
     });
-    // What a person has beyond the shared weights needs no fine cells (docs/research/splats.md).
+    // What a person has beyond the shared weights needs no fine cells (docs/research/splats-experiments.md).
     config.motion.own = Some(Resolution::Axes([16, 17, 7]));
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
     config.refinement.noise = 0.08;
-    // A minute's training gains nothing by it (docs/research/splats.md).
+    // A minute's training gains nothing by it (docs/research/splats-experiments.md).
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;
     config.exposure.who = LearnExposure::Auto;

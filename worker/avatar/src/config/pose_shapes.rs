@@ -44,7 +44,7 @@ impl Default for PoseShapesConfig {
 }
 
 impl PoseShapesConfig {
-    /// Those of the tier `splat` (docs/research/splats.md has the experiments).
+    /// Those of the tier `splat` (docs/research/splats-experiments.md has the experiments).
     pub(crate) fn of_tier() -> Self {
         Self {
             count: 8,

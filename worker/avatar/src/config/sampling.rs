@@ -14,7 +14,7 @@ pub enum Turns {
     Person,
 }
 
-/// The person that each step learns from (docs/use/people.md has the experiments).
+/// The person that each step learns from (docs/use/people.md).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SamplingConfig {

@@ -45,7 +45,7 @@ pub struct SplatConfig {
 }
 
 impl Default for SplatConfig {
-    /// Chosen by experiment (docs/research/splats.md).
+    /// Chosen by experiment (docs/research/splats-experiments.md).
     fn default() -> Self {
         Self {
             count: 20_000,

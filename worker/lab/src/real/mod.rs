@@ -1,7 +1,7 @@
 //! Clips as people have them, each through the whole path: poses and masks found, checked, trained, and measured
 //! on frames that were held out.
 //!
-//! Rendered captures have exact poses and masks; a gain on them can be a loss here (docs/research/quality.md).
+//! Rendered captures have exact poses and masks; a gain on them can be a loss here (docs/research/splats-films.md).
 
 mod contact_sheet;
 mod table;

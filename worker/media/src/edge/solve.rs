@@ -18,7 +18,7 @@ const GIVEN_UNKNOWN: [f32; 2] = [0.3, 1.5];
 /// Weight from which a colour is clear.
 const CLEAR: f32 = 0.7;
 /// Squared difference of a coarse mask from what clear colours say. Exact masks have 0.006 to 0.015, those of the pose
-/// network mostly 0.04 to 0.13 (docs/research/edges.md).
+/// network mostly 0.04 to 0.13.
 const COARSE: f32 = 0.04;
 /// Largest factor of a good mask's weight.
 const MOST_TRUST: f32 = 30.0;

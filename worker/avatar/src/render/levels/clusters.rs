@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use yoto_capture::skeleton::transform::from_quaternion;
 
 /// Distance that counts as much as a difference of 1 in colour, metres; this and the next were chosen by experiment
-/// (docs/research/splats.md).
+/// (docs/research/splats-experiments.md).
 const NEAR: f64 = 0.2;
 /// Weight of the difference of unit normals: light and outlines depend on them.
 const NORMALS: f64 = 0.3;

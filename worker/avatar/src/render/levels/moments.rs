@@ -9,7 +9,7 @@ use yoto_capture::skeleton::transform::{
 /// Largest opacity: 1 has no logit.
 const OPAQUE: f64 = 0.999;
 /// Exponent by which the two largest deviations grow where a group covers more than an opaque splat of its size does; 1/2
-/// would keep the coverage, and blur outlines (docs/research/splats.md).
+/// would keep the coverage, and blur outlines (docs/research/splats-experiments.md).
 const GROWTH: f64 = 0.25;
 /// Smallest standard deviation, metres.
 const THINNEST: f64 = 1e-6;

@@ -22,7 +22,7 @@ use yoto_ops::warp::skin::cpu::forward;
 
 /// Most frames that are looked at, evenly over the capture.
 const FRAMES: usize = 50;
-/// Sum of the bones' Gaussians above which a point may belong to the body (docs/research/splats.md).
+/// Sum of the bones' Gaussians above which a point may belong to the body (docs/research/splats-experiments.md).
 const HALO: f64 = 0.05;
 /// Share of the frames that must show a point on the person. In the others, it may be outside the
 /// picture.
