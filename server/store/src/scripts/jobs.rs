@@ -1,6 +1,6 @@
 //! The users' side of jobs: create, read, list, cancel.
 
-use super::positions::{self, Asked};
+use super::positions::{self, JobToPlace};
 use super::{attempts, consent_rule, models, operators, outcome, pins, quotas, requests, uploads};
 use crate::Tenant;
 use crate::db::{Lock, Row, Tx, sql, state};
@@ -221,7 +221,7 @@ pub async fn without_order(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job
     match row {
         Some(row) => {
             let mut job = read(&row)?;
-            let asked = Asked {
+            let asked = JobToPlace {
                 priority: row.number("priority")?,
                 ord: row.number("ord")?,
                 job: &mut job,
@@ -296,7 +296,7 @@ pub async fn list(
     }
     let mut asked = Vec::with_capacity(rows.len());
     for (row, entry) in rows.iter().zip(&mut entries) {
-        asked.push(Asked {
+        asked.push(JobToPlace {
             priority: row.number("priority")?,
             ord: entry.position,
             job: &mut entry.item,

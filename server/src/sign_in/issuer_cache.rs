@@ -15,12 +15,12 @@ const AT_ONCE: usize = 4;
 
 /// The issuer, once it was asked.
 #[derive(Debug)]
-pub struct Found {
+pub struct IssuerCache {
     last: Mutex<Option<(Instant, Arc<Issuer>)>>,
     exchanges: Semaphore,
 }
 
-impl Default for Found {
+impl Default for IssuerCache {
     fn default() -> Self {
         Self {
             last: Mutex::default(),
@@ -29,7 +29,7 @@ impl Default for Found {
     }
 }
 
-impl Found {
+impl IssuerCache {
     /// The issuer, as it was at most [`FRESH`] ago. Only one request at a time looks for it.
     ///
     /// # Errors
