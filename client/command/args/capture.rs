@@ -2,10 +2,11 @@
 
 use crate::args::MattingArgs;
 use crate::args::frame_range::FrameRange;
+use crate::import_progress;
 use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, Told, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, TrackForm, to_folder};
 use yoto_media::video::Hdr;
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
@@ -183,7 +184,7 @@ impl ImportOptions {
                 HdrArg::Pq => Hdr::Pq,
             },
             ffmpeg: self.ffmpeg.program().map(Path::to_owned),
-            told: Told::default(),
+            progress: import_progress::on_terminal(),
         }
     }
 

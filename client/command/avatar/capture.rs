@@ -1,6 +1,7 @@
 //! The clip as a capture folder, and its check before anything is trained.
 
 use super::AvatarOptions;
+use crate::import_progress;
 use anyhow::{Context, ensure};
 use image::ImageFormat;
 use std::path::Path;
@@ -124,7 +125,12 @@ pub(super) fn check(
     despite: bool,
 ) -> anyhow::Result<Checked> {
     let started = Instant::now();
-    let checked = capture_check::check(folder, &CaptureOptions::default(), ffmpeg)?;
+    let checked = capture_check::check(
+        folder,
+        &CaptureOptions::default(),
+        ffmpeg,
+        &import_progress::on_terminal(),
+    )?;
     std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     let report = out.join("report.json");
     let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;

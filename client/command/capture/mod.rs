@@ -5,6 +5,7 @@ pub(crate) mod import;
 
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
+use crate::import_progress;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use example::Example;
@@ -128,7 +129,12 @@ impl Check {
         if !self.force {
             ensure_own(&report, &self.capture)?;
         }
-        let checked = capture_check::check(&self.capture, &options, self.ffmpeg.program())?;
+        let checked = capture_check::check(
+            &self.capture,
+            &options,
+            self.ffmpeg.program(),
+            &import_progress::on_terminal(),
+        )?;
         let written = Written {
             capture: path(&self.capture)?,
             report: &checked.report,

@@ -3,7 +3,7 @@
 //! A tracker that loses a person for some frames goes on with a new number. Two tracks belong to one person if the second begins
 //! soon after the first ends, near the same place, and nobody else begins or ends there.
 
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// Most frames between two tracks of one person.
 const SOON: usize = 15;

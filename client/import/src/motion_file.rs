@@ -1,9 +1,9 @@
 //! Motions of files, with a hint where a file is another program's and no motion.
 
+use crate::ImportError;
 use crate::motion::{self, Motion, MotionOptions};
 use crate::{keypoints, tools, what};
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// What a file of poses is good for.
 const BECOMES: &str = "with its clip it becomes a capture (yoto import CLIP --poses FILE), whose poses.json is a motion";
@@ -12,10 +12,10 @@ const BECOMES: &str = "with its clip it becomes a capture (yoto import CLIP --po
 ///
 /// # Errors
 /// Those of [`motion::read`].
-pub fn read_motion(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError> {
+pub fn read_motion(path: &Path, options: &MotionOptions) -> Result<Motion, ImportError> {
     motion::read(path, options).map_err(|error| match (error, not_a_motion(path)) {
-        (ClientError::Name(_), Some(what)) => {
-            ClientError::Name(format!("{}: {what}", path.display()))
+        (ImportError::Unusable(_), Some(what)) => {
+            ImportError::Unusable(format!("{}: {what}", path.display()))
         }
         (error, _) => error,
     })

@@ -1,9 +1,9 @@
 //! What makes frames of an import useless or doubtful, whichever program wrote them.
 
+use crate::ImportError;
 use crate::clip::left_out;
 use crate::pictures::{Mask, read_masks};
 use crate::{Imported, Pictures};
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
 /// Fewest pixels of a person.
@@ -23,7 +23,7 @@ const NAMED: usize = 4;
 ///
 /// # Errors
 /// A mask that can't be read.
-pub(crate) fn ensure(imported: &mut Imported) -> Result<(), ClientError> {
+pub(crate) fn ensure(imported: &mut Imported) -> Result<(), ImportError> {
     leave_out_empty(imported)?;
     let track = &imported.track;
     let doubts: Vec<String> = [jumps(track), camera(track)]
@@ -35,7 +35,7 @@ pub(crate) fn ensure(imported: &mut Imported) -> Result<(), ClientError> {
     Ok(())
 }
 
-fn leave_out_empty(imported: &mut Imported) -> Result<(), ClientError> {
+fn leave_out_empty(imported: &mut Imported) -> Result<(), ImportError> {
     let size = imported.track.image_size;
     let masks: Vec<&Vec<Mask>> = match &imported.pictures {
         Pictures::Files(files) => files.iter().map(|files| &files.masks).collect(),

@@ -1,9 +1,9 @@
 //! What a file is that was given in the wrong place: for errors, which say what to give instead.
 
+use crate::ImportError;
 use crate::clip::fault;
 use crate::source::Source;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_formats::Value;
 
 /// Most arrays and keys that are named.
@@ -186,7 +186,7 @@ fn contents(value: &Value) -> String {
 }
 
 /// The error about the file or folder at `path`, which is none of those that were `looked` for.
-pub(crate) fn unknown(path: &Path, looked: &str) -> ClientError {
+pub(crate) fn unknown(path: &Path, looked: &str) -> ImportError {
     let found = what(path).map_or(String::new(), |what| format!("{what}. "));
     let message = format!("{found}Looked for {looked}");
     fault(path, "UNKNOWN", message)

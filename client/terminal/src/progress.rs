@@ -1,7 +1,10 @@
 //! Current progress of a job or an upload: a live bar on a terminal, a plain line every few seconds
 //! elsewhere, always on stderr, since stdout is for results.
 
+mod activities;
 mod rate;
+
+pub use activities::Activities;
 
 use crate::output::{self, others};
 use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -9,6 +12,7 @@ use rate::Rate;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 pub use yoto_proto::progress::{describe, duration};
+pub use yoto_proto::text::count;
 use yoto_proto::v1::{Job, Progress, job};
 
 /// Interval between plain lines; shorter activities have only their last line.
@@ -203,14 +207,6 @@ fn with_rate(mut text: String, rate: Option<f64>, left: Option<f64>) -> String {
         text += &format!(" · {} left", duration(left));
     }
     text
-}
-
-/// `1 frame`, `2 frames`.
-pub fn count(number: usize, what: &str) -> String {
-    match number {
-        1 => format!("1 {what}"),
-        _ => format!("{number} {what}s"),
-    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Which format a file or folder has.
 
-use super::table::{ADAPTERS, Adapter, Fits};
+use super::table::{Adapter, Fits, adapters};
+use crate::ImportError;
 use crate::clip::{PICTURES, fault, is_video, listed};
 use crate::{Options, keypoints, tools};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::violation;
 
 /// What was recognised.
@@ -19,9 +19,9 @@ pub(super) enum Recognised {
 ///
 /// # Errors
 /// When nothing is recognised, with what was looked for.
-pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, ClientError> {
-    std::fs::metadata(dir).map_err(ClientError::file("reading", dir))?;
-    for adapter in &ADAPTERS {
+pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, ImportError> {
+    std::fs::metadata(dir).map_err(ImportError::file("reading", dir))?;
+    for adapter in adapters() {
         match adapter.fits {
             Fits::Files(alternatives) => {
                 let mut alternatives = alternatives.iter();
@@ -52,7 +52,7 @@ pub(super) fn recognise(dir: &Path, options: &Options) -> Result<Recognised, Cli
 }
 
 /// The error about what is of no format.
-fn unknown(dir: &Path) -> ClientError {
+fn unknown(dir: &Path) -> ImportError {
     let name = dir.file_name().unwrap_or_default().to_string_lossy();
     if dir.is_file() && name.to_ascii_lowercase().ends_with(".hdf5") {
         let message =
@@ -67,7 +67,7 @@ fn unknown(dir: &Path) -> ClientError {
         );
         return fault(dir, "UNKNOWN", message);
     }
-    let alternatives = ADAPTERS.iter().filter_map(|adapter| match adapter.fits {
+    let alternatives = adapters().iter().filter_map(|adapter| match adapter.fits {
         Fits::Files(alternatives) => Some(alternatives),
         _ => None,
     });
@@ -81,9 +81,9 @@ fn unknown(dir: &Path) -> ClientError {
          BVH, or key points of {}",
         captures.join(", "),
         tools.join(", "),
-        keypoints::DETECTORS
+        keypoints::looked_for()
     );
-    ClientError::BadCapture {
+    ImportError::BadCapture {
         place: dir.display().to_string(),
         violations: vec![violation("UNKNOWN", &name, None, "", message)],
     }

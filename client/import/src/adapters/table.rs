@@ -3,24 +3,22 @@
 
 use super::flags::Flag;
 use super::format::Format;
+use crate::ImportError;
 use crate::datasets::{folder, humannerf, instant_avatar, people_snapshot, zju};
 use crate::source::Source;
-use crate::tools::{Tool, bvh_clip};
-use crate::tools::{easymocap, ex_avatar, gvhmr, lhm, phalp, prompthmr, romp, tram, wham};
+use crate::tools::{self, Tool, bvh_clip};
 use crate::{Imported, Options, film, keypoints};
-use clap::builder::PossibleValue;
 use std::path::Path;
-use yoto_client::ClientError;
+use std::sync::LazyLock;
 use yoto_proto::pose_track::{BINARY_FILE, FILE};
 
 /// A format and its reader.
 pub(super) struct Adapter {
-    pub format: Format,
     /// What `--from` takes.
     pub from: &'static str,
-    pub help: &'static str,
+    pub help: String,
     /// The options that it reads, of those that some formats don't.
-    pub flags: &'static [Flag],
+    pub flags: Vec<Flag>,
     pub fits: Fits,
     pub read: Read,
 }
@@ -41,15 +39,15 @@ pub(super) enum Fits {
 #[derive(Clone, Copy)]
 pub(super) enum Read {
     /// Of a folder.
-    Folder(fn(&Source, &Options) -> Result<Imported, ClientError>),
+    Folder(fn(&Source, &Options) -> Result<Imported, ImportError>),
     /// Of a clip, with what the options name.
-    Clip(fn(&Path, &Options) -> Result<Imported, ClientError>),
+    Clip(fn(&Path, &Options) -> Result<Imported, ImportError>),
     /// Of a pose tool's files, with the clip.
     Tool(&'static Tool),
 }
 
 /// What a pose tool's files need besides.
-const TOOL: &[Flag] = &[
+const TOOL: [Flag; 9] = [
     Flag::RestJoints,
     Flag::Poses,
     Flag::Masks,
@@ -63,12 +61,33 @@ const TOOL: &[Flag] = &[
 
 /// All formats, in the order in which files are recognised: an import's own capture folder may be the
 /// folder of the dataset, and a clip is all that is left where nothing else fits.
-pub(super) static ADAPTERS: [Adapter; 17] = [
+pub(super) fn adapters() -> &'static [Adapter] {
+    static ALL: LazyLock<Vec<Adapter>> = LazyLock::new(|| {
+        let tools = tools::ALL.into_iter().map(of_tool);
+        let others = before_tools().into_iter();
+        others.chain(tools).chain([clip_alone()]).collect()
+    });
+    &ALL
+}
+
+fn of_tool(tool: &'static Tool) -> Adapter {
+    let view = tool.has_views.then_some(Flag::View);
     Adapter {
-        format: Format::Folder,
-        from: "folder",
-        help: "This project's own: poses.json or poses.pb, frames, masks",
-        flags: &[],
+        from: tool.from,
+        help: tool.help.into(),
+        flags: view.into_iter().chain(TOOL).collect(),
+        fits: Fits::Tool,
+        read: Read::Tool(tool),
+    }
+}
+
+/// Formats whose files are recognised before those of pose tools.
+fn before_tools() -> [Adapter; 7] {
+    [
+    Adapter {
+        from: Format::FOLDER.name(),
+        help: "This project's own: poses.json or poses.pb, frames, masks".into(),
+        flags: vec![],
         fits: Fits::Files(&[
             ("a capture folder", &[FILE]),
             ("a capture folder", &[BINARY_FILE]),
@@ -76,18 +95,16 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         read: Read::Folder(folder::read),
     },
     Adapter {
-        format: Format::Zju,
         from: "zju",
-        help: "ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp",
-        flags: &[Flag::View, Flag::RestJoints, Flag::Fps],
+        help: "ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp".into(),
+        flags: vec![Flag::View, Flag::RestJoints, Flag::Fps],
         fits: Fits::Files(&[("ZJU-MoCap", &["annots.npy"])]),
         read: Read::Folder(zju::read),
     },
     Adapter {
-        format: Format::HumanNerf,
         from: "humannerf",
-        help: "HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl and canonical_joints.pkl",
-        flags: &[Flag::RestJoints, Flag::Fps],
+        help: "HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl and canonical_joints.pkl".into(),
+        flags: vec![Flag::RestJoints, Flag::Fps],
         fits: Fits::Files(&[
             ("HumanNeRF's prepared capture", &["mesh_infos.pkl"]),
             ("HumanNeRF's wild video", &["metadata.json", "images"]),
@@ -95,18 +112,16 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         read: Read::Folder(humannerf::read),
     },
     Adapter {
-        format: Format::PeopleSnapshot,
         from: "people-snapshot",
-        help: "PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video",
-        flags: &[Flag::RestJoints, Flag::Fps],
+        help: "PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video".into(),
+        flags: vec![Flag::RestJoints, Flag::Fps],
         fits: Fits::Files(&[("PeopleSnapshot", people_snapshot::MARKS)]),
         read: Read::Folder(people_snapshot::read),
     },
     Adapter {
-        format: Format::InstantAvatar,
         from: "instant-avatar",
-        help: "InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks",
-        flags: &[Flag::RestJoints, Flag::Poses, Flag::Fps],
+        help: "InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks".into(),
+        flags: vec![Flag::RestJoints, Flag::Poses, Flag::Fps],
         fits: Fits::Files(&[
             ("InstantAvatar", &["cameras.npz", "poses.npz"]),
             ("InstantAvatar", &["cameras.npz", "poses"]),
@@ -114,10 +129,9 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         read: Read::Folder(instant_avatar::read),
     },
     Adapter {
-        format: Format::Bvh,
         from: "bvh",
-        help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera",
-        flags: &[
+        help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera".into(),
+        flags: vec![
             Flag::View,
             Flag::Poses,
             Flag::Masks,
@@ -131,10 +145,12 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         read: Read::Clip(bvh_clip::read),
     },
     Adapter {
-        format: Format::KeyPoints,
         from: "key-points",
-        help: "Key points of OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body: --poses their files, with the clip; a body is fitted to them",
-        flags: &[
+        help: format!(
+            "Key points of {}: --poses their files, with the clip; a body is fitted to them",
+            keypoints::detectors()
+        ),
+        flags: vec![
             Flag::Poses,
             Flag::Masks,
             Flag::Matting,
@@ -151,94 +167,15 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         fits: Fits::Poses(None, keypoints::has_files),
         read: Read::Clip(keypoints::read),
     },
+    ]
+}
+
+/// A clip without anything beside it.
+fn clip_alone() -> Adapter {
     Adapter {
-        format: Format::Phalp,
-        from: "phalp",
-        help: "4D-Humans' tracker PHALP: --poses outputs/results/demo_*.pkl, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&phalp::TOOL),
-    },
-    Adapter {
-        format: Format::Wham,
-        from: "wham",
-        help: "WHAM: --poses wham_output.pkl, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&wham::TOOL),
-    },
-    Adapter {
-        format: Format::Gvhmr,
-        from: "gvhmr",
-        help: "GVHMR: --poses hmr4d_results.pt, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&gvhmr::TOOL),
-    },
-    Adapter {
-        format: Format::Tram,
-        from: "tram",
-        help: "TRAM: --poses results/CLIP, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&tram::TOOL),
-    },
-    Adapter {
-        format: Format::Romp,
-        from: "romp",
-        help: "ROMP or BEV: --poses a folder of *.npz or video_results.npz, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&romp::TOOL),
-    },
-    Adapter {
-        format: Format::PromptHmr,
-        from: "prompthmr",
-        help: "PromptHMR: --poses results.pkl, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&prompthmr::TOOL),
-    },
-    Adapter {
-        format: Format::Lhm,
-        from: "lhm",
-        help: "LHM's motions: --poses smplx_params, with their video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&lhm::TOOL),
-    },
-    Adapter {
-        format: Format::ExAvatar,
-        from: "exavatar",
-        help: "ExAvatar: --poses smplx_optimized/smplx_params, with the pictures or their video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&ex_avatar::TOOL),
-    },
-    Adapter {
-        format: Format::EasyMocap,
-        from: "easymocap",
-        help: "EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video",
-        flags: &[
-            Flag::View,
-            Flag::RestJoints,
-            Flag::Poses,
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Person,
-            Flag::Focal,
-            Flag::Height,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Tool,
-        read: Read::Tool(&easymocap::TOOL),
-    },
-    Adapter {
-        format: Format::Film,
-        from: "film",
-        help: "A video, or a folder of pictures, alone: poses and masks by --pose-model",
-        flags: &[
+        from: Format::FILM.name(),
+        help: "A video, or a folder of pictures, alone: poses and masks by --pose-model".into(),
+        flags: vec![
             Flag::Masks,
             Flag::Matting,
             Flag::Person,
@@ -249,41 +186,19 @@ pub(super) static ADAPTERS: [Adapter; 17] = [
         ],
         fits: Fits::Clip,
         read: Read::Clip(film::read),
-    },
-];
+    }
+}
 
-/// The adapter of `format`; `None` for [`Format::Auto`].
+/// The adapter of `format`; `None` for [`Format::AUTO`].
 pub(super) fn of(format: Format) -> Option<&'static Adapter> {
-    ADAPTERS.iter().find(|adapter| adapter.format == format)
+    let mut all = adapters().iter();
+    all.find(|adapter| adapter.from == format.name())
 }
 
 /// The formats that read `flag`, by the names that `--from` takes.
 pub(super) fn readers(flag: Flag) -> Vec<&'static str> {
-    let reads = ADAPTERS
+    let reads = adapters()
         .iter()
         .filter(|adapter| adapter.flags.contains(&flag));
     reads.map(|adapter| adapter.from).collect()
-}
-
-impl clap::ValueEnum for Format {
-    fn value_variants<'a>() -> &'a [Self] {
-        static ALL: [Format; ADAPTERS.len() + 1] = {
-            let mut all = [Format::Auto; ADAPTERS.len() + 1];
-            let mut at = 0;
-            while at < ADAPTERS.len() {
-                all[at + 1] = ADAPTERS[at].format;
-                at += 1;
-            }
-            all
-        };
-        &ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let (from, help) = match of(*self) {
-            Some(adapter) => (adapter.from, adapter.help),
-            None => ("auto", "Recognised by the files"),
-        };
-        Some(PossibleValue::new(from).help(help))
-    }
 }

@@ -1,12 +1,11 @@
 //! A capture on this disk, decoded in this process as an ingest job decodes an upload: from pictures,
 //! videos or archives.
 
-use super::{CaptureDir, CaptureOptions};
+use super::{CaptureDir, CaptureOptions, FileSource};
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_capture::{Shard, ShardBuilder};
-use yoto_client::FileSource;
 use yoto_ingest::LocalCapture;
 use yoto_proto::media_plan::MediaPlan;
 

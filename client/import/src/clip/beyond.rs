@@ -1,6 +1,6 @@
 //! Poses and points beyond a clip's last frame.
 
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// Frames beyond the last that are left out whatever the clip's length: decoders disagree about the last ones.
 const FEW: usize = 5;

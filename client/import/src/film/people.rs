@@ -2,12 +2,12 @@
 
 use super::sheet;
 use super::watch::{self, Watched};
+use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, fault, for_each};
 use image::RgbImage;
-use yoto_client::ClientError;
 use yoto_landmarks::{Figure, Person, Sighting, Target, Watcher, people};
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// People that a note and the sheet name.
 const NAMED: usize = 6;
@@ -37,8 +37,8 @@ pub(super) fn follow(
     clip: &Clip,
     wanted: &[usize],
     options: &Options,
-) -> Result<Followed, ClientError> {
-    let watched = watch::watch(watcher, clip, wanted, &options.told)?;
+) -> Result<Followed, ImportError> {
+    let watched = watch::watch(watcher, clip, wanted, &options.progress)?;
     let found = people(&sightings(&watched));
     let named: Vec<&Person> = found
         .iter()
@@ -74,7 +74,7 @@ pub(super) fn follow(
     let watched = match target {
         Some(target) => {
             watcher.follow(Some(target));
-            watch::watch(watcher, clip, wanted, &options.told)?
+            watch::watch(watcher, clip, wanted, &options.progress)?
         }
         None => {
             let is_seen = |it: &Watched| person.seen.iter().any(|(at, _)| *at == it.index);
@@ -149,7 +149,7 @@ fn words(person: &Person, clip: &Clip) -> String {
 }
 
 /// A picture of everybody with their numbers, each in the middle one of their frames.
-fn numbered(people: &[&Person], clip: &Clip) -> Result<RgbImage, ClientError> {
+fn numbered(people: &[&Person], clip: &Clip) -> Result<RgbImage, ImportError> {
     let middle = |person: &Person| person.seen.get(person.seen.len() / 2).copied();
     let mut places: Vec<(usize, Figure, usize)> = people
         .iter()

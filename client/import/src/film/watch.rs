@@ -1,16 +1,15 @@
 //! What the pose model sees in the frames of a clip.
 
+use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
-use crate::options::Told;
+use crate::{Progress, Stage};
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use yoto_client::ClientError;
 use yoto_landmarks::{Figure, Seen, Watcher};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
-use yoto_terminal::progress::ProgressDisplay;
 
 /// Visibility from which on a point counts as seen.
 const VISIBLE: f32 = 0.5;
@@ -78,10 +77,10 @@ pub(super) fn watch(
     watcher: &mut Watcher,
     clip: &Clip,
     wanted: &[usize],
-    told: &Told,
-) -> Result<Vec<Watched>, ClientError> {
+    progress: &Progress,
+) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
-    watch_with(clip, wanted, told, |frame, rgb| {
+    watch_with(clip, wanted, progress, |frame, rgb| {
         let seen = watcher.look(frame, rgb, size);
         seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
     })
@@ -92,19 +91,16 @@ pub(super) fn watch(
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
-    told: &Told,
-    look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
-) -> Result<Vec<Watched>, ClientError> {
-    let mut display = ProgressDisplay::new("people");
+    progress: &Progress,
+    look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ImportError>,
+) -> Result<Vec<Watched>, ImportError> {
+    let running = progress.start(Stage::People);
     let (decoded, frames) = sync_channel(AHEAD);
     let (found, unfinished) = sync_channel(AHEAD);
-    let watched = thread::scope(|scope| {
+    thread::scope(|scope| {
         let decoding = scope.spawn(move || decode(clip, wanted, &decoded));
         let finishing = scope.spawn(move || finish(clip, &unfinished));
-        let done = |done| {
-            display.count("frame", done, wanted.len());
-            told.say(done, wanted.len());
-        };
+        let done = |done| running.count(done, wanted.len());
         let looked = look_at(frames, &found, look, done);
         drop(found);
         let decoded = decoding.join().unwrap_or_else(|panic| resume_unwind(panic));
@@ -116,12 +112,10 @@ fn watch_with(
         looked?;
         decoded?;
         Ok(watched)
-    });
-    display.clear();
-    watched
+    })
 }
 
-fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Result<(), ClientError> {
+fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Result<(), ImportError> {
     for_each(clip, wanted, |index, rgb| {
         let rgb = Arc::new(rgb.to_vec());
         pass_on(clip, decoded, Decoded { index, rgb })
@@ -129,7 +123,7 @@ fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Resul
 }
 
 /// Gives `it` to the next stage.
-fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError> {
+fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ImportError> {
     let ended = |_| {
         fault(
             clip.path(),
@@ -144,9 +138,9 @@ fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError>
 fn look_at(
     frames: Receiver<Decoded>,
     found: &SyncSender<Sighting>,
-    mut look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
+    mut look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ImportError>,
     mut done: impl FnMut(usize),
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let mut last: Option<(Arc<Vec<u8>>, bool)> = None;
     for (number, frame) in frames.into_iter().enumerate() {
         done(number);
@@ -169,7 +163,7 @@ fn look_at(
 }
 
 /// Masks and colours of the frames with the person.
-fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, ClientError> {
+fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
     let mut watched: Vec<Watched> = Vec::new();
     for found in found {
@@ -282,7 +276,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(&clip, &wanted, &Told::default(), |_, rgb| {
+        let watched = watch_with(&clip, &wanted, &Progress::default(), |_, rgb| {
             looked.push(rgb[0]);
             let mut seen = seen(33);
             seen.picture[0][0] = f32::from(rgb[0]);
@@ -318,7 +312,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(&clip, &wanted, &Told::default(), |_, _| {
+        let failed = watch_with(&clip, &wanted, &Progress::default(), |_, _| {
             looked += 1;
             Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
         });
@@ -327,7 +321,9 @@ mod tests {
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(&clip, &[3, 99], &Told::default(), |_, _| Ok(Some(seen(33))));
+        let absent = watch_with(&clip, &[3, 99], &Progress::default(), |_, _| {
+            Ok(Some(seen(33)))
+        });
         let error = absent.err().expect("a fault").to_string();
         assert!(error.contains("a picture was taken away"), "{error}");
     }

@@ -3,11 +3,11 @@
 use super::detections::{Detection, Detections};
 use super::people::{self, Person};
 use super::{mask, own_skeleton, timing};
+use crate::ImportError;
 use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
 use crate::{Found, Imported, Options, PoseFit};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
 
 /// The capture of a person in `found`, whose files are at `at`.
@@ -19,7 +19,7 @@ pub(super) fn read(
     found: &Detections,
     at: &Path,
     options: &Options,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let mut notes = vec![format!(
         "{}: key points of {} frames",
         found.name,

@@ -1,12 +1,12 @@
 //! What all readers give: the people of every frame, and where their points are.
 
+use crate::ImportError;
 use crate::clip::{Clip, Counting, fault};
 use crate::geometry::Vec3;
 use crate::source::{Part, is_number};
 use crate::tree::{Placed, Tree};
 use std::path::Path;
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 use yoto_pose::KeyPointSet;
 
@@ -164,7 +164,7 @@ impl Detections {
         first: Option<usize>,
         clip: &Clip,
         at: &Path,
-    ) -> Result<Vec<Option<usize>>, ClientError> {
+    ) -> Result<Vec<Option<usize>>, ImportError> {
         let Some(first) = first else {
             let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
             return Ok(self.frames.iter().map(named).collect());
@@ -188,7 +188,7 @@ impl Detections {
 }
 
 /// The first `N` of flat x, y, confidence, of pixels counted from the first pixel's centre.
-pub(super) fn flat(part: &Part<'_>, wanted: usize) -> Result<Vec<[f64; 3]>, ClientError> {
+pub(super) fn flat(part: &Part<'_>, wanted: usize) -> Result<Vec<[f64; 3]>, ImportError> {
     let array = part.unchecked()?;
     if array.shape.iter().filter(|side| **side != 1).count() > 1 {
         return Err(part.fault("SIZE_MISMATCH", "rows instead of numbers in a row"));
@@ -216,7 +216,7 @@ pub(super) fn from_centre([x, y, confidence]: [f64; 3]) -> [f64; 3] {
 }
 
 /// A whole number from 0 on.
-pub(super) fn whole(part: &Part<'_>) -> Result<usize, ClientError> {
+pub(super) fn whole(part: &Part<'_>) -> Result<usize, ImportError> {
     let number = part.number()?;
     if number >= 0.0 && number.fract() == 0.0 {
         return Ok(number as usize);

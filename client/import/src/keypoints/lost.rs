@@ -1,10 +1,10 @@
 //! People whom a detector lost and found again under another number: one person if time, place, size and colours agree.
 
 use super::detections::{Detection, Detections};
+use crate::ImportError;
 use crate::clip::{Clip, for_each};
 use crate::identities::{Track, follows, joined};
 use std::collections::BTreeSet;
-use yoto_client::ClientError;
 use yoto_landmarks::colours::{OTHER_COLOURS, difference, opponent};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
 
@@ -78,7 +78,7 @@ pub(super) fn join(
     found: &mut Detections,
     clip: &Clip,
     notes: &mut Vec<String>,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let Some(mut people) = numbered(found, clip) else {
         return Ok(());
     };
@@ -134,7 +134,7 @@ fn numbered(found: &Detections, clip: &Clip) -> Option<Vec<Numbered>> {
 }
 
 /// Looks at the colours of people where one may go on as another.
-fn look(people: &mut [Numbered], set: KeyPointSet, clip: &Clip) -> Result<(), ClientError> {
+fn look(people: &mut [Numbered], set: KeyPointSet, clip: &Clip) -> Result<(), ImportError> {
     let mut wanted = BTreeSet::new();
     for one in people.iter() {
         for next in people.iter().filter(|next| follows(one, *next).is_some()) {

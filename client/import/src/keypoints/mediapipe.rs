@@ -8,9 +8,10 @@
 //! visibility. World landmarks are metres around the hips in the camera's axes.
 
 use super::detections::{Detection, Detections, FrameDetections, whole};
+use super::form::{Fits, Form};
+use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::Part;
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
 /// What notes call the detector.
@@ -36,8 +37,14 @@ pub(super) type Points = (Vec<[f64; 3]>, Vec<Vec3>);
 const PICTURE: [&str; 3] = ["landmarks", "L", "pose_landmarks"];
 const SPACE: [&str; 3] = ["world_landmarks", "W", "pose_world_landmarks"];
 
+pub(super) static FORM: Form = Form {
+    detector: Some("MediaPipe"),
+    fits: Fits::Contents(fits),
+    read: |file| read(&file.data()?.root(), file.size),
+};
+
 /// Whether these arrays are there.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     any(root, &PICTURE).is_some_and(|part| part.value().items().is_none())
 }
 
@@ -47,7 +54,7 @@ pub(super) fn any<'a>(root: &Part<'a>, names: &[&str]) -> Option<Part<'a>> {
 }
 
 /// The frames of an archive, of pictures of `size`.
-pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ClientError> {
+fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
     let Some(part) = any(root, &PICTURE) else {
         return Err(root.fault("MISSING", "there is no 'landmarks'"));
     };
@@ -90,7 +97,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
 }
 
 /// `[F, 33, 4]`; visibility is 1 if the file has none.
-fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
+fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
     let array = part.unchecked()?;
     let (rows, width) = match array.shape[..] {
         [rows, POINTS, width @ (3 | 4)] => (rows, width),
@@ -169,7 +176,7 @@ pub(super) fn detections(
 }
 
 /// The number of a frame under one of the usual names.
-pub(super) fn number(part: &Part<'_>) -> Result<Option<usize>, ClientError> {
+pub(super) fn number(part: &Part<'_>) -> Result<Option<usize>, ImportError> {
     let number = any(part, &["frame", "frame_id", "frame_index", "index", "idx"]);
     number.map(|number| whole(&number)).transpose()
 }

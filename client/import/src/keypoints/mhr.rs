@@ -5,10 +5,10 @@
 //! head, toes into the ball; helpers that spread a twist over a limb (`_proc`) move with the limb, and
 //! joints between kept ones (the ankle's parts, the forearm's twist) are folded into those below.
 
+use crate::ImportError;
 use crate::geometry::{Mat3, exact_rotation, matmul};
 use crate::source::Part;
 use crate::tree::{Joint, Placed, Tree};
-use yoto_client::ClientError;
 
 /// A kept joint: its number, its name, the kept joint above, and the joint of SMPL that it stands for.
 type Row = (usize, &'static str, usize, &'static str);
@@ -58,7 +58,7 @@ pub(super) fn tree() -> Tree {
 pub(super) fn placed(
     root: &Part<'_>,
     positions: &[[f64; 3]],
-) -> Result<Option<Placed>, ClientError> {
+) -> Result<Option<Placed>, ImportError> {
     let Some(part) = root.find("pred_global_rots").filter(|it| !it.is_nothing()) else {
         return Ok(None);
     };

@@ -3,11 +3,11 @@
 use super::detections::{Detection, SURE};
 use super::point_turn::PointTurn;
 use super::seen_as::SeenAs;
+use crate::ImportError;
 use crate::clip::Clip;
 use crate::pictures::read_masks;
 use crate::proof::Masks;
-use yoto_client::ClientError;
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// Frames that are looked at.
 const FRAMES: usize = 16;
@@ -67,7 +67,7 @@ pub(super) fn share(
     seen: &[(usize, &Detection)],
     shift: i64,
     seen_as: &SeenAs,
-) -> Result<f64, ClientError> {
+) -> Result<f64, ImportError> {
     let size = clip.size.map(f64::from);
     let (mut inside, mut all) = (0, 0);
     for (frame, detection) in seen.iter().step_by(seen.len().div_ceil(FRAMES).max(1)) {
@@ -95,7 +95,7 @@ pub(super) fn guess(
     clip: &Clip,
     seen: &[(usize, &Detection)],
     given: &SeenAs,
-) -> Result<Option<String>, ClientError> {
+) -> Result<Option<String>, ImportError> {
     let mut best: Option<(f64, &str, &str)> = None;
     let [width, height] = clip.size.map(f64::from);
     for (words, options, change) in CHANGES {
@@ -132,7 +132,7 @@ pub(super) fn shifted(
     clip: &Clip,
     seen: &[(usize, &Detection)],
     found: f64,
-) -> Result<Option<String>, ClientError> {
+) -> Result<Option<String>, ImportError> {
     if found >= FITS {
         return Ok(None);
     }

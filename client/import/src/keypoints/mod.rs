@@ -15,6 +15,7 @@ mod capture;
 mod clip_frames;
 mod detections;
 mod easy_vitpose;
+mod form;
 mod hands;
 mod lost;
 mod mask;
@@ -39,23 +40,19 @@ mod timing;
 
 pub use point_set::PointSet;
 pub use point_turn::PointTurn;
-pub(crate) use recognise::has_files;
+pub(crate) use recognise::{detectors, has_files, looked_for};
 
+use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::{Imported, Options};
 use seen_as::SeenAs;
 use std::path::Path;
-use yoto_client::ClientError;
-
-/// What [`has_files`] looks for, for errors.
-pub(crate) const DETECTORS: &str = "OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body, or points of 17, \
-     25, 26 or 33 as [frames, points, 2 or 3]";
 
 /// Reads a detector's files in `options.poses`, of the clip `source`, and fits a body to them.
 ///
 /// # Errors
 /// When the files are of no known detector, wrong, or of another clip; when no body fits.
-pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportError> {
     let Some(at) = options.poses.as_deref() else {
         let message = "key points come with the clip that they are of: yoto import CLIP --poses \
                        THESE, where CLIP is a video or a folder of pictures";

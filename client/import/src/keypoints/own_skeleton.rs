@@ -2,13 +2,13 @@
 
 use super::detections::{Detection, Detections, OwnPose};
 use super::mhr::TO_CAMERA;
+use crate::ImportError;
 use crate::Options;
 use crate::clip::fault;
 use crate::geometry::{IDENTITY_ROTATION, extrinsics, matmul, sub};
 use crate::track::{Camera, empty_track};
 use crate::tree::{Measured, Placed, Tree, measure};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
 /// Largest median distance of joints from where bones of constant length put them, metres. The tool's
@@ -27,7 +27,7 @@ pub(super) fn track(
     options: &Options,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<PoseTrack, ClientError> {
+) -> Result<PoseTrack, ImportError> {
     let Some(tree) = &found.tree else {
         let message = format!(
             "{} writes points, which have no tree of joints to keep: without --keep-skeleton a body with \
@@ -90,7 +90,7 @@ fn read(
     poses: &mut [(usize, OwnPose)],
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<Measured, ClientError> {
+) -> Result<Measured, ImportError> {
     let placed = |poses: &[(usize, OwnPose)]| -> Option<Measured> {
         let placed: Vec<&Placed> = poses.iter().map(|(_, own)| &own.placed).collect();
         measure(tree, &placed)

@@ -2,9 +2,9 @@
 //! position, and one of them is taken.
 
 use super::detections::{Detection, Detections, SURE};
+use crate::ImportError;
 use crate::clip::fault;
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Frames without a detection after which a person counts as a new one.
 const FORGOTTEN: usize = 15;
@@ -33,7 +33,7 @@ pub(super) fn choose<'a>(
     name: Option<&str>,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<Person<'a>, ClientError> {
+) -> Result<Person<'a>, ImportError> {
     let mut people = gather(found);
     people.sort_by_key(|person| std::cmp::Reverse(person.seen.len()));
     let words = |person: &Person| format!("{} ({} frames)", person.name, person.seen.len());

@@ -3,11 +3,12 @@
 //! named points.
 
 use super::detections::Detections;
+use super::form::{Fits, Form};
 use super::mediapipe::{Row, detections};
 use super::point_set::{NAME, PointSet, plain};
+use crate::ImportError;
 use crate::source::{Faulty, Source};
 use std::collections::BTreeMap;
-use yoto_client::ClientError;
 
 const FRAME: [&str; 7] = [
     "frame",
@@ -50,8 +51,14 @@ enum Layout {
     Wide(Vec<(String, [Option<usize>; 3])>),
 }
 
+pub(super) static FORM: Form = Form {
+    detector: None,
+    fits: Fits::Table(fits),
+    read: |file| read(file.source, file.name, file.points, file.size),
+};
+
 /// Whether the first line of `file` names such columns.
-pub(super) fn fits(source: &Source, file: &str) -> Result<bool, ClientError> {
+fn fits(source: &Source, file: &str) -> Result<bool, ImportError> {
     let bytes = source.bytes(file, None)?;
     let text = String::from_utf8_lossy(&bytes);
     Ok(text.lines().next().and_then(columns).is_some())
@@ -101,12 +108,12 @@ fn columns(line: &str) -> Option<Columns> {
 }
 
 /// The lines of `file`, of pictures of `size`, in the set `given` or the one that is told.
-pub(super) fn read(
+fn read(
     source: &Source,
     file: &str,
     given: Option<PointSet>,
     size: [u32; 2],
-) -> Result<Detections, ClientError> {
+) -> Result<Detections, ImportError> {
     let bytes = source.bytes(file, None)?;
     let text = String::from_utf8_lossy(&bytes);
     let fault =

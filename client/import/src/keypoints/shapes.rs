@@ -10,10 +10,11 @@
 //! The set is told by the names, else by `--points`, else by the number of points.
 
 use super::detections::Detections;
+use super::form::{Fits, Form};
 use super::mediapipe::{Row, any, detections, number};
 use super::point_set::{NAME, PointSet, plain};
+use crate::ImportError;
 use crate::source::{Faulty, Part};
-use yoto_client::ClientError;
 use yoto_formats::Value;
 
 /// What the list of frames is called, where it is in a dictionary.
@@ -62,8 +63,14 @@ struct Body {
 /// A frame: its number, if the file has it, and its people; `None` of what is no frame.
 type Frame = (Option<usize>, Option<Vec<Body>>);
 
+pub(super) static FORM: Form = Form {
+    detector: None,
+    fits: Fits::Contents(fits),
+    read: |file| read(&file.data()?.root(), file.points, file.size),
+};
+
 /// Whether this has the shape of frames of points.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     if BODY_MODELS.iter().any(|name| root.find(name).is_some()) {
         return false;
     }
@@ -74,11 +81,11 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
 }
 
 /// The people of all frames, of pictures of `size`, in the set `given` or the one that is told.
-pub(super) fn read(
+fn read(
     root: &Part<'_>,
     given: Option<PointSet>,
     size: [u32; 2],
-) -> Result<Detections, ClientError> {
+) -> Result<Detections, ImportError> {
     let mut faulty = Faulty::default();
     let mut all = Vec::new();
     let frames = frames(root, usize::MAX);

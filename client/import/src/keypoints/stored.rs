@@ -4,11 +4,11 @@ use super::capture::of_clip;
 use super::detections::Detections;
 use super::seen_as::SeenAs;
 use super::{misfit, people};
+use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, Stored};
 use crate::proof::Masks;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_media::Orientation;
 
 /// Least share of points inside masks with which there is no doubt.
@@ -51,7 +51,7 @@ pub(super) fn correct(
     clip: &Clip,
     at: &Path,
     options: &Options,
-) -> Result<Option<String>, ClientError> {
+) -> Result<Option<String>, ImportError> {
     let views = views(clip.stored);
     if views.is_empty() || SeenAs::of(options) != SeenAs::SHOWN {
         return Ok(None);
@@ -70,7 +70,7 @@ pub(super) fn correct(
     let all = Masks::given(given, clip)?;
     let share = |seen_as: &SeenAs| {
         all.iter().try_fold(0.0_f64, |most, masks| {
-            Ok::<_, ClientError>(most.max(misfit::share(masks, clip, &seen, 0, seen_as)?))
+            Ok::<_, ImportError>(most.max(misfit::share(masks, clip, &seen, 0, seen_as)?))
         })
     };
     let before = share(&SeenAs::SHOWN)?;

@@ -4,10 +4,10 @@
 //! add to the points is nearly constant, so the median of each side's distance is taken off.
 
 use super::detections::{Detection, Detections, SURE};
+use crate::ImportError;
 use crate::clip::{Clip, Counting};
 use crate::pictures::{Mask, read_masks};
 use std::collections::BTreeMap;
-use yoto_client::ClientError;
 
 /// Frames that are looked at.
 const FRAMES: usize = 64;
@@ -30,11 +30,11 @@ pub(super) fn decide<'a>(
     counting: Counting,
     found: &Detections,
     seen: Seen<'a>,
-    other: Result<Seen<'a>, ClientError>,
+    other: Result<Seen<'a>, ImportError>,
     masks: Option<&BTreeMap<usize, Mask>>,
     clip: &Clip,
     notes: &mut Vec<String>,
-) -> Result<Seen<'a>, ClientError> {
+) -> Result<Seen<'a>, ImportError> {
     let numbers = || found.frames.iter().map(|frame| frame.number);
     let (least, last) = (numbers().min(), numbers().max());
     let said = format!(
@@ -91,7 +91,7 @@ fn misfit(
     masks: &BTreeMap<usize, Mask>,
     clip: &Clip,
     seen: &[(usize, &Detection)],
-) -> Result<Option<f64>, ClientError> {
+) -> Result<Option<f64>, ImportError> {
     let mut sides: [Vec<f64>; 4] = Default::default();
     for (frame, detection) in seen.iter().step_by(seen.len().div_ceil(FRAMES).max(1)) {
         let sure = detection.picture.iter().filter(|point| point[2] > SURE);

@@ -2,9 +2,9 @@
 
 use super::Wanted;
 use super::run::failed_at;
+use crate::ImportError;
 use crate::MattingModel;
 use crate::clip::{Clip, fault, for_each};
-use yoto_client::ClientError;
 use yoto_matting::{Levels, Matter};
 
 /// Frames that are looked at with each.
@@ -22,7 +22,7 @@ pub(super) fn find(
     clip: &Clip,
     wanted: &[Wanted],
     notes: &mut Vec<String>,
-) -> Result<Levels, ClientError> {
+) -> Result<Levels, ImportError> {
     let known: Vec<(usize, &[u8])> = wanted
         .iter()
         .filter_map(|it| Some((it.frame, it.expected.as_deref()?)))

@@ -9,14 +9,14 @@ mod levels;
 #[cfg(feature = "matting")]
 mod run;
 
-use crate::MattingModel;
+use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
+use crate::{MattingModel, Progress};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use yoto_client::ClientError;
 
 /// A frame to make a mask of.
 #[cfg_attr(
@@ -40,22 +40,23 @@ impl MattingModel {
         &self,
         clip: &Clip,
         wanted: &[Wanted],
+        progress: &Progress,
         notes: &mut Vec<String>,
-    ) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    ) -> Result<BTreeMap<usize, Mask>, ImportError> {
         #[cfg(feature = "matting")]
         {
-            run::masks(self, clip, wanted, notes)
+            run::masks(self, clip, wanted, progress, notes)
         }
         #[cfg(not(feature = "matting"))]
         {
-            let _ = (clip, wanted, notes);
+            let _ = (clip, wanted, progress, notes);
             Err(crate::features::no_matting(self))
         }
     }
 }
 
 /// Coverage of a frame as a grey PNG.
-pub(super) fn png(coverage: &[u8], clip: &Clip) -> Result<Arc<[u8]>, ClientError> {
+pub(super) fn png(coverage: &[u8], clip: &Clip) -> Result<Arc<[u8]>, ImportError> {
     let mut png = Vec::new();
     let [width, height] = clip.size;
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Up)

@@ -10,16 +10,16 @@ use super::gaps;
 use super::kept::{self, Kept};
 use super::standing::{self, Fallen, Reference};
 use super::{JointMap, Motion, MotionFrame, MotionOptions, Up};
+use crate::ImportError;
 use crate::source::Source;
 use crate::tree;
-use yoto_client::ClientError;
 use yoto_formats::bvh;
 
 pub(super) fn read(
     source: &Source,
     name: &str,
     options: &MotionOptions,
-) -> Result<Motion, ClientError> {
+) -> Result<Motion, ImportError> {
     read_up(source, name, options).map(|(motion, _)| motion)
 }
 
@@ -28,7 +28,7 @@ pub(crate) fn read_up(
     source: &Source,
     name: &str,
     options: &MotionOptions,
-) -> Result<(Motion, Up), ClientError> {
+) -> Result<(Motion, Up), ImportError> {
     let bytes = source.bytes(name, None)?;
     let file = bvh::read(&String::from_utf8_lossy(&bytes)).map_err(|error| {
         let field = format!("line {}", error.line);

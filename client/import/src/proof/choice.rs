@@ -7,10 +7,10 @@ use super::reading::{Documented, Reading};
 use super::rest::Rest;
 use super::score::{Proof, Proven};
 use super::silhouette::LEAST;
+use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, fault};
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Most people that are compared with masks, those seen most often first.
 const MOST_PEOPLE: usize = 6;
@@ -100,7 +100,7 @@ impl<'a> Choice<'a> {
         at: &Path,
         options: &Options,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let people = people(found, masks, at, options)?.into_iter();
         let candidates =
             people.map(|person| candidate(tool, person, masks, numbers, clip, at, options));
@@ -150,7 +150,7 @@ fn people<'a>(
     masks: &[Masks],
     at: &Path,
     options: &Options,
-) -> Result<Vec<&'a Person>, ClientError> {
+) -> Result<Vec<&'a Person>, ImportError> {
     if let Some(name) = &options.person {
         let person = found.people.iter().find(|person| person.name == *name);
         return person.map(|person| vec![person]).ok_or_else(|| {
@@ -182,7 +182,7 @@ fn candidate<'a>(
     clip: &'a Clip,
     at: &Path,
     options: &Options,
-) -> Result<Candidate<'a>, ClientError> {
+) -> Result<Candidate<'a>, ImportError> {
     let first = person.seen.first();
     let documented = Reading::documented(tool, first, options.focal);
     if let Some(seen) = first {
@@ -239,7 +239,7 @@ fn candidate<'a>(
 }
 
 /// Makes an average skeleton as large as agrees best with the masks; the height, metres.
-fn fit_size(proof: &mut Proof<'_>, reading: &Reading, rest: &mut Rest) -> Result<f64, ClientError> {
+fn fit_size(proof: &mut Proof<'_>, reading: &Reading, rest: &mut Rest) -> Result<f64, ImportError> {
     let (from, to, steps) = SIZES;
     let mut best = (f64::MIN, 1.0);
     for step in 0..steps {
@@ -266,7 +266,7 @@ fn said(
     tried: &[Proven],
     documented: &Reading,
     at: &Path,
-) -> Result<String, ClientError> {
+) -> Result<String, ImportError> {
     let percent = |figure: f64| format!("{:.0} %", 100.0 * figure);
     let masks = choice.masks.map_or("masks", |masks| &masks.words);
     if taken.figure < LEAST {

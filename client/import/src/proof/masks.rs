@@ -5,6 +5,7 @@
 //! poses: see [`score`](super::score).
 
 use super::found::{Found, Person, PoseEstimate};
+use crate::ImportError;
 use crate::clip::{Clip, PICTURES, fault, is_video, listed, number_in, unusable};
 use crate::matting::Wanted;
 use crate::pictures::{Mask, MaskKind, are_alike, image_size, is_cut_out, read_image};
@@ -14,7 +15,6 @@ use image::{ExtendedColorType, ImageEncoder};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 use yoto_media::mask::from_picture;
 use yoto_proto::media_plan;
@@ -83,7 +83,7 @@ impl Masks {
         given: Option<&Path>,
         found: &Found,
         clip: &Clip,
-    ) -> Result<Vec<Self>, ClientError> {
+    ) -> Result<Vec<Self>, ImportError> {
         match given {
             Some(path) => Self::given(path, clip),
             None => Ok(own(found)),
@@ -94,7 +94,7 @@ impl Masks {
     ///
     /// # Errors
     /// When `path` holds no masks.
-    pub fn given(path: &Path, clip: &Clip) -> Result<Vec<Self>, ClientError> {
+    pub fn given(path: &Path, clip: &Clip) -> Result<Vec<Self>, ImportError> {
         match path {
             _ if path.is_dir() => folder(path, clip),
             _ if is_video(path) => Ok(vec![video(path, clip)?]),
@@ -118,7 +118,7 @@ impl Masks {
         clip: &Clip,
         options: &Options,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let selected = clip.selected(options)?;
         let is_wanted = |frame: &usize| selected.binary_search(frame).is_ok();
         let wanted: Vec<Wanted> = frames
@@ -131,7 +131,7 @@ impl Masks {
             .collect();
         Ok(Self {
             words: format!("the masks of {}", model.name()),
-            from: From::Frames(model.masks(clip, &wanted, notes)?),
+            from: From::Frames(model.masks(clip, &wanted, &options.progress, notes)?),
         })
     }
 }
@@ -161,16 +161,16 @@ fn own(found: &Found) -> Vec<Masks> {
     }]
 }
 
-fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ClientError> {
+fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ImportError> {
     let files = listed(path, &PICTURES)?;
     if !files.is_empty() {
         return of_files(path, &files, clip);
     }
     let mut all = Vec::new();
-    let entries = std::fs::read_dir(path).map_err(ClientError::file("listing", path))?;
+    let entries = std::fs::read_dir(path).map_err(ImportError::file("listing", path))?;
     let mut folders = Vec::new();
     for entry in entries {
-        folders.push(entry.map_err(ClientError::file("listing", path))?.path());
+        folders.push(entry.map_err(ImportError::file("listing", path))?.path());
     }
     folders.sort();
     for inner in folders
@@ -194,7 +194,7 @@ fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ClientError> {
 }
 
 /// Masks of the pictures in one folder: one for each colour in them, or one of coverage.
-fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, ClientError> {
+fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, ImportError> {
     let files = by_frame(files, clip);
     let step = files.len().div_ceil(LOOKED_AT).max(1);
     let (mut colours, mut is_coverage, mut is_alpha) = (BTreeSet::new(), false, false);
@@ -288,7 +288,7 @@ fn by_frame(files: &[PathBuf], clip: &Clip) -> BTreeMap<usize, PathBuf> {
 }
 
 /// The masks of a video: its alpha channel, or its brightness.
-fn video(path: &Path, clip: &Clip) -> Result<Masks, ClientError> {
+fn video(path: &Path, clip: &Clip) -> Result<Masks, ImportError> {
     let (mut video, _) = clip.video(path)?;
     let mut masks = BTreeMap::new();
     let mut resized = String::new();

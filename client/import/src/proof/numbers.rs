@@ -1,9 +1,9 @@
 //! Which frame of the clip each of a tool's frames is.
 
 use super::found::{Found, PoseEstimate};
+use crate::ImportError;
 use crate::clip::{Clip, Counting, beyond, fault, too_far};
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Frames by which a tool's count may differ from the clip's: decoders disagree about the last ones.
 const SLACK: usize = 2;
@@ -31,7 +31,7 @@ impl Numbers {
         clip: &Clip,
         at: &Path,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let seen = || found.people.iter().flat_map(|person| &person.seen);
         let named = |seen: &PoseEstimate| {
             seen.image

@@ -5,6 +5,7 @@
 
 use super::found::{Person, PoseEstimate};
 use super::reading::{Body, Documented};
+use crate::ImportError;
 use crate::Options;
 use crate::clip::fault;
 use crate::geometry::{Mat3, Vec3, add, dot, matmul, matvec, rodrigues, scale, sub, transpose};
@@ -12,7 +13,6 @@ use crate::rest_joints::RestJoints;
 use crate::track::{SmplPose, median_rows};
 use std::path::Path;
 use yoto_capture::skeleton::smpl::{ASSUMED_HEIGHT, AVERAGE_HEIGHT, AVERAGE_REST};
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// Most frames that measure a skeleton.
@@ -50,7 +50,7 @@ impl Rest {
         person: &Person,
         at: &Path,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let betas: Vec<&[f64]> = person.seen.iter().map(|seen| &*seen.betas).collect();
         let betas = median_rows(&betas);
         let body = tool.body;
@@ -193,7 +193,7 @@ fn measured(
     person: &Person,
     average: &[Vec3],
     at: &Path,
-) -> Result<Option<Vec<Vec3>>, ClientError> {
+) -> Result<Option<Vec<Vec3>>, ImportError> {
     let step = person.seen.len().div_ceil(MOST).max(1);
     let mut samples: Vec<Vec<Vec3>> = vec![Vec::new(); JOINTS.len()];
     for seen in person

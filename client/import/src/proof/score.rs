@@ -7,10 +7,10 @@ use super::numbers::Numbers;
 use super::reading::Reading;
 use super::rest::{Rest, posed};
 use super::silhouette::{Silhouette, agreement_of};
+use crate::ImportError;
 use crate::clip::Clip;
 use crate::pictures::read_masks;
 use std::collections::HashMap;
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// Frames that a proof looks at.
@@ -49,7 +49,7 @@ impl<'a> Proof<'a> {
     ///
     /// # Errors
     /// When a mask can't be read or has another size.
-    pub fn figure(&mut self, reading: &Reading, rest: &Rest) -> Result<Option<f64>, ClientError> {
+    pub fn figure(&mut self, reading: &Reading, rest: &Rest) -> Result<Option<f64>, ImportError> {
         let person = self.person;
         let step = person.seen.len().div_ceil(FRAMES).max(1);
         let (mut sum, mut count) = (0.0, 0.0);
@@ -83,7 +83,7 @@ impl<'a> Proof<'a> {
         &mut self,
         seen: &PoseEstimate,
         frame: usize,
-    ) -> Result<Option<&Silhouette>, ClientError> {
+    ) -> Result<Option<&Silhouette>, ImportError> {
         if let std::collections::hash_map::Entry::Vacant(entry) = self.silhouettes.entry(frame) {
             let silhouette = match self.masks.of(seen, frame) {
                 None => None,
@@ -105,7 +105,7 @@ impl<'a> Proof<'a> {
         &mut self,
         readings: &[Reading],
         rest: &Rest,
-    ) -> Result<Option<(Proven, Vec<Proven>)>, ClientError> {
+    ) -> Result<Option<(Proven, Vec<Proven>)>, ImportError> {
         let mut all = Vec::new();
         for reading in readings {
             if let Some(figure) = self.figure(reading, rest)? {

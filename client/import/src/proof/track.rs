@@ -3,6 +3,7 @@
 use super::choice::GOOD;
 use super::score::FRAMES;
 use super::silhouette::{LEAST, Silhouette, agreement_of};
+use crate::ImportError;
 use crate::clip::fault;
 use crate::pictures::{Mask, read_masks};
 use crate::track::Camera;
@@ -10,7 +11,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::PoseTrack;
 
 /// How well the bodies of `track` agree with the `masks` of their frames, 0 to 1; `None` where no frame
@@ -22,7 +22,7 @@ pub(crate) fn agreement(
     track: &PoseTrack,
     masks: &BTreeMap<usize, Mask>,
     at: &Path,
-) -> Result<Option<f64>, ClientError> {
+) -> Result<Option<f64>, ImportError> {
     let wrong = |error: &dyn std::fmt::Display| fault(at, "INVALID", error.to_string());
     let skeleton = Skeleton::from_track(&track.skeleton).map_err(|error| wrong(&error))?;
     let mask = |index: u32| masks.get(&(index as usize));
@@ -59,7 +59,7 @@ pub(crate) fn prove(
     masks: &BTreeMap<usize, Mask>,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let Some(figure) = agreement(track, masks, at)? else {
         let message = "no frame has both a pose and a mask: are the masks of this clip?";
         return Err(fault(at, "MISSING", message));

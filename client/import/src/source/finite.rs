@@ -1,8 +1,8 @@
 //! Which of SMPL's parameters is not a finite number, by the joint's name.
 
 use super::{Part, is_number};
+use crate::ImportError;
 use crate::track::SmplPose;
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// What is not finite among the rotations of `pose`, three numbers for each joint, and then among the parts
@@ -22,7 +22,7 @@ pub(crate) fn not_finite(pose: &[f64], others: &[(&str, &[f64])]) -> Option<Stri
 
 impl Part<'_> {
     /// SMPL's 24 rotations, all finite.
-    pub fn smpl_pose(&self) -> Result<SmplPose, ClientError> {
+    pub fn smpl_pose(&self) -> Result<SmplPose, ImportError> {
         let array = self.unchecked()?;
         let pose: SmplPose = array.fixed().ok_or_else(|| self.wrong("[72]"))?;
         match not_finite(&pose, &[]) {

@@ -1,6 +1,7 @@
 //! The capture of a person that a tool found in a clip.
 
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::{Clip, fault, left_out, listed};
 use crate::geometry::{Mat3, Vec3, add, matvec, sub, transpose};
 use crate::proof::{Choice, Found, Masks, Numbers, ratio};
@@ -8,7 +9,6 @@ use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
 use crate::{Imported, Options};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use yoto_client::ClientError;
 
 /// Endings of videos, lower case.
 const VIDEOS: [&str; 6] = [".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi"];
@@ -23,7 +23,7 @@ pub(crate) fn capture(
     found: &Found,
     source: &Path,
     options: &Options,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let at = options.poses.as_deref().unwrap_or(source);
     let mut notes = vec![summary(tool, found)];
     let found = &found.joined(&mut notes);
@@ -96,7 +96,7 @@ fn summary(tool: &Tool, found: &Found) -> String {
 }
 
 /// The video of a tool's folder, if there is one alone.
-fn clip_in(source: &Path) -> Result<PathBuf, ClientError> {
+fn clip_in(source: &Path) -> Result<PathBuf, ImportError> {
     let folder = if source.is_dir() {
         source
     } else {
@@ -117,7 +117,7 @@ fn clip_in(source: &Path) -> Result<PathBuf, ClientError> {
     }
 }
 
-fn ensure_size(found: &Found, clip: &Clip, at: &Path, tool: &Tool) -> Result<(), ClientError> {
+fn ensure_size(found: &Found, clip: &Clip, at: &Path, tool: &Tool) -> Result<(), ImportError> {
     let Some(size) = found.size else {
         return Ok(());
     };
@@ -138,7 +138,7 @@ fn imported(
     at: &Path,
     options: &Options,
     mut notes: Vec<String>,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let wanted = clip.selected(options)?;
     let rest_root = choice.rest.joints.first().copied().unwrap_or_default();
     let mut frames = BTreeMap::new();

@@ -8,13 +8,18 @@
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::Part;
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "gvhmr",
+    help: "GVHMR: --poses hmr4d_results.pt, with its video",
     files: "hmr4d_results.pt with smpl_params_incam",
+    locations: &[("", "hmr4d_results", ".pt")],
+    search_rank: 1,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
@@ -30,7 +35,7 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("smpl_params_incam").is_some() || root.find("smpl_params_global").is_some()
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<Found, ImportError> {
     let incam = root.get("smpl_params_incam")?;
     let orient = incam.get("global_orient")?.unchecked_rows::<3>(None)?;
     let transl = incam

@@ -6,13 +6,18 @@
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::number_in;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::{Faulty, Part, Source};
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "lhm",
+    help: "LHM's motions: --poses smplx_params, with their video",
     files: "smplx_params/*.json with root_pose and trans",
+    locations: &[("smplx_params", "", ".json")],
+    search_rank: 7,
+    has_views: false,
     fits,
     read: |file| read(file.source, file.name),
     documented: Documented {
@@ -29,7 +34,7 @@ fn fits(root: &Part<'_>) -> bool {
     named.iter().all(|name| root.find(name).is_some())
 }
 
-fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
+fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let (mut seen, mut faulty) = (Vec::new(), Faulty::default());
     for name in source.list(folder, &[".json"])? {
@@ -52,7 +57,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     Ok(found)
 }
 
-fn frame(root: &Part<'_>, number: usize) -> Result<PoseEstimate, ClientError> {
+fn frame(root: &Part<'_>, number: usize) -> Result<PoseEstimate, ImportError> {
     let body = root.get("body_pose")?.flat::<63>()?;
     let pose = pose_of_smplx(root.get("root_pose")?.fixed()?, &body);
     let t = root.get("trans")?.fixed()?;

@@ -1,11 +1,11 @@
 //! What the files of several tools have in common.
 
+use crate::ImportError;
 use crate::geometry::{Vec3, log_map};
 use crate::proof::{Person, PoseEstimate};
 use crate::source::Part;
 use crate::track::SmplPose;
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 
 /// Adds a frame to the person `name`.
@@ -20,7 +20,7 @@ pub(super) fn push(people: &mut Vec<Person>, name: String, seen: PoseEstimate) {
 }
 
 /// Run lengths, or a list of one; `None` where there are none.
-pub(super) fn runs(part: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
+pub(super) fn runs(part: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ImportError> {
     if part.is_list() {
         return match part.len()? {
             0 => Ok(None),

@@ -9,12 +9,17 @@
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::pose_of_matrices;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
 use crate::source::Part;
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "prompthmr",
+    help: "PromptHMR: --poses results.pkl, with its video",
     files: "results.pkl with people and camera",
+    locations: &[("", "results", ".pkl")],
+    search_rank: 2,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
@@ -30,7 +35,7 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("people").is_some() && root.find("camera").is_some()
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<Found, ImportError> {
     let camera = root.get("camera")?;
     let focal = camera.get("img_focal")?.number()?;
     let centre: [f64; 2] = camera.get("img_center")?.fixed()?;

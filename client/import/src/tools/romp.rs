@@ -8,18 +8,23 @@
 
 use super::parts::push;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::number_in;
 use crate::geometry::{Vec3, dot, sub};
 use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
 use crate::source::{Faulty, Part, Source};
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// Largest motion of a person from frame to frame, metres, if no file has numbers of people.
 const STRIDE: f64 = 1.0;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "romp",
+    help: "ROMP or BEV: --poses a folder of *.npz or video_results.npz, with its video",
     files: "*.npz with results",
+    locations: &[("", "video_results", ".npz")],
+    search_rank: 5,
+    has_views: false,
     fits,
     read: |file| read(file.root, file.source, file.name),
     documented: Documented {
@@ -35,7 +40,7 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("results").is_some()
 }
 
-fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ImportError> {
     let results = root.get("results")?;
     let (mut found, mut faulty) = (Found::of(Vec::new()), Faulty::default());
     if is_frame(&results) {
@@ -78,7 +83,7 @@ fn add(
     part: &Part<'_>,
     number: usize,
     name: &str,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let Some(thetas) = part.find("smpl_thetas") else {
         let message = "there are no smpl_thetas: the tool ran without SMPL, and its translations then \
                        belong to no body. Given alone, --calc_smpl switches SMPL off: run it again \

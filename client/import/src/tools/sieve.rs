@@ -1,15 +1,15 @@
 //! Poses with numbers that are not finite: a few are left out by frame and joint.
 
+use crate::ImportError;
 use crate::proof::{Found, PoseEstimate};
 use crate::source::{Faulty, Part, not_finite};
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// Leaves poses out of what was `found` in the file of `root` that have numbers which are not finite, with a note.
 ///
 /// # Errors
 /// When many have.
-pub(super) fn sieve(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> {
+pub(super) fn sieve(found: &mut Found, root: &Part<'_>) -> Result<(), ImportError> {
     let mut faulty = Faulty::default();
     let several = found.people.len() > 1;
     for person in &mut found.people {

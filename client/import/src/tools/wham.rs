@@ -5,12 +5,17 @@
 //! origin of their own for each person and another joint at it, so they are not read.
 
 use super::tool::Tool;
+use crate::ImportError;
 use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
 use crate::source::Part;
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "wham",
+    help: "WHAM: --poses wham_output.pkl, with its video",
     files: "wham_output.pkl with pose, trans and frame_ids of each person",
+    locations: &[("", "wham_output", ".pkl")],
+    search_rank: 0,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
@@ -33,7 +38,7 @@ fn fits(root: &Part<'_>) -> bool {
     !people.is_empty() && people.iter().all(|(_, part)| is_person(part))
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<Found, ImportError> {
     let mut people = Vec::new();
     for (name, part) in root.members()? {
         let poses = part.get("pose")?.unchecked_rows::<72>(None)?;

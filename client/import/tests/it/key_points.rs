@@ -1,6 +1,7 @@
 //! Files of detectors of key points, against the joints that the script that wrote them knows
 //! (`tests/formats/pose_tools`), and files that are wrong.
 
+use crate::format;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -42,7 +43,7 @@ pub(crate) fn options(poses: PathBuf) -> Options {
 }
 
 pub(crate) fn import(options: &Options) -> Imported {
-    read(Format::KeyPoints, &files("clip/frames"), options).expect("imports")
+    read(format("key-points"), &files("clip/frames"), options).expect("imports")
 }
 
 pub(crate) fn indices(found: &Imported) -> Vec<usize> {
@@ -105,7 +106,7 @@ fn a_body_is_fitted_to_every_detector_s_points() {
 #[test]
 fn key_points_are_recognised() {
     for (path, name, _) in DETECTORS {
-        let found = read(Format::Auto, &files("clip/frames"), &options(files(path)));
+        let found = read(Format::AUTO, &files("clip/frames"), &options(files(path)));
         let notes = found.expect("imports").notes.join("\n");
         assert!(
             notes.contains(&format!("{name}: key points")),
@@ -133,7 +134,7 @@ fn the_second_person_is_taken_by_number_or_by_order() {
             person: Some("nobody".into()),
             ..options(files(path))
         };
-        let refused = read(Format::KeyPoints, &files("clip/frames"), &absent);
+        let refused = read(format("key-points"), &files("clip/frames"), &absent);
         let message = refused.expect_err("nobody").to_string();
         assert!(
             message.contains("there is no person nobody; there are"),
@@ -208,7 +209,7 @@ fn easy_vitpose_s_rows_are_read_by_their_names() {
 fn wrong_files_are_refused_with_their_place() {
     let dir = tempfile::tempdir().expect("a folder");
     let refused = |poses: PathBuf| {
-        let refused = read(Format::KeyPoints, &files("clip/frames"), &options(poses));
+        let refused = read(format("key-points"), &files("clip/frames"), &options(poses));
         refused.expect_err("must be refused").to_string()
     };
     let truncated = |list: &mut Value, from: usize, to: usize| {
@@ -281,7 +282,7 @@ fn wrong_files_are_refused_with_their_place() {
     );
 
     let alone = read(
-        Format::KeyPoints,
+        format("key-points"),
         &files("clip/frames"),
         &Options::default(),
     );

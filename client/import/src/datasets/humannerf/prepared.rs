@@ -11,11 +11,11 @@
 //! from the first pixel's centre.
 
 use super::frame_files::files;
+use crate::ImportError;
 use crate::pictures::{PictureFiles, Pictures, image_size};
 use crate::source::{Data, Faulty, Part, Source};
 use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
 use crate::{Found, Imported, Options};
-use yoto_client::ClientError;
 use yoto_proto::pose_track::NO_DISTORTION;
 use yoto_proto::smpl::JOINTS;
 
@@ -31,7 +31,7 @@ struct Seen {
     files: PictureFiles,
 }
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     if options.rest_joints.is_some() {
         let message = "the capture has its own rest joints, and --rest-joints is not read";
         return Err(source.fault("UNREAD_OPTION", CANONICAL, None, "", message));
@@ -90,7 +90,7 @@ fn frame(
     name: &str,
     body: &Part<'_>,
     index: u32,
-) -> Result<Seen, ClientError> {
+) -> Result<Seen, ImportError> {
     let body = body.clone().of_frame(index);
     let camera = cameras.root().of_frame(index).get(name)?;
     let rest = body.get("tpose_joints")?.rows::<3>()?;

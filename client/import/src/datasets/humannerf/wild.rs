@@ -6,12 +6,12 @@
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
 use super::frame_files::files;
+use crate::ImportError;
 use crate::pictures::{PictureFiles, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::{Faulty, Part, Source};
 use crate::track::{Camera, Placed, SmplPose, empty_track, mean, smpl_skeleton};
 use crate::{Found, Imported, Options, Pictures};
-use yoto_client::ClientError;
 
 pub(super) const METADATA: &str = "metadata.json";
 
@@ -24,7 +24,7 @@ struct Seen {
     files: PictureFiles,
 }
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let rest = RestJoints::needed(options, source, METADATA)?;
     let metadata = source.data(METADATA, None)?;
     let entries = metadata.root().entries()?;
@@ -63,7 +63,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
     })
 }
 
-fn frame(source: &Source, name: &str, part: &Part<'_>, index: u32) -> Result<Seen, ClientError> {
+fn frame(source: &Source, name: &str, part: &Part<'_>, index: u32) -> Result<Seen, ImportError> {
     let part = part.clone().of_frame(index);
     Ok(Seen {
         index,

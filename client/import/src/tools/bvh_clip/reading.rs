@@ -1,5 +1,6 @@
 //! What the numbers of a BVH file mean before the camera, by the masks.
 
+use crate::ImportError;
 use crate::clip::fault;
 use crate::geometry::{Mat3, extrinsics, matmul, matvec, scale, sub, transpose};
 use crate::motion::{Motion, Up};
@@ -9,7 +10,6 @@ use crate::tools::opencv::Calibration;
 use crate::track::{Camera, empty_track};
 use std::collections::BTreeMap;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
 /// By how much a reading must agree better for each assumption in which it differs from the documented
@@ -170,7 +170,7 @@ pub(super) fn choose(
     all: Vec<MasksByFrame>,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<(PoseTrack, Option<BTreeMap<usize, Mask>>), ClientError> {
+) -> Result<(PoseTrack, Option<BTreeMap<usize, Mask>>), ImportError> {
     let readings = body.readings();
     let documented = readings[0];
     if all.is_empty() {
