@@ -7,11 +7,11 @@ use image::ImageFormat;
 use std::path::Path;
 use std::time::Instant;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::check::{Grade, Report};
+use yoto_capture::check::{CheckReport, Grade};
 use yoto_capture::skeleton::Skeleton;
 use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
-use yoto_import::{Found, TrackForm, to_folder};
+use yoto_import::{Findings, TrackForm, to_folder};
 use yoto_proto::pose_track::{Frame, PoseTrack};
 use yoto_proto::smpl;
 use yoto_terminal::output;
@@ -19,7 +19,7 @@ use yoto_terminal::output;
 /// An imported clip.
 pub(super) struct Captured {
     pub notes: Vec<String>,
-    pub found: Found,
+    pub found: Findings,
     /// All frames of the source; some may not be used.
     pub available: usize,
     /// Numbers of the frames with the person.
@@ -109,7 +109,7 @@ fn has_smpl_joints(track: &PoseTrack) -> bool {
 
 /// A check with the time that it took.
 pub(super) struct Checked {
-    pub report: Report,
+    pub report: CheckReport,
     pub seconds: f64,
 }
 

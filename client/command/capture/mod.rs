@@ -12,7 +12,7 @@ use example::Example;
 use image::ImageFormat;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use yoto_capture::check::Report;
+use yoto_capture::check::CheckReport;
 use yoto_import::{FfmpegArg, capture_check};
 use yoto_terminal::output;
 
@@ -72,7 +72,7 @@ struct Written<'a> {
     /// Path of the capture.
     capture: String,
     #[serde(flatten)]
-    report: &'a Report,
+    report: &'a CheckReport,
 }
 
 impl Check {

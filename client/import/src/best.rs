@@ -1,5 +1,4 @@
-//! The frames of a clip that teach most: those that differ most in pose and view, the sharp ones of
-//! each kind first.
+//! The best frames of a clip to train on: those that differ most in pose and view, the sharp ones first.
 //!
 //! Frames are taken one by one, each the farthest from all that were taken, by [`pose`], times its
 //! [`sharpness`] among the frames around it. So a still pose is taken once, from its sharpest frame,

@@ -55,7 +55,7 @@ impl CaptureFrames {
     }
 }
 
-/// The faults of the capture in `path`, or that of this machine.
+/// The faults of the capture in `path`, or the fault of this machine.
 fn fault(path: &Path, error: anyhow::Error) -> ImportError {
     let error = match error.downcast::<ImportError>() {
         Ok(error) => return error,

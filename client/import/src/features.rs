@@ -1,4 +1,4 @@
-//! What clients without some features of the crate can't do.
+//! Errors of builds that lack a feature of the crate.
 
 use crate::ImportError;
 use crate::clip::fault;
@@ -22,7 +22,7 @@ pub(crate) fn no_matting(model: &MattingModel) -> ImportError {
     fault(&model.path, "UNSUPPORTED", message)
 }
 
-/// Checks that this client can do what `options` ask for, before a minute's work.
+/// Checks that this build supports `options`, before minutes of work.
 ///
 /// # Errors
 /// A matting model, if the client has no runtime for networks.

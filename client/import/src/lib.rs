@@ -14,7 +14,9 @@
 //! datasets  tools  keypoints  film                readers (files → pose track + pictures)
 //! proof                                           what a tool's numbers mean, by masks
 //! matting  motion                                 masks by a network; BVH and SMPL's parameters
-//! what  clip  pictures  source  track  tree  geometry   videos and pictures, plain data, skeletons
+//! what  clip  pictures  source                    videos and pictures, plain data
+//! track  hierarchy  geometry                      skeletons and poses
+//! progress  error                                 what the caller gets besides
 //! ```
 
 mod adapters;
@@ -30,6 +32,7 @@ mod features;
 mod ffmpeg_arg;
 mod film;
 mod geometry;
+mod hierarchy;
 mod identities;
 mod imported;
 mod keypoints;
@@ -48,7 +51,6 @@ mod source;
 mod to_folder;
 mod tools;
 mod track;
-mod tree;
 mod what;
 mod write;
 
@@ -57,8 +59,8 @@ pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
 pub use error::ImportError;
 pub use ffmpeg_arg::FfmpegArg;
-pub use imported::{Found, Imported, PoseFit};
-pub use keypoints::{PointSet, PointTurn};
+pub use imported::{Findings, Imported, PoseFit};
+pub use keypoints::{PointRotation, PointSet, key_point_detectors};
 pub use matting_model::{Levels, MattingModel};
 pub use motion_file::read_motion;
 pub use options::Options;

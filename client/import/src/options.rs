@@ -3,7 +3,7 @@
 use crate::ImportError;
 use crate::source::Source;
 use crate::{MattingModel, Progress};
-use crate::{PointSet, PointTurn};
+use crate::{PointRotation, PointSet};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_media::video::Hdr;
@@ -35,9 +35,9 @@ pub struct Options {
     pub person: Option<String>,
     /// The set of key points, if the files don't tell.
     pub points: Option<PointSet>,
-    /// By how much the pictures were turned that a detector of key points saw.
-    pub turn_points: Option<PointTurn>,
-    /// Whether the pictures were mirrored that a detector of key points saw.
+    /// The rotation of the pictures that a detector of key points saw.
+    pub point_rotation: Option<PointRotation>,
+    /// Whether the pictures that a detector of key points saw were mirrored.
     pub mirror_points: bool,
     /// Focal length of the clip's camera, pixels.
     pub focal: Option<f64>,
@@ -45,11 +45,11 @@ pub struct Options {
     pub height: Option<f64>,
     /// Files of the pose model: a file, or the folder that has them.
     pub pose_model: Option<PathBuf>,
-    /// Number of frames to keep: those that teach most.
+    /// Number of frames to keep: the best of the clip, by pose, view and sharpness.
     pub best: Option<NonZeroUsize>,
-    /// Whether the tool's own tree of joints is kept, in place of SMPL's.
+    /// Whether the tool's own joint hierarchy is kept, in place of SMPL's.
     pub keep_skeleton: bool,
-    /// What the clip's levels are taken for.
+    /// The light of the clip's levels.
     pub hdr: Hdr,
     /// The ffmpeg for videos other than H.264 in MP4 or MOV; the one in PATH if absent.
     pub ffmpeg: Option<PathBuf>,

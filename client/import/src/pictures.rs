@@ -27,7 +27,7 @@ pub enum Pictures {
         /// In the track's order.
         masks: Vec<Vec<Mask>>,
     },
-    /// Frames of a video whose declaration of its light is not believed: they are decoded here, as nothing in the file tells others.
+    /// Frames of a video with a wrong declaration of its light: they are decoded here, since the file tells nothing to other decoders.
     Decoded {
         /// The video.
         clip: DecodedClip,
@@ -43,7 +43,7 @@ pub enum Pictures {
 pub struct DecodedClip {
     pub(crate) path: PathBuf,
     pub(crate) ffmpeg: Ffmpeg,
-    /// What its levels are taken for.
+    /// The light of its levels.
     pub(crate) hdr: Hdr,
 }
 

@@ -28,7 +28,7 @@ impl RestJoints {
         }
     }
 
-    /// As [`Self::find`], for formats whose files hold only shape parameters.
+    /// Finds rest joints as [`Self::find`] does, for formats whose files have only shape parameters.
     pub fn needed(options: &Options, source: &Source, file: &str) -> Result<Self, ImportError> {
         Self::find(options)?.ok_or_else(|| {
             let message = "rest joints of these shape parameters need your copy of SMPL's body \
@@ -37,7 +37,7 @@ impl RestJoints {
         })
     }
 
-    /// Whether the shapes that they follow are SMPL-X's; `None` for given joints, which follow none.
+    /// Whether the shape parameters are SMPL-X's; `None` for given joints, which need no shape.
     pub fn is_smplx(&self) -> Option<bool> {
         match self {
             Self::Model(model) => Some(model.is_smplx()),

@@ -1,4 +1,4 @@
-//! A film that a service got without poses: what `yoto import` makes of it, in the process that reads uploads.
+//! Imports a film that a service got without poses, as `yoto import` does, in the process that reads uploads.
 
 use crate::ImportError;
 use crate::{Options, Progress, ProgressEvent, TrackForm, film, write};

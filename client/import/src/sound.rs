@@ -1,4 +1,4 @@
-//! What makes frames of an import useless or doubtful, whichever program wrote them.
+//! Finds frames that are useless or doubtful, in imports of any program.
 
 use crate::ImportError;
 use crate::clip::left_out;
@@ -16,7 +16,7 @@ const FASTEST: f64 = 12.0;
 const JUMP: [f64; 2] = [1.0, 0.1];
 /// Narrowest and widest view of a camera that people film with, degrees across the longer side.
 const VIEWS: [f64; 2] = [10.0, 130.0];
-/// Jumps that a note names.
+/// A note names at most this number of jumps.
 const NAMED: usize = 4;
 
 /// Leaves out frames whose masks show nobody or everything, and names jumps and an unlikely camera.
@@ -170,7 +170,7 @@ fn camera(track: &PoseTrack) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Found;
+    use crate::Findings;
     use crate::track::empty_track;
     use image::{GrayImage, Luma};
     use std::sync::Arc;
@@ -213,7 +213,7 @@ mod tests {
             },
             available: 4,
             notes: Vec::new(),
-            found: Found::default(),
+            found: Findings::default(),
         }
     }
 

@@ -6,8 +6,8 @@ use std::path::Path;
 use yoto_media::picture_file;
 use yoto_proto::text::count;
 
-/// Path below a capture's folder of the picture of people with their numbers. In a folder of its own, as pictures beside `frames/`
-/// can be a capture's background.
+/// The picture of people with their numbers, below a capture's folder. It has a folder of its own, since pictures beside
+/// `frames/` can be a capture's background.
 const PEOPLE: &str = "people/numbers.png";
 
 /// Reads the capture in `source` and writes it to the folder `out`. Progress and notes go to

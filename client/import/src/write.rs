@@ -254,7 +254,7 @@ fn encode(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Found, Options};
+    use crate::{Findings, Options};
     use yoto_media::video::Hdr;
 
     /// Frames 1 and 3 of a clip that declares HLG, as they come out of a capture: none, if its video is copied.
@@ -285,7 +285,7 @@ mod tests {
             pictures: clip.pictures(&[1, 3], vec![Vec::new(); 2]),
             available: 4,
             notes: Vec::new(),
-            found: Found::default(),
+            found: Findings::default(),
         };
         let out = tempfile::tempdir().expect("a folder");
         write(&imported, out.path(), TrackForm::Json, |_, _, _| {}).expect("writes");

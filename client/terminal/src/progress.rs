@@ -92,12 +92,12 @@ impl ProgressDisplay {
         self.moved("uploading", sent, of);
     }
 
-    /// The same of bytes received.
+    /// Shows bytes received of all bytes, their rate, and the remaining time.
     pub fn received(&mut self, received: u64, of: u64) {
         self.moved("fetching", received, of);
     }
 
-    /// The same of bytes that are read and compared.
+    /// Shows bytes read and compared of all bytes, their rate, and the remaining time.
     pub fn read(&mut self, read: u64, of: u64) {
         self.moved("reading", read, of);
     }
@@ -154,7 +154,7 @@ impl ProgressDisplay {
         tell!("{}: {outcome}", self.label);
     }
 
-    /// As [`finish`](Self::finish), with an outcome that is a detail.
+    /// Replaces the bar by one line about the outcome, which is a detail.
     pub fn finish_in_detail(self, outcome: &str) {
         self.remove_bar();
         detail!("{}: {outcome}", self.label);

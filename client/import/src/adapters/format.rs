@@ -46,7 +46,7 @@ impl ValueEnum for Format {
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
-        let help = of(*self).map_or("Recognised by the files", |adapter| &adapter.help);
+        let help = of(*self).map_or("Recognised by the files", |adapter| adapter.help);
         Some(PossibleValue::new(self.0).help(help))
     }
 }

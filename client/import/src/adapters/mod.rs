@@ -1,5 +1,5 @@
-//! The formats that are imported: one table ([`table`]) for the readers, for what recognises files
-//! ([`recognise`]), for the options that a format doesn't read ([`unread`]), and for help ([`help`]).
+//! The formats that are imported. One table ([`table`]) serves the readers, recognition ([`recognise`]), the check of
+//! options ([`unread`]) and the help ([`help`]).
 
 mod flags;
 mod format;
@@ -16,7 +16,7 @@ use crate::source::Source;
 use crate::{Imported, Options, features, sound, tools};
 use recognise::{Recognised, recognise};
 use std::path::Path;
-use table::{Adapter, Read, adapters};
+use table::{Adapter, Reader, adapters};
 use tools::Tool;
 use unread::ensure_read;
 use yoto_proto::pose_track::describe;
@@ -25,13 +25,13 @@ use yoto_proto::v1::Violation;
 /// Reads the capture in `dir`, without decoding its pictures.
 ///
 /// # Errors
-/// [`ImportError::BadCapture`] with file, frame and field, or [`ImportError::Unusable`] with these where `dir` is no
-/// capture's folder; [`ImportError::File`] when the file system fails.
+/// [`ImportError::BadCapture`] with file, frame and field, or [`ImportError::Unusable`] with these where `dir` is not
+/// the folder of a capture; [`ImportError::File`] when the file system fails.
 pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ImportError> {
     read_any(format, dir, options).map_err(|error| by_path(error, dir))
 }
 
-/// `error`, which names the file's own path where it is about a file that is not of the capture in `dir`.
+/// `error`, with the path of the file if the file is outside of the capture in `dir`.
 fn by_path(error: ImportError, dir: &Path) -> ImportError {
     let is_captures = |place: &str| dir.is_dir() && place == dir.display().to_string();
     match error {
@@ -71,9 +71,9 @@ fn read_any(format: Format, dir: &Path, options: &Options) -> Result<Imported, I
 fn read_as(adapter: &Adapter, dir: &Path, options: &Options) -> Result<Imported, ImportError> {
     ensure_read(adapter, dir, options)?;
     let imported = match adapter.read {
-        Read::Folder(read) => read(&Source::new(dir), options)?,
-        Read::Clip(read) => read(dir, options)?,
-        Read::Tool(tool) => return read_tool(Some(tool), dir, options),
+        Reader::Folder(read) => read(&Source::new(dir), options)?,
+        Reader::Clip(read) => read(dir, options)?,
+        Reader::Tool(tool) => return read_tool(Some(tool), dir, options),
     };
     checked(dir, imported, options)
 }
@@ -87,7 +87,7 @@ fn read_tool(
     let at = options.poses.as_deref().unwrap_or(dir);
     let (tool, found) = tools::open(at, forced, options)?;
     let is_of_tool =
-        |adapter: &&Adapter| matches!(adapter.read, Read::Tool(of) if std::ptr::eq(of, tool));
+        |adapter: &&Adapter| matches!(adapter.read, Reader::Tool(of) if std::ptr::eq(of, tool));
     if let Some(adapter) = adapters().iter().find(is_of_tool) {
         ensure_read(adapter, dir, options)?;
     }

@@ -1,5 +1,4 @@
-//! All formats: what `--from` calls them, which options they read, how their files are recognised, and
-//! who reads them.
+//! All formats: their names for `--from`, the options that they read, the recognition of their files, and their readers.
 
 use super::flags::Flag;
 use super::format::Format;
@@ -16,37 +15,37 @@ use yoto_proto::pose_track::{BINARY_FILE, FILE};
 pub(super) struct Adapter {
     /// What `--from` takes.
     pub from: &'static str,
-    pub help: String,
-    /// The options that it reads, of those that some formats don't.
+    pub help: &'static str,
+    /// The options in [`FLAGS`](super::flags::FLAGS) that it reads.
     pub flags: Vec<Flag>,
-    pub fits: Fits,
-    pub read: Read,
+    pub fits: RecognisedBy,
+    pub read: Reader,
 }
 
 /// How the files of a format are recognised.
-pub(super) enum Fits {
-    /// By names in the folder, with what it is called then: all names of one entry must be there.
+pub(super) enum RecognisedBy {
+    /// By names in the folder: each entry has a name for a note, and files that must all be there.
     Files(&'static [(&'static str, &'static [&'static str])]),
-    /// By the file or folder of `--poses`, with what it is called, if its reader doesn't say.
+    /// By the file or folder of `--poses`; with a name for a note, unless the reader names it.
     Poses(Option<&'static str>, fn(&Path) -> bool),
-    /// By what is in the file, which is read once for all tools.
+    /// By the contents of the file, which is read once for all tools.
     Tool,
-    /// A clip without anything beside it.
+    /// A clip with no other files.
     Clip,
 }
 
 /// The reader of a format.
 #[derive(Clone, Copy)]
-pub(super) enum Read {
-    /// Of a folder.
+pub(super) enum Reader {
+    /// Reads a folder.
     Folder(fn(&Source, &Options) -> Result<Imported, ImportError>),
-    /// Of a clip, with what the options name.
+    /// Reads a clip and the files that the options name.
     Clip(fn(&Path, &Options) -> Result<Imported, ImportError>),
-    /// Of a pose tool's files, with the clip.
+    /// Reads a pose tool's files with their clip.
     Tool(&'static Tool),
 }
 
-/// What a pose tool's files need besides.
+/// The options that are read with every pose tool's files.
 const TOOL: [Flag; 9] = [
     Flag::RestJoints,
     Flag::Poses,
@@ -74,99 +73,96 @@ fn of_tool(tool: &'static Tool) -> Adapter {
     let view = tool.has_views.then_some(Flag::View);
     Adapter {
         from: tool.from,
-        help: tool.help.into(),
+        help: tool.help,
         flags: view.into_iter().chain(TOOL).collect(),
-        fits: Fits::Tool,
-        read: Read::Tool(tool),
+        fits: RecognisedBy::Tool,
+        read: Reader::Tool(tool),
     }
 }
 
 /// Formats whose files are recognised before those of pose tools.
 fn before_tools() -> [Adapter; 7] {
     [
-    Adapter {
-        from: Format::FOLDER.name(),
-        help: "This project's own: poses.json or poses.pb, frames, masks".into(),
-        flags: vec![],
-        fits: Fits::Files(&[
-            ("a capture folder", &[FILE]),
-            ("a capture folder", &[BINARY_FILE]),
-        ]),
-        read: Read::Folder(folder::read),
-    },
-    Adapter {
-        from: "zju",
-        help: "ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp".into(),
-        flags: vec![Flag::View, Flag::RestJoints, Flag::Fps],
-        fits: Fits::Files(&[("ZJU-MoCap", &["annots.npy"])]),
-        read: Read::Folder(zju::read),
-    },
-    Adapter {
-        from: "humannerf",
-        help: "HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl and canonical_joints.pkl".into(),
-        flags: vec![Flag::RestJoints, Flag::Fps],
-        fits: Fits::Files(&[
-            ("HumanNeRF's prepared capture", &["mesh_infos.pkl"]),
-            ("HumanNeRF's wild video", &["metadata.json", "images"]),
-        ]),
-        read: Read::Folder(humannerf::read),
-    },
-    Adapter {
-        from: "people-snapshot",
-        help: "PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video".into(),
-        flags: vec![Flag::RestJoints, Flag::Fps],
-        fits: Fits::Files(&[("PeopleSnapshot", people_snapshot::MARKS)]),
-        read: Read::Folder(people_snapshot::read),
-    },
-    Adapter {
-        from: "instant-avatar",
-        help: "InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks".into(),
-        flags: vec![Flag::RestJoints, Flag::Poses, Flag::Fps],
-        fits: Fits::Files(&[
-            ("InstantAvatar", &["cameras.npz", "poses.npz"]),
-            ("InstantAvatar", &["cameras.npz", "poses"]),
-        ]),
-        read: Read::Folder(instant_avatar::read),
-    },
-    Adapter {
-        from: "bvh",
-        help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera".into(),
-        flags: vec![
-            Flag::View,
-            Flag::Poses,
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Focal,
-            Flag::KeepSkeleton,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Poses(Some("BVH"), bvh_clip::fits),
-        read: Read::Clip(bvh_clip::read),
-    },
-    Adapter {
-        from: "key-points",
-        help: format!(
-            "Key points of {}: --poses their files, with the clip; a body is fitted to them",
-            keypoints::detectors()
-        ),
-        flags: vec![
-            Flag::Poses,
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Person,
-            Flag::Points,
-            Flag::TurnPoints,
-            Flag::MirrorPoints,
-            Flag::Focal,
-            Flag::Height,
-            Flag::KeepSkeleton,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Poses(None, keypoints::has_files),
-        read: Read::Clip(keypoints::read),
-    },
+        Adapter {
+            from: Format::FOLDER.name(),
+            help: "This project's own: poses.json or poses.pb, frames, masks",
+            flags: vec![],
+            fits: RecognisedBy::Files(&[
+                ("a capture folder", &[FILE]),
+                ("a capture folder", &[BINARY_FILE]),
+            ]),
+            read: Reader::Folder(folder::read),
+        },
+        Adapter {
+            from: "zju",
+            help: "ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp",
+            flags: vec![Flag::View, Flag::RestJoints, Flag::Fps],
+            fits: RecognisedBy::Files(&[("ZJU-MoCap", &["annots.npy"])]),
+            read: Reader::Folder(zju::read),
+        },
+        Adapter {
+            from: "humannerf",
+            help: "HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl and canonical_joints.pkl",
+            flags: vec![Flag::RestJoints, Flag::Fps],
+            fits: RecognisedBy::Files(&[
+                ("HumanNeRF's prepared capture", &["mesh_infos.pkl"]),
+                ("HumanNeRF's wild video", &["metadata.json", "images"]),
+            ]),
+            read: Reader::Folder(humannerf::read),
+        },
+        Adapter {
+            from: "people-snapshot",
+            help: "PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video",
+            flags: vec![Flag::RestJoints, Flag::Fps],
+            fits: RecognisedBy::Files(&[("PeopleSnapshot", people_snapshot::MARKS)]),
+            read: Reader::Folder(people_snapshot::read),
+        },
+        Adapter {
+            from: "instant-avatar",
+            help: "InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks",
+            flags: vec![Flag::RestJoints, Flag::Poses, Flag::Fps],
+            fits: RecognisedBy::Files(&[
+                ("InstantAvatar", &["cameras.npz", "poses.npz"]),
+                ("InstantAvatar", &["cameras.npz", "poses"]),
+            ]),
+            read: Reader::Folder(instant_avatar::read),
+        },
+        Adapter {
+            from: "bvh",
+            help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera",
+            flags: vec![
+                Flag::View,
+                Flag::Poses,
+                Flag::Masks,
+                Flag::Matting,
+                Flag::Focal,
+                Flag::KeepSkeleton,
+                Flag::Fps,
+                Flag::Hdr,
+            ],
+            fits: RecognisedBy::Poses(Some("BVH"), bvh_clip::fits),
+            read: Reader::Clip(bvh_clip::read),
+        },
+        Adapter {
+            from: "key-points",
+            help: keypoints::help(),
+            flags: vec![
+                Flag::Poses,
+                Flag::Masks,
+                Flag::Matting,
+                Flag::Person,
+                Flag::Points,
+                Flag::PointRotation,
+                Flag::MirrorPoints,
+                Flag::Focal,
+                Flag::Height,
+                Flag::KeepSkeleton,
+                Flag::Fps,
+                Flag::Hdr,
+            ],
+            fits: RecognisedBy::Poses(None, keypoints::has_files),
+            read: Reader::Clip(keypoints::read),
+        },
     ]
 }
 
@@ -174,7 +170,7 @@ fn before_tools() -> [Adapter; 7] {
 fn clip_alone() -> Adapter {
     Adapter {
         from: Format::FILM.name(),
-        help: "A video, or a folder of pictures, alone: poses and masks by --pose-model".into(),
+        help: "A video, or a folder of pictures, alone: poses and masks by --pose-model",
         flags: vec![
             Flag::Masks,
             Flag::Matting,
@@ -184,8 +180,8 @@ fn clip_alone() -> Adapter {
             Flag::Fps,
             Flag::Hdr,
         ],
-        fits: Fits::Clip,
-        read: Read::Clip(film::read),
+        fits: RecognisedBy::Clip,
+        read: Reader::Clip(film::read),
     }
 }
 

@@ -11,7 +11,7 @@ use crate::Options;
 use std::path::Path;
 use yoto_proto::pose_track::violation;
 
-/// Checks that every given option is read by `adapter`, in which `source` is.
+/// Checks that `adapter`, the format of `source`, reads every given option.
 ///
 /// # Errors
 /// The first option that is not, with the formats that read it.

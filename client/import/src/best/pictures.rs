@@ -8,7 +8,7 @@ use crate::{Imported, Pictures};
 use image::{GrayImage, RgbImage};
 use std::collections::BTreeMap;
 use std::path::Path;
-use yoto_media::source::{Source, SourceError, Wanted};
+use yoto_media::source::{Source, SourceError, WantedFrames};
 use yoto_media::video::Ffmpeg;
 use yoto_media::{Limits, MediaError};
 use yoto_proto::media_plan::{self, Timing};
@@ -90,7 +90,7 @@ impl<'a> Film<'a> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.into_owned();
         let files = BTreeMap::from([(name.clone(), path.to_owned())]);
-        let wanted = Wanted {
+        let wanted = WantedFrames {
             indices,
             fps: track.fps,
             timing: Timing::Index,
@@ -122,7 +122,7 @@ impl<'a> Film<'a> {
     }
 }
 
-/// The faults of the video at `path`, or that of this machine.
+/// The faults of the video at `path`, or the fault of this machine.
 fn at_fault(path: &Path, errors: Vec<SourceError>) -> ImportError {
     let mut violations = Vec::with_capacity(errors.len());
     for error in errors {

@@ -19,7 +19,7 @@ use crate::{Progress, Stage};
 use std::collections::HashMap;
 use std::path::Path;
 use yoto_capture::FrameImage;
-use yoto_capture::check::{Checker, Grade, Measure, Report};
+use yoto_capture::check::{CheckReport, Checker, Grade, Measure};
 use yoto_ingest::LocalCapture;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
@@ -27,7 +27,7 @@ use yoto_proto::pose_track::PoseTrack;
 /// A checked capture.
 pub struct Checked {
     /// The findings.
-    pub report: Report,
+    pub report: CheckReport,
     name: String,
     asked: Correction,
     capture: LocalCapture,

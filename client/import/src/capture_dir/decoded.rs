@@ -13,7 +13,7 @@ use yoto_proto::media_plan::MediaPlan;
 pub struct DecodedCapture {
     /// Its last folder or file name.
     pub name: String,
-    /// The plan by which it is read.
+    /// The plan of its reading.
     pub plan: MediaPlan,
     /// Its frames.
     pub capture: LocalCapture,

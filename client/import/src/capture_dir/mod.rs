@@ -80,7 +80,7 @@ impl CaptureDir {
     /// Opens the capture at `path`, a folder or an archive, with the sources that its names give.
     ///
     /// # Errors
-    /// As [`CaptureDir::open_with`].
+    /// The same errors as [`CaptureDir::open_with`].
     pub fn open(path: &Path) -> Result<Self, ImportError> {
         Self::open_with(path, &CaptureOptions::default())
     }

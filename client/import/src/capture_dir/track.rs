@@ -17,7 +17,7 @@ pub fn read_track(dir: &Path) -> Result<PoseTrack, ImportError> {
     })
 }
 
-/// What the capture in `dir` is called: its last folder.
+/// The name of the capture in `dir`: its last folder.
 pub fn named(dir: &Path) -> String {
     let name = dir.file_name().unwrap_or(dir.as_os_str());
     name.to_string_lossy().into_owned()

@@ -6,7 +6,7 @@ mod frames;
 mod numbers;
 
 pub(crate) use beyond::{note as beyond, too_far};
-pub(crate) use counting::Counting;
+pub(crate) use counting::FrameNumbering;
 pub(crate) use frames::for_each;
 pub(crate) use numbers::{left_out, number_in};
 
@@ -17,17 +17,17 @@ use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use yoto_media::video::{Ffmpeg, Hdr, Video};
-use yoto_media::{Fault, Limits, MediaError, Orientation, sniff};
+use yoto_media::{Limits, MediaError, MediaFault, Orientation, sniff};
 use yoto_proto::pose_track::violation;
 use yoto_proto::text::count;
 
 /// Endings of pictures, lower case.
 pub(crate) const PICTURES: [&str; 3] = [".png", ".jpg", ".jpeg"];
 
-/// How a video's file has its pictures.
+/// How the pictures in a video's file differ from the pictures as shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stored {
-    /// The rotation from there to the pictures as shown.
+pub(crate) struct StoredPicture {
+    /// The rotation from the stored pictures to the pictures as shown.
     pub orientation: Orientation,
     /// Width and height of a pixel of the file in pixels of the pictures as shown.
     pub pixel: [f64; 2],
@@ -37,23 +37,23 @@ pub(crate) struct Stored {
 #[derive(Clone, Debug)]
 pub(crate) struct Clip {
     path: PathBuf,
-    /// Of a folder, in the order of their names; empty for a video.
+    /// The pictures of a folder, in the order of their names; empty for a video.
     files: Vec<PathBuf>,
     /// Frames by the names of their pictures, without endings.
     names: HashMap<OsString, usize>,
     /// Decodes videos that are not decoded in this process.
     ffmpeg: Ffmpeg,
-    /// What a video's levels are taken for.
+    /// The light of a video's levels.
     hdr: Hdr,
-    /// Width and height, as shown: after the rotation that a phone's video asks for.
+    /// Width and height as shown, after the rotation that a phone's video declares.
     pub size: [u32; 2],
-    /// How its file has the pictures.
-    pub stored: Stored,
+    /// How the stored pictures differ from the pictures as shown.
+    pub stored: StoredPicture,
     /// Number of frames.
     pub frames: usize,
     /// Frames per second, if the file has times.
     pub fps: Option<f64>,
-    /// What the pictures are not as in the file, and what the file lacks, for people.
+    /// Notes for people: how pictures differ from the file, and what the file lacks.
     pub notes: Vec<String>,
 }
 
@@ -71,10 +71,10 @@ impl Clip {
         Self::video_at(path, ffmpeg, options.hdr)
     }
 
-    /// Opens a clip again whose pictures a capture gets.
+    /// Opens a clip again, to decode its pictures for a capture.
     ///
     /// # Errors
-    /// Those of [`Self::open`].
+    /// The same errors as [`Self::open`].
     pub fn again(clip: &DecodedClip) -> Result<Self, ImportError> {
         Self::video_at(&clip.path, clip.ffmpeg.clone(), clip.hdr)
     }
@@ -94,7 +94,7 @@ impl Clip {
             ffmpeg,
             hdr,
             size: [first.width as u32, first.height as u32],
-            stored: Stored {
+            stored: StoredPicture {
                 orientation: video.orientation(),
                 pixel: video.pixel(),
             },
@@ -115,7 +115,7 @@ impl Clip {
         let names = files.iter().enumerate().filter_map(stem);
         Ok(Self {
             size: image_size(first, 0)?,
-            stored: Stored {
+            stored: StoredPicture {
                 orientation: Orientation::AsStored,
                 pixel: [1.0; 2],
             },
@@ -207,7 +207,10 @@ pub(crate) fn is_video(path: &Path) -> bool {
     read.is_ok()
         && matches!(
             kind,
-            sniff::Kind::Mp4 | sniff::Kind::Matroska | sniff::Kind::Avi | sniff::Kind::Mpeg
+            sniff::FileType::Mp4
+                | sniff::FileType::Matroska
+                | sniff::FileType::Avi
+                | sniff::FileType::Mpeg
         )
 }
 
@@ -234,8 +237,8 @@ pub(crate) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, Impo
     Ok(files)
 }
 
-/// A key that orders names as people count: with digits in a row as one number. Names that differ only
-/// in leading zeros keep the order of their letters.
+/// A sort key that compares digits in a row as one number. Names that differ only in leading zeros are in
+/// alphabetical order.
 fn by_numbers(name: &str) -> (Vec<(usize, String)>, String) {
     let mut parts: Vec<(usize, String)> = Vec::new();
     let mut digits = false;
@@ -266,7 +269,7 @@ pub(crate) fn unusable(path: &Path, error: MediaError) -> ImportError {
     }
 }
 
-fn bad(path: &Path, found: Fault) -> ImportError {
+fn bad(path: &Path, found: MediaFault) -> ImportError {
     let (place, name) = located(path);
     ImportError::BadCapture {
         place,

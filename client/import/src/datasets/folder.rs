@@ -5,7 +5,7 @@ use crate::capture_dir::{CaptureDir, FileSource};
 use crate::capture_frames::CaptureFrames;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::source::Source;
-use crate::{Found, Imported, Options};
+use crate::{Findings, Imported, Options};
 use std::collections::HashMap;
 use yoto_proto::media_plan::{self, BackgroundSetting, Planned};
 use yoto_proto::pose_track::NO_DISTORTION;
@@ -71,6 +71,6 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         pictures,
         available,
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }

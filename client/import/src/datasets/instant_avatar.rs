@@ -12,9 +12,9 @@ use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Faulty, Source, not_finite};
-use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
-use crate::{Found, Imported, Options};
+use crate::source::{Faulty, FileData, Source, not_finite};
+use crate::track::{Camera, SmplPose, WorldPose, empty_track, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 
 const CAMERAS: &str = "cameras.npz";
 
@@ -69,7 +69,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
             continue;
         }
         faulty.keep(Ok(()))?;
-        let placed = Placed::about_pelvis(poses[at], translations[at], pelvis);
+        let placed = WorldPose::about_pelvis(poses[at], translations[at], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));
@@ -90,7 +90,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         pictures: Pictures::Files(pictures),
         available: images.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
@@ -122,7 +122,7 @@ fn poses_file(source: &Source, options: &Options) -> Result<String, ImportError>
 }
 
 /// Shape, poses and translations, finite or not, under any of their names.
-pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ImportError> {
+pub(crate) fn read_poses(data: &FileData<'_>) -> Result<Poses, ImportError> {
     let root = data.root();
     let poses: Vec<SmplPose> = match root.find("thetas") {
         Some(thetas) => thetas.unchecked_rows(None)?,

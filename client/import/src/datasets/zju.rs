@@ -13,15 +13,15 @@ use crate::ImportError;
 use crate::geometry::{Vec3, extrinsics};
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Faulty, Part, Source};
-use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use crate::{Found, Imported, Options};
+use crate::source::{Faulty, FileData, Part, Source};
+use crate::track::{Camera, WorldPose, empty_track, mean, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 use std::path::{Component, Path};
 
 const ANNOTS: &str = "annots.npy";
 
 /// A frame's files and body.
-struct Body {
+struct SmplFrame {
     index: u32,
     betas: Vec<f64>,
     poses: [f64; 72],
@@ -65,7 +65,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
                 .first()
                 .copied()
                 .unwrap_or_default();
-            Placed::about_origin(body.poses, body.rh, body.th, pelvis)
+            WorldPose::about_origin(body.poses, body.rh, body.th, pelvis)
                 .frame(body.index, rest_root, &camera)
         })
         .collect();
@@ -74,7 +74,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         pictures: Pictures::Files(pictures),
         available: ims.len()?,
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
@@ -84,7 +84,7 @@ fn frame(
     ims: &Part<'_>,
     position: usize,
     view: usize,
-) -> Result<(Body, PictureFiles), ImportError> {
+) -> Result<(SmplFrame, PictureFiles), ImportError> {
     let index = position as u32;
     let path = ims.at(position)?.of_frame(index).get("ims")?.at(view)?;
     let image = relative(&path)?;
@@ -94,7 +94,7 @@ fn frame(
 }
 
 /// Camera `view` of the rig, in metres, and its distortion.
-fn camera(annots: &Data<'_>, view: usize) -> Result<(Camera, [f64; 5]), ImportError> {
+fn camera(annots: &FileData<'_>, view: usize) -> Result<(Camera, [f64; 5]), ImportError> {
     let cams = annots.root().get("cams")?;
     let k: [f64; 9] = of_view(&cams.get("K")?, view)?;
     let r: [f64; 9] = of_view(&cams.get("R")?, view)?;
@@ -177,10 +177,10 @@ fn files(source: &Source, image: &Path, frame: u32) -> Result<PictureFiles, Impo
     })
 }
 
-fn body(source: &Source, number: usize, frame: u32) -> Result<Body, ImportError> {
+fn body(source: &Source, number: usize, frame: u32) -> Result<SmplFrame, ImportError> {
     let data = source.data(&format!("new_params/{number}.npy"), Some(frame))?;
     let root = data.root();
-    Ok(Body {
+    Ok(SmplFrame {
         index: frame,
         betas: root.get("shapes")?.vector()?,
         poses: root.get("poses")?.smpl_pose()?,

@@ -4,14 +4,14 @@ use super::watch::Watched;
 use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, fault};
-use crate::matting::Wanted;
+use crate::matting::MaskRequest;
 use crate::pictures::{Mask, read_masks};
 use crate::proof::{Masks, MasksByFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_proto::text::count;
 
-/// Frames in which given masks are compared with the pose model's.
+/// Given masks are compared with the pose model's in this number of frames.
 const COMPARED: usize = 8;
 /// Least overlap of given masks with the pose model's: below it, they show another person.
 const SAME_PERSON: f64 = 0.5;
@@ -30,7 +30,7 @@ pub(super) fn of(
         let mut wanted = Vec::new();
         for it in &watched {
             let own = read_masks(&[Mask::Packed(it.mask.clone())], clip.size, it.index as u32)?;
-            wanted.push(Wanted {
+            wanted.push(MaskRequest {
                 frame: it.index,
                 expected: Some(own.into_raw()),
             });

@@ -18,7 +18,7 @@ mod watch;
 
 use crate::ImportError;
 use crate::clip::{Clip, fault};
-use crate::{Found, Imported, Options, PoseFit, Stage};
+use crate::{Findings, Imported, Options, PoseFit, Stage};
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
@@ -26,7 +26,7 @@ use yoto_landmarks::{PoseModel, Watcher};
 use yoto_pose::{FitOptions, KeyPointSet, KeyPoints, fit};
 use yoto_proto::text::count;
 
-/// Most frames that are looked at: more of one clip are alike, and each takes a part of a second.
+/// At most this number of frames is searched: further frames of a clip are alike, and each takes a part of a second.
 const MOST_FRAMES: usize = 200;
 
 /// Finds poses and masks of the person in the clip `source`.
@@ -77,7 +77,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
     drop(running);
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
     let lacks = hands::lacks(&points.frames, &fitted.track);
-    let found = Found {
+    let found = Findings {
         fit: Some(PoseFit::of(&fitted, wanted.len())),
         doubts: (clip.notes.iter().cloned())
             .chain(followed.note)

@@ -1,4 +1,4 @@
-//! What the pose model sees in the frames of a clip.
+//! Runs the pose model on the frames of a clip.
 
 use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
@@ -8,15 +8,15 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use yoto_landmarks::{Figure, Seen, Watcher};
+use yoto_landmarks::{BodySquare, PersonLandmarks, Watcher};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
 
-/// Visibility from which on a point counts as seen.
+/// Least visibility of a seen point.
 const VISIBLE: f32 = 0.5;
 /// Fewest seen points of a frame: with fewer, more of the body is guessed than seen.
 const FEWEST: usize = 8;
 
-/// A frame in which the person was found.
+/// A frame that shows the person.
 pub(super) struct Watched {
     /// The frame's number.
     pub index: usize,
@@ -24,7 +24,7 @@ pub(super) struct Watched {
     /// A grey PNG of coverage.
     pub mask: Arc<[u8]>,
     /// Place, size and colours of the body.
-    pub figure: Option<Figure>,
+    pub figure: Option<BodySquare>,
     pub scene: Scene,
 }
 
@@ -65,14 +65,14 @@ struct Decoded {
     rgb: Arc<Vec<u8>>,
 }
 
-/// A frame in which the person was found.
+/// A frame that shows the person, as decoded or as a copy of the one before.
 enum Sighting {
-    New(Decoded, Box<Seen>),
-    /// A copy of the frame before, in which the person was found.
+    New(Decoded, Box<PersonLandmarks>),
+    /// A copy of the frame before, which shows the person.
     Again(usize),
 }
 
-/// Looks for the person whom `watcher` follows in the frames `wanted`.
+/// Searches the frames `wanted` for the person that `watcher` follows.
 pub(super) fn watch(
     watcher: &mut Watcher,
     clip: &Clip,
@@ -92,7 +92,7 @@ fn watch_with(
     clip: &Clip,
     wanted: &[usize],
     progress: &Progress,
-    look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ImportError>,
+    look: impl FnMut(usize, &[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
 ) -> Result<Vec<Watched>, ImportError> {
     let running = progress.start(Stage::People);
     let (decoded, frames) = sync_channel(AHEAD);
@@ -138,7 +138,7 @@ fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ImportError>
 fn look_at(
     frames: Receiver<Decoded>,
     found: &SyncSender<Sighting>,
-    mut look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ImportError>,
+    mut look: impl FnMut(usize, &[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
     mut done: impl FnMut(usize),
 ) -> Result<(), ImportError> {
     let mut last: Option<(Arc<Vec<u8>>, bool)> = None;
@@ -188,7 +188,7 @@ fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, Impor
 }
 
 impl Watched {
-    /// The same in the frame `index`.
+    /// A copy for the frame `index`.
     fn again(&self, index: usize) -> Self {
         Self {
             index,
@@ -203,12 +203,12 @@ impl Watched {
     }
 }
 
-fn is_seen(seen: &Seen) -> bool {
+fn is_seen(seen: &PersonLandmarks) -> bool {
     let visible = seen.picture.iter().filter(|point| point[3] >= VISIBLE);
     visible.count() >= FEWEST
 }
 
-fn key_points(index: u32, seen: &Seen) -> FrameKeyPoints {
+fn key_points(index: u32, seen: &PersonLandmarks) -> FrameKeyPoints {
     let picture = seen.picture.iter();
     let space = seen.space.iter();
     FrameKeyPoints {
@@ -229,12 +229,12 @@ mod tests {
     use std::path::Path;
     use yoto_landmarks::Outline;
 
-    fn seen(visible: usize) -> Seen {
+    fn seen(visible: usize) -> PersonLandmarks {
         let mut picture = [[1.0, 2.0, 3.0, 0.1]; 33];
         for point in picture.iter_mut().take(visible) {
             point[3] = 0.9;
         }
-        Seen {
+        PersonLandmarks {
             picture,
             space: [[0.1, 0.2, 0.3, 0.9]; 33],
             outline: Outline::nobody([2, 1]),

@@ -3,16 +3,16 @@
 //! have hands) and, where it follows people, `idx`.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
-use super::form::{Fits, Form};
+use super::form::{DetectorForm, RecognisedBy};
 use super::hands;
 use crate::ImportError;
 use crate::source::{Faulty, Part};
 use std::collections::BTreeMap;
 use yoto_pose::KeyPointSet;
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some("AlphaPose"),
-    fits: Fits::Contents(fits),
+    fits: RecognisedBy::Contents(fits),
     read: |file| read(&file.data()?.root()),
 };
 

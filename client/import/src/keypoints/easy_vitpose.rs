@@ -3,15 +3,15 @@
 //! its own 25 with a neck and feet, and COCO-WholeBody.
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre};
-use super::form::{Fits, Form};
+use super::form::{DetectorForm, RecognisedBy};
 use super::point_set::PointSet;
 use crate::ImportError;
 use crate::source::{Faulty, Part};
 use yoto_pose::KeyPointSet;
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some("easy_ViTPose"),
-    fits: Fits::Contents(fits),
+    fits: RecognisedBy::Contents(fits),
     read: |file| read(&file.data()?.root()),
 };
 
@@ -67,9 +67,12 @@ fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
 fn order(names: &Part<'_>) -> Result<(KeyPointSet, Vec<usize>), ImportError> {
     let mut indices: Vec<(String, usize)> = Vec::new();
     for (at, name) in names.members()? {
-        let at = at
-            .parse()
-            .map_err(|_| names.fault("OUT_OF_RANGE", format!("'{at}' is no number of a point")))?;
+        let at = at.parse().map_err(|_| {
+            names.fault(
+                "OUT_OF_RANGE",
+                format!("'{at}' is not the number of a point"),
+            )
+        })?;
         // Once written 'left_big toe'.
         indices.push((name.text()?.replace(' ', "_"), at));
     }

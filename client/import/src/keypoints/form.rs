@@ -1,20 +1,20 @@
-//! The description of a form in which detectors write key points: all lists of detectors are made of these.
+//! The description of a detector's file format, from which all lists of detectors are made.
 
 use super::detections::Detections;
 use super::point_set::PointSet;
 use crate::ImportError;
-use crate::source::{Data, Part, Source};
+use crate::source::{FileData, Part, Source};
 
-/// A form in which detectors write key points.
-pub(super) struct Form {
+/// A file format of detectors.
+pub(super) struct DetectorForm {
     /// The detector's name; none for a second form of a detector, and for forms that many programs write.
     pub detector: Option<&'static str>,
-    pub fits: Fits,
+    pub fits: RecognisedBy,
     pub read: fn(&DetectorFile<'_>) -> Result<Detections, ImportError>,
 }
 
 /// How a file is recognised.
-pub(super) enum Fits {
+pub(super) enum RecognisedBy {
     /// By the end of its name.
     Ending(&'static str),
     /// By the first line of a `.csv`.
@@ -36,7 +36,7 @@ pub(super) struct DetectorFile<'a> {
 }
 
 impl DetectorFile<'_> {
-    pub fn data(&self) -> Result<Data<'_>, ImportError> {
+    pub fn data(&self) -> Result<FileData<'_>, ImportError> {
         self.source.data(self.name, None)
     }
 }

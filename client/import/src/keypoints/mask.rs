@@ -1,4 +1,4 @@
-//! The masks that show the person: those that most of the key points lie in.
+//! Finds the masks of the person: most of the key points lie inside them.
 
 use super::detections::Detection;
 use super::misfit;

@@ -8,13 +8,13 @@
 //! visibility. World landmarks are metres around the hips in the camera's axes.
 
 use super::detections::{Detection, Detections, FrameDetections, whole};
-use super::form::{Fits, Form};
+use super::form::{DetectorForm, RecognisedBy};
 use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::Part;
 use yoto_pose::KeyPointSet;
 
-/// What notes call the detector.
+/// The detector's name in notes.
 pub(super) const NAME: &str = "MediaPipe";
 /// Landmarks of a person.
 pub(super) const POINTS: usize = 33;
@@ -23,23 +23,23 @@ const MOST_SHARE: f64 = 5.0;
 
 /// One frame's landmarks, as they are written.
 #[derive(Clone, Debug)]
-pub(super) struct Row {
+pub(super) struct LandmarkFrame {
     pub number: usize,
     /// Whether the file has the number, and not only the order.
     pub is_numbered: bool,
     pub people: Vec<Points>,
 }
 
-/// Of a person: x, y, visibility; x, y, z in space if there are any.
+/// A person's points: x, y, visibility; and x, y, z in space, if the file has them.
 pub(super) type Points = (Vec<[f64; 3]>, Vec<Vec3>);
 
 /// Names of the arrays.
 const PICTURE: [&str; 3] = ["landmarks", "L", "pose_landmarks"];
 const SPACE: [&str; 3] = ["world_landmarks", "W", "pose_world_landmarks"];
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some("MediaPipe"),
-    fits: Fits::Contents(fits),
+    fits: RecognisedBy::Contents(fits),
     read: |file| read(&file.data()?.root(), file.size),
 };
 
@@ -81,7 +81,7 @@ fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
         None => None,
     };
     let rows = numbers.into_iter().zip(picture.into_iter().zip(space));
-    let rows = rows.map(|(number, (picture, space))| Row {
+    let rows = rows.map(|(number, (picture, space))| LandmarkFrame {
         number,
         is_numbered,
         people: vec![(
@@ -121,7 +121,7 @@ fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
 
 /// Frames of the points of `set`, in pixels of a picture of `size`; `given` is the size that the file says.
 pub(super) fn detections(
-    rows: Vec<Row>,
+    rows: Vec<LandmarkFrame>,
     name: &'static str,
     set: KeyPointSet,
     given: Option<[f64; 2]>,

@@ -3,8 +3,8 @@
 //! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks.
 
 use super::detections::Detections;
-use super::form::{Fits, Form};
-use super::mediapipe::{NAME, POINTS, Points, Row, any, detections, number};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, NAME, POINTS, Points, any, detections, number};
 use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::{Faulty, Part};
@@ -14,9 +14,9 @@ use yoto_pose::KeyPointSet;
 const PICTURE: [&str; 2] = ["pose_landmarks", "landmarks"];
 const SPACE: [&str; 2] = ["pose_world_landmarks", "world_landmarks"];
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: None,
-    fits: Fits::Contents(fits),
+    fits: RecognisedBy::Contents(fits),
     read: |file| read(&file.data()?.root(), file.size),
 };
 
@@ -40,7 +40,7 @@ fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
         let numbered = number(&entry)?;
         let number = numbered.unwrap_or(at);
         let entry = entry.of_frame(u32::try_from(number).unwrap_or(u32::MAX));
-        rows.push(Row {
+        rows.push(LandmarkFrame {
             number,
             is_numbered: numbered.is_some(),
             people: faulty.keep(of_frame(&entry))?.unwrap_or_default(),

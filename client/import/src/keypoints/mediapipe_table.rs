@@ -3,15 +3,15 @@
 //! could use: z of these is a share of the picture's width.
 
 use super::detections::Detections;
-use super::form::{Fits, Form};
-use super::mediapipe::{NAME, POINTS, Row, detections};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, NAME, POINTS, detections};
 use crate::ImportError;
 use crate::source::{Faulty, Source};
 use yoto_pose::KeyPointSet;
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: None,
-    fits: Fits::Table(fits),
+    fits: RecognisedBy::Table(fits),
     read: |file| read(file.source, file.name, file.size),
 };
 
@@ -57,7 +57,7 @@ fn read(source: &Source, file: &str, size: [u32; 2]) -> Result<Detections, Impor
     Ok(found)
 }
 
-fn row(line: &str) -> Result<Row, String> {
+fn row(line: &str) -> Result<LandmarkFrame, String> {
     // An empty cell is of a landmark that was not seen.
     let number = |cell: &str| {
         if cell.is_empty() {
@@ -87,7 +87,7 @@ fn row(line: &str) -> Result<Row, String> {
         [x, y, _] => [x, y, 1.0],
         _ => [0.0; 3],
     };
-    Ok(Row {
+    Ok(LandmarkFrame {
         number: number as usize,
         is_numbered: true,
         people: vec![(values.chunks_exact(width).map(point).collect(), Vec::new())],

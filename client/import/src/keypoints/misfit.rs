@@ -1,7 +1,7 @@
-//! Why key points don't lie in masks: mirrored or turned pictures, and masks of other frames.
+//! Guesses why key points lie outside masks: mirrored or rotated pictures, or masks of other frames.
 
 use super::detections::{Detection, SURE};
-use super::point_turn::PointTurn;
+use super::point_rotation::PointRotation;
 use super::seen_as::SeenAs;
 use crate::ImportError;
 use crate::clip::Clip;
@@ -9,15 +9,15 @@ use crate::pictures::read_masks;
 use crate::proof::Masks;
 use yoto_proto::text::count;
 
-/// Frames that are looked at.
+/// Number of frames that are compared.
 const FRAMES: usize = 16;
-/// Share of points inside from which on a guess is named.
+/// A guess is named if at least this share of the points lies inside the masks.
 const GOOD: f64 = 0.8;
-/// Share of points inside above which nothing is wrong with the frames.
+/// Above this share of points inside the masks, the frames are right.
 const FITS: f64 = 0.9;
-/// By how much other frames must fit better, shares of the points.
+/// Masks of other frames must fit better by this share of the points.
 const BETTER: f64 = 0.05;
-/// Frames by which masks and points are tried to be apart.
+/// Delays between masks and points of up to this many frames are tried.
 const FARTHEST: i64 = 5;
 
 /// Changes that are guessed, with words for them and the options that undo them.
@@ -33,28 +33,28 @@ const CHANGES: [(&str, &str, SeenAs); 5] = [
     (
         "turned by 90° clockwise",
         "--turn-points 90",
-        turned(PointTurn::Quarter, false),
+        turned(PointRotation::Quarter, false),
     ),
     (
         "turned by 90° counter-clockwise",
         "--turn-points 270",
-        turned(PointTurn::ThreeQuarters, false),
+        turned(PointRotation::ThreeQuarters, false),
     ),
     (
         "turned by 180°",
         "--turn-points 180",
-        turned(PointTurn::Half, false),
+        turned(PointRotation::Half, false),
     ),
     (
         "upside down",
         "--turn-points 180 --mirror-points",
-        turned(PointTurn::Half, true),
+        turned(PointRotation::Half, true),
     ),
 ];
 
-const fn turned(turn: PointTurn, mirrored: bool) -> SeenAs {
+const fn turned(rotation: PointRotation, mirrored: bool) -> SeenAs {
     SeenAs {
-        turn: Some(turn),
+        rotation: Some(rotation),
         mirrored,
         ..SeenAs::SHOWN
     }
@@ -88,8 +88,8 @@ pub(super) fn share(
     Ok(f64::from(inside as u32) / f64::from(all.max(1)))
 }
 
-/// Which pictures points outside of the masks may be of, and what makes them those of the clip; `None` if no guess fits. `given` is
-/// what the user said of the pictures, which the points have been through.
+/// A guess which pictures the detector saw, with the options that undo it; `None` if no guess fits. The points were already
+/// transformed as `given` by the user.
 pub(super) fn guess(
     masks: &Masks,
     clip: &Clip,
@@ -126,7 +126,7 @@ pub(super) fn guess(
     }))
 }
 
-/// Frames by which the masks fit clearly better, if the share `found` lies in those of the same frames.
+/// The delay, in frames, with which the masks fit clearly better than the share `found` without a delay.
 pub(super) fn shifted(
     masks: &Masks,
     clip: &Clip,

@@ -4,7 +4,7 @@
 //! where people are followed.
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre, whole};
-use super::form::{Fits, Form};
+use super::form::{DetectorForm, RecognisedBy};
 use super::hands;
 use crate::ImportError;
 use crate::source::{Faulty, Part};
@@ -13,9 +13,9 @@ use yoto_pose::KeyPointSet;
 /// Sets whose first points are COCO's 17: COCO, Halpe's 26, COCO-WholeBody.
 const COUNTS: [usize; 4] = [17, 26, 133, 136];
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some("MMPose"),
-    fits: Fits::Contents(fits),
+    fits: RecognisedBy::Contents(fits),
     read: |file| read(&file.data()?.root()),
 };
 

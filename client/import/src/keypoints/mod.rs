@@ -28,9 +28,9 @@ mod mmpose;
 mod openpose;
 mod own_skeleton;
 mod people;
+mod point_rotation;
 mod point_set;
 mod point_table;
-mod point_turn;
 mod recognise;
 mod sam_3d_body;
 mod seen_as;
@@ -38,9 +38,10 @@ mod shapes;
 mod stored;
 mod timing;
 
+pub use point_rotation::PointRotation;
 pub use point_set::PointSet;
-pub use point_turn::PointTurn;
-pub(crate) use recognise::{detectors, has_files, looked_for};
+pub use recognise::key_point_detectors;
+pub(crate) use recognise::{has_files, help, looked_for};
 
 use crate::ImportError;
 use crate::clip::{Clip, fault};

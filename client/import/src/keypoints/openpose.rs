@@ -4,7 +4,7 @@
 //! each. People are in no order; `person_id` is -1 unless OpenPose follows them.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
-use super::form::{Fits, Form};
+use super::form::{DetectorForm, RecognisedBy};
 use super::hands;
 use crate::ImportError;
 use crate::source::{Faulty, Part, Source};
@@ -15,9 +15,9 @@ pub(super) const ENDING: &str = "_keypoints.json";
 /// Points of `BODY_25`.
 const POINTS: usize = 25;
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some("OpenPose"),
-    fits: Fits::Ending(ENDING),
+    fits: RecognisedBy::Ending(ENDING),
     read: |file| read(file.source),
 };
 

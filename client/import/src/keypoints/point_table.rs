@@ -3,8 +3,8 @@
 //! named points.
 
 use super::detections::Detections;
-use super::form::{Fits, Form};
-use super::mediapipe::{Row, detections};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, detections};
 use super::point_set::{NAME, PointSet, plain};
 use crate::ImportError;
 use crate::source::{Faulty, Source};
@@ -51,9 +51,9 @@ enum Layout {
     Wide(Vec<(String, [Option<usize>; 3])>),
 }
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: None,
-    fits: Fits::Table(fits),
+    fits: RecognisedBy::Table(fits),
     read: |file| read(file.source, file.name, file.points, file.size),
 };
 
@@ -107,7 +107,7 @@ fn columns(line: &str) -> Option<Columns> {
     })
 }
 
-/// The lines of `file`, of pictures of `size`, in the set `given` or the one that is told.
+/// The lines of `file`, of pictures of `size`, in the set `given` or the one that the file shows.
 fn read(
     source: &Source,
     file: &str,
@@ -172,7 +172,7 @@ fn read(
             .iter()
             .map(|at| seen(at).unwrap_or([0.0; 3]))
             .collect();
-        Row {
+        LandmarkFrame {
             number: *number,
             is_numbered: columns.frame.is_some(),
             people: vec![(picture, Vec::new())],
@@ -191,10 +191,10 @@ fn read(
 }
 
 /// A frame's number, and points with their names or numbers.
-type Line = (usize, Vec<(String, [f64; 3])>);
+type TableRow = (usize, Vec<(String, [f64; 3])>);
 
 /// The frame of a line, and its points: x, y and score, all 0 of what is not seen.
-fn points_of(columns: &Columns, cells: &[&str], order: usize) -> Result<Line, String> {
+fn points_of(columns: &Columns, cells: &[&str], order: usize) -> Result<TableRow, String> {
     let cell = |at: usize| cells.get(at).copied().unwrap_or_default();
     let number = |at: Option<usize>, absent: f64| -> Result<f64, String> {
         match at.map(cell) {

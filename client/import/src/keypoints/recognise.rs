@@ -1,7 +1,7 @@
-//! Which detector wrote a file or a folder, by their contents.
+//! Recognises the detector that wrote a file or a folder, by the contents.
 
 use super::detections::Detections;
-use super::form::{DetectorFile, Fits, Form};
+use super::form::{DetectorFile, DetectorForm, RecognisedBy};
 use super::point_set::PointSet;
 use super::{
     alphapose, easy_vitpose, mediapipe, mediapipe_json, mediapipe_table, mmpose, openpose,
@@ -11,14 +11,15 @@ use crate::ImportError;
 use crate::source::Source;
 use crate::what::unknown;
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// Endings of files that hold a whole clip's key points, the likeliest first.
 const ENDINGS: [&str; 7] = [".json", ".npz", ".csv", ".npy", ".pkl", ".pickle", ".pt"];
-/// Files of a folder that are tried.
+/// At most this number of a folder's files is tried for each ending.
 const TRIED: usize = 8;
 
 /// All forms, in the order in which a file is tried.
-static FORMS: [&Form; 10] = [
+static FORMS: [&DetectorForm; 10] = [
     &openpose::FORM,
     &mediapipe_table::FORM,
     &alphapose::FORM,
@@ -31,16 +32,32 @@ static FORMS: [&Form; 10] = [
     &shapes::FORM,
 ];
 
+/// The names of all detectors of key points.
+pub fn key_point_detectors() -> impl Iterator<Item = &'static str> {
+    FORMS.iter().filter_map(|form| form.detector)
+}
+
 /// The detectors, for people: `OpenPose, … or SAM 3D Body`.
-pub(crate) fn detectors() -> String {
-    let names: Vec<&str> = FORMS.iter().filter_map(|form| form.detector).collect();
+fn detectors() -> String {
+    let names: Vec<&str> = key_point_detectors().collect();
     match names.split_last() {
         Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
         _ => names.concat(),
     }
 }
 
-/// What [`has_files`] looks for, for errors.
+/// What `--help` says of the format.
+pub(crate) fn help() -> &'static str {
+    static HELP: LazyLock<String> = LazyLock::new(|| {
+        let names = detectors();
+        format!(
+            "Key points of {names}: --poses their files, with the clip; a body is fitted to them"
+        )
+    });
+    &HELP
+}
+
+/// The files that [`has_files`] finds, for errors.
 pub(crate) fn looked_for() -> String {
     format!(
         "{}, or points of 17, 25, 26 or 33 as [frames, points, 2 or 3]",
@@ -89,7 +106,10 @@ fn located(path: &Path) -> (Source, String) {
 }
 
 /// The file called `name`, or the first of the folder that a detector wrote.
-fn find(source: &Source, name: &str) -> Result<Option<(&'static Form, String)>, ImportError> {
+fn find(
+    source: &Source,
+    name: &str,
+) -> Result<Option<(&'static DetectorForm, String)>, ImportError> {
     if !name.is_empty() {
         let form = form(source, name)?;
         return Ok(form.map(|form| (form, name.to_owned())));
@@ -108,18 +128,18 @@ fn find(source: &Source, name: &str) -> Result<Option<(&'static Form, String)>, 
     Ok(None)
 }
 
-/// The form of `file`; `None` when it is no detector's.
-fn form(source: &Source, file: &str) -> Result<Option<&'static Form>, ImportError> {
+/// The form of `file`; `None` when no detector wrote it.
+fn form(source: &Source, file: &str) -> Result<Option<&'static DetectorForm>, ImportError> {
     let lower = file.to_ascii_lowercase();
     let is_table = lower.ends_with(".csv");
     let has_contents = !is_table && ENDINGS.iter().any(|ending| lower.ends_with(ending));
     let mut data = None;
     for form in FORMS {
         let fits = match form.fits {
-            Fits::Ending(ending) => lower.ends_with(ending),
-            Fits::Table(fits) => is_table && fits(source, file)?,
-            Fits::Contents(_) if !has_contents => false,
-            Fits::Contents(fits) => {
+            RecognisedBy::Ending(ending) => lower.ends_with(ending),
+            RecognisedBy::Table(fits) => is_table && fits(source, file)?,
+            RecognisedBy::Contents(_) if !has_contents => false,
+            RecognisedBy::Contents(fits) => {
                 if data.is_none() {
                     data = Some(source.data(file, None)?);
                 }

@@ -7,7 +7,7 @@
 //! 22 of MHR's 127 joints correspond to a joint of SMPL. SMPL's hands have no counterpart.
 
 use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
-use super::form::{Fits, Form};
+use super::form::{DetectorForm, RecognisedBy};
 use super::mhr;
 use crate::ImportError;
 use crate::geometry::{Vec3, add};
@@ -51,12 +51,12 @@ const CONFIDENCE: [f64; 2] = [0.35, 0.9];
 /// Nearest a body can be, metres.
 const NEAREST: f64 = 0.1;
 
-/// What notes call it.
+/// The detector's name in notes.
 const NAME: &str = "SAM 3D Body";
 
-pub(super) static FORM: Form = Form {
+pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some(NAME),
-    fits: Fits::Contents(fits),
+    fits: RecognisedBy::Contents(fits),
     read: |file| read(file.source, file.given, file.size),
 };
 
@@ -116,7 +116,7 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
     });
     let mut found = Detections::new(NAME, KeyPointSet::Joints24, frames.collect());
     found.first = None;
-    found.tree = Some(mhr::tree());
+    found.hierarchy = Some(mhr::hierarchy());
     focals.sort_by(f64::total_cmp);
     found.focal = focals.get(focals.len() / 2).copied();
     faulty.finish(&mut found.notes)?;

@@ -1,4 +1,4 @@
-//! Key points of pictures as a video's file stores them: not turned as the file asks for, or with pixels that are not square.
+//! Corrects key points of the stored pictures of a video: not rotated as the file declares, or with pixels that are not square.
 
 use super::capture::of_clip;
 use super::detections::Detections;
@@ -6,23 +6,23 @@ use super::seen_as::SeenAs;
 use super::{misfit, people};
 use crate::ImportError;
 use crate::Options;
-use crate::clip::{Clip, Stored};
+use crate::clip::{Clip, StoredPicture};
 use crate::proof::Masks;
 use std::path::Path;
 use yoto_media::Orientation;
 
-/// Least share of points inside masks with which there is no doubt.
+/// With this share of points inside the masks there is no doubt.
 const SURE: f64 = 0.9;
 /// Least gain of that share over the points as given.
 const GAIN: f64 = 0.1;
 
-/// What a detector may have ignored, with words for its pictures.
-fn views(stored: Stored) -> Vec<(SeenAs, &'static str)> {
-    let narrow = Stored {
+/// Declarations of the file that a detector may have ignored, with words for its pictures.
+fn views(stored: StoredPicture) -> Vec<(SeenAs, &'static str)> {
+    let narrow = StoredPicture {
         orientation: Orientation::AsStored,
         ..stored
     };
-    let lying = Stored {
+    let lying = StoredPicture {
         pixel: [1.0; 2],
         ..stored
     };
@@ -41,8 +41,8 @@ fn views(stored: Stored) -> Vec<(SeenAs, &'static str)> {
     views
 }
 
-/// Makes points of stored pictures those of the clip as it is shown, if the masks of `options` leave no doubt that they are; with
-/// a note, as about pixels that are not square without masks.
+/// Transforms points of stored pictures to the clip as shown, if the masks of `options` leave no doubt; with a note. Without
+/// masks, pixels that are not square only get a note.
 ///
 /// # Errors
 /// When the masks can't be read, or nobody is found.
@@ -144,7 +144,10 @@ mod tests {
     }
 
     /// The note about points that a detector saw in stored pictures, and how far they are off after it, pixels.
-    fn corrected(name: &str, seen_as: impl Fn(Stored) -> Stored) -> (Option<String>, f64) {
+    fn corrected(
+        name: &str,
+        seen_as: impl Fn(StoredPicture) -> StoredPicture,
+    ) -> (Option<String>, f64) {
         let folder = tempfile::tempdir().expect("a folder");
         let clip = clip(name);
         let (masks, points) = person(&clip, folder.path());
@@ -153,14 +156,14 @@ mod tests {
         // The way there is the way back of the opposite change.
         let [width, height] = seen.size(size);
         let forth = SeenAs {
-            scale: match seen.turn {
+            scale: match seen.rotation {
                 Some(_) => [1.0 / seen.scale[1], 1.0 / seen.scale[0]],
                 None => seen.scale.map(|it| 1.0 / it),
             },
-            turn: seen.turn.map(|turn| match turn {
-                super::super::PointTurn::Quarter => super::super::PointTurn::ThreeQuarters,
-                super::super::PointTurn::Half => super::super::PointTurn::Half,
-                super::super::PointTurn::ThreeQuarters => super::super::PointTurn::Quarter,
+            rotation: seen.rotation.map(|rotation| match rotation {
+                super::super::PointRotation::Quarter => super::super::PointRotation::ThreeQuarters,
+                super::super::PointRotation::Half => super::super::PointRotation::Half,
+                super::super::PointRotation::ThreeQuarters => super::super::PointRotation::Quarter,
             }),
             mirrored: false,
         };
@@ -184,15 +187,15 @@ mod tests {
 
     #[test]
     fn points_of_stored_pictures_become_those_of_the_clip() {
-        let lying = |stored| Stored {
+        let lying = |stored| StoredPicture {
             pixel: [1.0; 2],
             ..stored
         };
-        let narrow = |stored| Stored {
+        let narrow = |stored| StoredPicture {
             orientation: Orientation::AsStored,
             ..stored
         };
-        type Stores<'a> = &'a dyn Fn(Stored) -> Stored;
+        type Stores<'a> = &'a dyn Fn(StoredPicture) -> StoredPicture;
         let cases: [(&str, Stores<'_>, &str); 4] = [
             (
                 "wide_pixels.mp4",

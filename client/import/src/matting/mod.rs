@@ -23,10 +23,10 @@ use std::sync::Arc;
     not(feature = "matting"),
     expect(dead_code, reason = "no network is given them")
 )]
-pub(super) struct Wanted {
+pub(super) struct MaskRequest {
     /// Its number.
     pub frame: usize,
-    /// Roughly where the person is: a mask of the clip's size, 0 to 255.
+    /// A rough mask of the person, of the clip's size, 0 to 255.
     pub expected: Option<Vec<u8>>,
 }
 
@@ -34,12 +34,12 @@ impl MattingModel {
     /// The person's masks in the frames `wanted`, in ascending order. Frames that show nobody have none.
     ///
     /// # Errors
-    /// A file that is no matting model; levels that can't be found; a network that fails; a client
-    /// without a runtime for networks.
+    /// When the file is not a matting model, its levels can't be found, the network fails, or this build has no runtime for
+    /// networks.
     pub(super) fn masks(
         &self,
         clip: &Clip,
-        wanted: &[Wanted],
+        wanted: &[MaskRequest],
         progress: &Progress,
         notes: &mut Vec<String>,
     ) -> Result<BTreeMap<usize, Mask>, ImportError> {

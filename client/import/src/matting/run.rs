@@ -1,13 +1,13 @@
 //! A matting model given the frames in order.
 
-use super::{Wanted, levels, png};
+use super::{MaskRequest, levels, png};
 use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
 use crate::pictures::Mask;
 use crate::{MattingModel, Progress, Stage};
 use std::collections::BTreeMap;
 use std::time::Instant;
-use yoto_matting::{Form, Levels, Matter, MattingError};
+use yoto_matting::{Levels, Matter, MattingError, ModelForm};
 use yoto_proto::text::count;
 
 impl From<crate::Levels> for Levels {
@@ -21,19 +21,19 @@ impl From<crate::Levels> for Levels {
     }
 }
 
-/// As [`MattingModel::masks`].
+/// Implements [`MattingModel::masks`].
 pub(super) fn masks(
     model: &MattingModel,
     clip: &Clip,
-    wanted: &[Wanted],
+    wanted: &[MaskRequest],
     progress: &Progress,
     notes: &mut Vec<String>,
 ) -> Result<BTreeMap<usize, Mask>, ImportError> {
     let mut matter = Matter::open(&model.path, Levels::Unit).map_err(failed)?;
     let levels = match (model.levels, matter.form()) {
         (Some(levels), _) => levels.into(),
-        (None, Form::Recurrent) => Levels::Unit,
-        (None, Form::Single) => levels::find(model, &mut matter, clip, wanted, notes)?,
+        (None, ModelForm::Recurrent) => Levels::Unit,
+        (None, ModelForm::Single) => levels::find(model, &mut matter, clip, wanted, notes)?,
     };
     matter.set_levels(levels);
     let frames: Vec<usize> = wanted.iter().map(|it| it.frame).collect();
@@ -76,7 +76,7 @@ fn failed(error: MattingError) -> ImportError {
     ImportError::Unusable(error.to_string())
 }
 
-/// The same, of a frame.
+/// An error of a matting model at a frame of the clip.
 pub(super) fn failed_at(frame: usize, error: &MattingError) -> ImportError {
     ImportError::Unusable(format!("frame {frame} of the clip: {error}"))
 }

@@ -4,10 +4,10 @@
 //! PNGs), or a folder of pictures for every person. The one that shows the person is found by the
 //! poses: see [`score`](super::score).
 
-use super::found::{Found, Person, PoseEstimate};
+use super::found::{PoseEstimate, ToolOutput, TrackedPerson};
 use crate::ImportError;
 use crate::clip::{Clip, PICTURES, fault, is_video, listed, number_in, unusable};
-use crate::matting::Wanted;
+use crate::matting::MaskRequest;
 use crate::pictures::{Mask, MaskKind, are_alike, image_size, is_cut_out, read_image};
 use crate::{MattingModel, Options};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -21,7 +21,7 @@ use yoto_proto::media_plan;
 
 /// Most people in a folder of masks that are tried.
 const MOST_LABELS: usize = 16;
-/// Pictures of a folder whose colours are looked at.
+/// The colours of at most this number of a folder's pictures are read.
 const LOOKED_AT: usize = 8;
 /// Brightest level of labels that count people: brighter ones are coverage.
 const BRIGHTEST_LABEL: u8 = 32;
@@ -29,7 +29,7 @@ const BRIGHTEST_LABEL: u8 = 32;
 /// Masks of one person (or of all together).
 #[derive(Clone, Debug)]
 pub(crate) struct Masks {
-    /// Where they are from, for people: `masks/00012.png and others, colour #800000`.
+    /// Their source, for people: `masks/00012.png and others, colour #800000`.
     pub words: String,
     from: From,
 }
@@ -75,13 +75,13 @@ impl Masks {
         }
     }
 
-    /// All masks that there are to choose from: those that the user gave, else the tool's own.
+    /// All masks to choose from: the user's, else the tool's own.
     ///
     /// # Errors
     /// When `given` holds no masks.
     pub fn find(
         given: Option<&Path>,
-        found: &Found,
+        found: &ToolOutput,
         clip: &Clip,
     ) -> Result<Vec<Self>, ImportError> {
         match given {
@@ -108,7 +108,7 @@ impl Masks {
 }
 
 impl Masks {
-    /// Masks that a matting model makes of those of `frames` that the options select.
+    /// Masks by a matting model, for those of `frames` that the options select.
     ///
     /// # Errors
     /// When the model can't be run or finds nobody.
@@ -121,10 +121,10 @@ impl Masks {
     ) -> Result<Self, ImportError> {
         let selected = clip.selected(options)?;
         let is_wanted = |frame: &usize| selected.binary_search(frame).is_ok();
-        let wanted: Vec<Wanted> = frames
+        let wanted: Vec<MaskRequest> = frames
             .into_iter()
             .filter(is_wanted)
-            .map(|frame| Wanted {
+            .map(|frame| MaskRequest {
                 frame,
                 expected: None,
             })
@@ -136,15 +136,15 @@ impl Masks {
     }
 }
 
-/// Masks by frame, with where they are from.
+/// Masks by frame, with their source.
 pub(crate) struct MasksByFrame {
     pub words: String,
     pub frames: BTreeMap<usize, Mask>,
 }
 
 /// The masks in the tool's files.
-fn own(found: &Found) -> Vec<Masks> {
-    let has = |person: &Person| person.seen.iter().any(|seen| seen.mask.is_some());
+fn own(found: &ToolOutput) -> Vec<Masks> {
+    let has = |person: &TrackedPerson| person.seen.iter().any(|seen| seen.mask.is_some());
     if found.people.iter().any(has) {
         return vec![Masks {
             words: "the tool's own masks".to_owned(),

@@ -1,7 +1,7 @@
 //! The score of a reading: the mean over frames of how well its bodies agree with masks
 //! ([`silhouette`](super::silhouette)).
 
-use super::found::{Person, PoseEstimate};
+use super::found::{PoseEstimate, TrackedPerson};
 use super::masks::Masks;
 use super::numbers::Numbers;
 use super::reading::Reading;
@@ -13,13 +13,13 @@ use crate::pictures::read_masks;
 use std::collections::HashMap;
 use yoto_proto::smpl::JOINTS;
 
-/// Frames that a proof looks at.
+/// At most this number of frames is compared.
 pub(crate) const FRAMES: usize = 24;
-/// By how much a reading must be better for each assumption in which it differs from the documented one.
+/// A reading must be better by this much for each assumption that differs from the documented reading.
 const BETTER: f64 = 0.05;
-/// Holds readings of one person against masks.
+/// Compares readings of one person with masks.
 pub(crate) struct Proof<'a> {
-    pub person: &'a Person,
+    pub person: &'a TrackedPerson,
     pub masks: &'a Masks,
     pub numbers: Numbers,
     pub clip: &'a Clip,
@@ -35,7 +35,12 @@ pub(crate) struct Proven {
 }
 
 impl<'a> Proof<'a> {
-    pub fn new(person: &'a Person, masks: &'a Masks, numbers: Numbers, clip: &'a Clip) -> Self {
+    pub fn new(
+        person: &'a TrackedPerson,
+        masks: &'a Masks,
+        numbers: Numbers,
+        clip: &'a Clip,
+    ) -> Self {
         Self {
             person,
             masks,
@@ -100,7 +105,7 @@ impl<'a> Proof<'a> {
     /// The best of `readings`, the documented one first, with all figures; `None` without masks.
     ///
     /// # Errors
-    /// As [`Self::figure`].
+    /// The same errors as [`Self::figure`].
     pub fn best(
         &mut self,
         readings: &[Reading],
@@ -128,7 +133,7 @@ impl<'a> Proof<'a> {
     }
 }
 
-/// How well the body of one frame agrees with its mask, 0 to 1.
+/// The agreement of the body of one frame with its mask, 0 to 1.
 fn agreement(
     seen: &PoseEstimate,
     reading: &Reading,

@@ -1,4 +1,4 @@
-//! Proof of a track with any tree of joints: its joints, projected, against masks.
+//! Compares a track with any joint hierarchy with masks, by its projected joints.
 
 use super::choice::GOOD;
 use super::score::FRAMES;
@@ -13,7 +13,7 @@ use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::pose_track::PoseTrack;
 
-/// How well the bodies of `track` agree with the `masks` of their frames, 0 to 1; `None` where no frame
+/// The agreement of the bodies of `track` with the `masks` of their frames, 0 to 1; `None` where no frame
 /// has both.
 ///
 /// # Errors
@@ -50,10 +50,10 @@ pub(crate) fn agreement(
     Ok((count > 0.0).then_some(sum / count))
 }
 
-/// Tells how well `track` agrees with `masks`.
+/// Notes the agreement of `track` with `masks`.
 ///
 /// # Errors
-/// When it does not; as [`agreement`].
+/// When they disagree, and the errors of [`agreement`].
 pub(crate) fn prove(
     track: &PoseTrack,
     masks: &BTreeMap<usize, Mask>,
@@ -76,7 +76,7 @@ pub(crate) fn prove(
     Ok(())
 }
 
-/// How well a body agrees with what `masks` names, in words.
+/// The agreement of a body with `masks`, in words.
 pub(crate) fn said_agreement(masks: &str, figure: f64) -> String {
     let [percent, usual] = [figure, GOOD].map(|figure| 100.0 * figure);
     let poor = match figure < GOOD {

@@ -7,7 +7,7 @@ use yoto_proto::pose_track::describe;
 pub(crate) const FEW: f64 = 0.25;
 /// Largest plausible number in any unit.
 const MAX_NUMBER: f64 = 1e9;
-/// Frames that a note names.
+/// A note names at most this number of frames.
 const NAMED: usize = 4;
 
 /// Whether `value` is finite and plausible in some unit.
@@ -15,7 +15,7 @@ pub(crate) fn is_number(value: f64) -> bool {
     value.is_finite() && value.abs() <= MAX_NUMBER
 }
 
-/// The frames of a file that were tried, and what is wrong with some.
+/// The number of frames that were read, and the faults of some.
 #[derive(Debug, Default)]
 pub(crate) struct Faulty {
     tried: usize,
@@ -24,10 +24,10 @@ pub(crate) struct Faulty {
 }
 
 impl Faulty {
-    /// What `read` gives; nothing for a fault in what it reads, which is kept.
+    /// The value of `read`; `None` for a fault of the frame, which is kept.
     ///
     /// # Errors
-    /// Errors that are no fault of the frame, such as a file that can't be opened.
+    /// Errors that are not faults of the frame, such as a file that can't be opened.
     pub fn keep<T>(&mut self, read: Result<T, ImportError>) -> Result<Option<T>, ImportError> {
         self.tried += 1;
         match read {

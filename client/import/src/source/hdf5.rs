@@ -92,7 +92,7 @@ impl<'a> Hdf5<'a> {
         Ok((shape, values))
     }
 
-    /// As [`Self::unchecked`], all finite.
+    /// The numbers of [`Self::unchecked`], which must be finite.
     pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
         let (shape, values) = self.unchecked(field)?;
         match values.iter().position(|value| !value.is_finite()) {
@@ -127,7 +127,7 @@ impl<'a> Hdf5<'a> {
             <&[u64; 3]>::try_from(shape.as_slice()).unwrap_or(&[0; 3]),
             dataset.element_size().is_ok_and(|size| size > 8),
         ) else {
-            return Err(self.fault("SIZE_MISMATCH", field, "elements are no masks"));
+            return Err(self.fault("SIZE_MISMATCH", field, "elements are not masks"));
         };
         if frames == 0 || !side.contains(&height) || !side.contains(&width) {
             let message = format!("the shape is {shape:?}, [frames, height, width] is needed");

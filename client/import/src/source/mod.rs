@@ -52,7 +52,7 @@ impl Source {
         }
     }
 
-    /// As [`Self::bad`], for one violation.
+    /// An error about one violation.
     pub fn fault(
         &self,
         code: &str,
@@ -69,7 +69,7 @@ impl Source {
         let path = self.path(file);
         let size = match path.metadata() {
             Ok(meta) if meta.is_file() => meta.len(),
-            Ok(_) => return Err(self.fault("MISSING", file, frame, "", "this is no file")),
+            Ok(_) => return Err(self.fault("MISSING", file, frame, "", "this is not a file")),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(self.fault("MISSING", file, frame, "", "there is no such file"));
             }
@@ -84,7 +84,7 @@ impl Source {
 
     /// The data of a file, by its extension: `.npy`, `.npz`, `.json`, `.pt` and `.pth` of torch, and
     /// pickles and files of joblib under any other.
-    pub fn data(&self, file: &str, frame: Option<u32>) -> Result<Data<'_>, ImportError> {
+    pub fn data(&self, file: &str, frame: Option<u32>) -> Result<FileData<'_>, ImportError> {
         let bytes = self.bytes(file, frame)?;
         let value = match Path::new(file).extension().and_then(|e| e.to_str()) {
             Some("npy") => npy::read(&bytes).map_err(|e| e.to_string()),
@@ -97,7 +97,7 @@ impl Source {
             _ => pickle::read_without(&bytes, &UNREAD).map_err(|e| e.to_string()),
         };
         let value = value.map_err(|message| self.fault("UNREADABLE", file, frame, "", message))?;
-        Ok(Data {
+        Ok(FileData {
             source: self,
             file: file.to_owned(),
             frame,
@@ -136,14 +136,14 @@ impl Source {
 
 /// The data of a file.
 #[derive(Debug)]
-pub(crate) struct Data<'a> {
+pub(crate) struct FileData<'a> {
     source: &'a Source,
     file: String,
     frame: Option<u32>,
     value: Value,
 }
 
-impl Data<'_> {
+impl FileData<'_> {
     pub fn root(&self) -> Part<'_> {
         Part {
             data: self,
@@ -158,11 +158,11 @@ impl Data<'_> {
 /// A part of a file's data, with its location.
 #[derive(Clone, Debug)]
 pub(crate) struct Part<'a> {
-    data: &'a Data<'a>,
+    data: &'a FileData<'a>,
     frame: Option<u32>,
     field: String,
     value: &'a Value,
-    /// The index on the first axis of all arrays below, if only these parts of them are meant.
+    /// If set, all arrays below are replaced by this row of their first axis.
     row: Option<usize>,
 }
 
@@ -177,7 +177,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The same part, whose arrays are those of row `at` on the first axis.
+    /// This part, with each array replaced by its row `at` on the first axis.
     pub fn row(self, at: usize) -> Self {
         Self {
             row: Some(at),
@@ -185,7 +185,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The same part, with `frame` as its frame.
+    /// This part, located in `frame`.
     pub fn of_frame(self, frame: u32) -> Self {
         Self {
             frame: Some(frame),

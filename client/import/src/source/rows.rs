@@ -11,7 +11,7 @@ impl Part<'_> {
         self.unchecked_rows(None)
     }
 
-    /// As [`Self::flat_rows`], of exactly `rows` rows if given, with numbers that are not finite.
+    /// The rows of [`Self::flat_rows`], finite or not; exactly `rows` of them, if given.
     pub fn unchecked_rows<const N: usize>(
         &self,
         rows: Option<usize>,

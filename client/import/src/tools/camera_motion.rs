@@ -2,7 +2,7 @@
 
 use crate::ImportError;
 use crate::geometry::{Vec3, exact_rotation, matvec, scale, transpose};
-use crate::proof::{CameraPose, Person, moves};
+use crate::proof::{CameraPose, TrackedPerson, moves};
 use crate::source::{Faulty, Part, is_number};
 
 /// The notes about a world with gravity, and about one without.
@@ -11,7 +11,7 @@ pub(super) const Y_UP: &str = "the camera moves: bodies and cameras stand in the
 pub(super) const FIRST_CAMERA: &str = "the camera moves: bodies and cameras stand in the axes of the \
      first frame's camera, for the file does not say where up is";
 
-const NO_ROTATION: &str = "the camera's matrix is no rotation";
+const NO_ROTATION: &str = "the camera's matrix is not a rotation";
 
 /// A camera of each frame, or what is wrong with it.
 pub(super) type Cameras = Vec<Result<CameraPose, &'static str>>;
@@ -61,7 +61,7 @@ pub(super) fn of_extrinsics(
 /// # Errors
 /// When many poses have none.
 pub(super) fn follow(
-    people: &mut [Person],
+    people: &mut [TrackedPerson],
     cameras: &Cameras,
     part: &Part<'_>,
     notes: &mut Vec<String>,

@@ -12,7 +12,7 @@ use super::tool::Tool;
 use crate::ImportError;
 use crate::Options;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
+use crate::proof::{Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, Translation};
 use crate::source::{Faulty, Part, Source};
 use crate::track::SmplPose;
 use yoto_proto::pose_track::NO_DISTORTION;
@@ -32,7 +32,7 @@ pub(crate) static TOOL: Tool = Tool {
     read: |file| read(file.source, file.name, file.options),
     documented: Documented {
         tool: "EasyMocap",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutOrigin,
@@ -45,14 +45,14 @@ fn fits(root: &Part<'_>) -> bool {
     first.is_ok_and(|person| person.find("Rh").is_some() && person.find("Th").is_some())
 }
 
-fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ImportError> {
+fn read(source: &Source, file: &str, options: &Options) -> Result<ToolOutput, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let camera = calibration(source, folder, options)?;
     if camera.is_none() && options.focal.is_none() {
         let message = "there is no intri.yml beside the poses or above them, nor a --focal";
         return Err(source.fault("MISSING", "intri.yml", None, "", message));
     }
-    let (mut found, mut faulty) = (Found::of(Vec::new()), Faulty::default());
+    let (mut found, mut faulty) = (ToolOutput::of(Vec::new()), Faulty::default());
     found.distortion = camera
         .as_ref()
         .map_or(NO_DISTORTION, |camera| camera.distortion);

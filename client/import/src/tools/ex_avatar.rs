@@ -12,8 +12,8 @@ use super::tool::Tool;
 use crate::ImportError;
 use crate::clip::number_in;
 use crate::proof::{
-    Body, CameraPose, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation,
-    moves,
+    CameraPose, Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput,
+    TrackedPerson, Translation, moves,
 };
 use crate::source::{Faulty, Part, Source};
 
@@ -46,7 +46,7 @@ pub(crate) static TOOL: Tool = Tool {
     read: |file| read(file.source, file.name),
     documented: Documented {
         tool: "ExAvatar",
-        body: Body::SmplX,
+        body: SmplVariant::SmplX,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -59,14 +59,14 @@ fn fits(root: &Part<'_>) -> bool {
     named.iter().all(|name| root.find(name).is_some()) && root.find("betas").is_none()
 }
 
-fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
+fn read(source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let betas = match beside(source, folder, SHAPE, 1) {
         Some(name) => source.data(&name, None)?.root().vector()?,
         None => vec![0.0; 10],
     };
     let cameras = beside(source, folder, CAMERAS, 2);
-    let mut found = Found::of(Vec::new());
+    let mut found = ToolOutput::of(Vec::new());
     let (mut seen, mut cameras_of_frames) = (Vec::new(), Vec::new());
     let mut faulty = Faulty::default();
     for name in source.list(folder, &[".json"])? {
@@ -108,7 +108,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
     found.notes.extend(offsets(source, folder)?);
     // Names without leading zeros are listed in another order.
     seen.sort_by_key(|one: &PoseEstimate| one.number);
-    found.people.push(Person {
+    found.people.push(TrackedPerson {
         name: "0".to_owned(),
         seen,
     });

@@ -8,7 +8,10 @@ use super::parts::pose_of_smplx;
 use super::tool::Tool;
 use crate::ImportError;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::proof::{
+    Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson,
+    Translation,
+};
 use crate::source::{Faulty, Part, Source};
 
 pub(crate) static TOOL: Tool = Tool {
@@ -22,7 +25,7 @@ pub(crate) static TOOL: Tool = Tool {
     read: |file| read(file.source, file.name),
     documented: Documented {
         tool: "LHM",
-        body: Body::SmplX,
+        body: SmplVariant::SmplX,
         focal: Focal::Own,
         focal_without_own: Some(Focal::Sixty),
         translation: Translation::Pelvis,
@@ -34,7 +37,7 @@ fn fits(root: &Part<'_>) -> bool {
     named.iter().all(|name| root.find(name).is_some())
 }
 
-fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
+fn read(source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let (mut seen, mut faulty) = (Vec::new(), Faulty::default());
     for name in source.list(folder, &[".json"])? {
@@ -49,7 +52,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
         let read = source.data(name, Some(number as u32));
         seen.extend(faulty.keep(read.and_then(|data| frame(&data.root(), number)))?);
     }
-    let mut found = Found::of(vec![Person {
+    let mut found = ToolOutput::of(vec![TrackedPerson {
         name: "0".to_owned(),
         seen,
     }]);

@@ -10,7 +10,7 @@
 use super::parts::{pose_of_matrices, push, runs};
 use super::tool::Tool;
 use crate::ImportError;
-use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
+use crate::proof::{Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, Translation};
 use crate::source::{Faulty, Part};
 
 /// SMPL's joints among OpenPose's: index there, index in SMPL.
@@ -42,7 +42,7 @@ pub(crate) static TOOL: Tool = Tool {
     read: |file| read(file.root),
     documented: Documented {
         tool: "4D-Humans (PHALP)",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Phalp,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -59,9 +59,9 @@ fn fits(root: &Part<'_>) -> bool {
     !frames.is_empty() && frames.iter().all(|(_, part)| is_frame(part))
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ImportError> {
+fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
     let frames = root.members()?;
-    let mut found = Found::of(Vec::new());
+    let mut found = ToolOutput::of(Vec::new());
     found.frames = Some(frames.len());
     let (mut ghosts, mut faulty) = (0, Faulty::default());
     for (order, (path, frame)) in frames.iter().enumerate() {
@@ -101,7 +101,7 @@ fn read(root: &Part<'_>) -> Result<Found, ImportError> {
     Ok(found)
 }
 
-/// The frame's number, its tracks, and the frames for which each has not been seen.
+/// The frame's number, its tracks, and for each track the frames since it was last seen.
 fn tracks(frame: &Part<'_>, order: usize) -> Result<(usize, Vec<f64>, Vec<f64>), ImportError> {
     let number = match frame.find("time") {
         Some(time) => time.number()? as usize,

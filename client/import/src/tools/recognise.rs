@@ -1,4 +1,4 @@
-//! Which tool wrote a file or a folder, by their contents.
+//! Recognises the tool that wrote a file or a folder, by the contents.
 
 use super::ALL;
 use super::sieve::sieve;
@@ -6,7 +6,7 @@ use super::tool::{Location, Tool, ToolFile};
 use crate::ImportError;
 use crate::Options;
 use crate::clip::fault;
-use crate::proof::Found;
+use crate::proof::ToolOutput;
 use crate::source::Source;
 use crate::{keypoints, what};
 use std::path::Path;
@@ -23,7 +23,7 @@ const ANY_NAME: [Location; 5] = [
     ("", "", ".json"),
 ];
 
-/// Where the tools' files are, the surest first.
+/// The locations of the tools' files, the surest first.
 fn named_locations() -> impl Iterator<Item = &'static Location> {
     let mut tools = ALL;
     tools.sort_by_key(|tool| tool.search_rank);
@@ -39,7 +39,7 @@ pub(crate) fn open(
     path: &Path,
     forced: Option<&'static Tool>,
     options: &Options,
-) -> Result<(&'static Tool, Found), ImportError> {
+) -> Result<(&'static Tool, ToolOutput), ImportError> {
     if path.is_file() {
         let source = Source::new(path.parent().unwrap_or(Path::new("")));
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -110,13 +110,13 @@ fn first(source: &Source, location: &Location) -> Result<Option<String>, ImportE
     Ok(name.map(|name| name.trim_start_matches('/').to_owned()))
 }
 
-/// The contents of `file`; `None` when it is no tool's, or another tool's than `forced`.
+/// The contents of `file`; `None` when no tool wrote it, or a tool other than `forced`.
 fn read_file(
     source: &Source,
     file: &str,
     forced: Option<&'static Tool>,
     options: &Options,
-) -> Result<Option<(&'static Tool, Found)>, ImportError> {
+) -> Result<Option<(&'static Tool, ToolOutput)>, ImportError> {
     let ending = Path::new(file)
         .extension()
         .and_then(|ending| ending.to_str());
@@ -144,7 +144,7 @@ fn read_file(
     Ok(Some((tool, found)))
 }
 
-/// The error about files of no tool: what they are, and what was looked for.
+/// The error about files that no tool wrote: what they are, and what was searched for.
 fn unknown(path: &Path, forced: Option<&'static Tool>) -> ImportError {
     let looked = match forced {
         Some(tool) => format!("{}: {}", tool.documented.tool, tool.files),

@@ -1,8 +1,8 @@
-//! The description of a tool: all lists of tools are made of these.
+//! The description of a tool, from which all lists of tools are made.
 
 use crate::ImportError;
 use crate::Options;
-use crate::proof::{Documented, Found};
+use crate::proof::{Documented, ToolOutput};
 use crate::source::{Part, Source};
 
 /// A folder below the given one, and the beginning and the ending of a file's name in it.
@@ -12,7 +12,7 @@ pub(crate) type Location = (&'static str, &'static str, &'static str);
 pub(crate) struct Tool {
     /// What `--from` takes.
     pub from: &'static str,
-    /// What `--help` says of the format.
+    /// The help of the format.
     pub help: &'static str,
     /// The files by which it is recognised, for errors.
     pub files: &'static str,
@@ -20,11 +20,11 @@ pub(crate) struct Tool {
     pub locations: &'static [Location],
     /// In a folder with files of several tools, those of the smallest rank are taken.
     pub search_rank: u8,
-    /// Whether it films with several cameras, so that `--view` names one.
+    /// Whether its captures have several cameras, of which `--view` names one.
     pub has_views: bool,
     /// Whether the tool wrote a file with these contents.
     pub fits: fn(&Part<'_>) -> bool,
-    pub read: fn(&ToolFile<'_>) -> Result<Found, ImportError>,
+    pub read: fn(&ToolFile<'_>) -> Result<ToolOutput, ImportError>,
     pub documented: Documented,
 }
 

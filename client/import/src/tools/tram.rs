@@ -11,7 +11,10 @@ use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::{pose_of_matrices, runs};
 use super::tool::Tool;
 use crate::ImportError;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::proof::{
+    Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson,
+    Translation,
+};
 use crate::source::{Part, Source};
 
 const CAMERA: &str = "camera.npy";
@@ -28,7 +31,7 @@ pub(crate) static TOOL: Tool = Tool {
     read: |file| read(file.source, file.name),
     documented: Documented {
         tool: "TRAM",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -40,7 +43,7 @@ fn fits(root: &Part<'_>) -> bool {
 }
 
 /// `file` is any track, relative to the folder of `source`.
-fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
+fn read(source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let inside = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let above = match inside.rsplit_once('/') {
         Some((above, _)) => format!("{above}/"),
@@ -65,14 +68,14 @@ fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
     } else {
         None
     };
-    let mut found = Found::of(Vec::new());
+    let mut found = ToolOutput::of(Vec::new());
     for name in source.list(inside, &[".npy"])? {
         let name = name.trim_start_matches('/');
         let data = source.data(name, None)?;
         if fits(&data.root()) {
             let track = name.rsplit_once("track_").map_or(name, |(_, track)| track);
             let seen = track_of(&data.root(), intrinsics)?;
-            found.people.push(Person {
+            found.people.push(TrackedPerson {
                 name: track.trim_end_matches(".npy").to_owned(),
                 seen,
             });
@@ -96,7 +99,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ImportError> {
 }
 
 /// Moves the people of `found` to the world, if the camera of `root` moves.
-fn follow_camera(found: &mut Found, root: &Part<'_>) -> Result<(), ImportError> {
+fn follow_camera(found: &mut ToolOutput, root: &Part<'_>) -> Result<(), ImportError> {
     let cameras = [
         ("world_cam_R", "world_cam_T", Y_UP),
         ("pred_cam_R", "pred_cam_T", FIRST_CAMERA),

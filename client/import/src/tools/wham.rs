@@ -6,7 +6,9 @@
 
 use super::tool::Tool;
 use crate::ImportError;
-use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
+use crate::proof::{
+    Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson, Translation,
+};
 use crate::source::Part;
 
 pub(crate) static TOOL: Tool = Tool {
@@ -20,7 +22,7 @@ pub(crate) static TOOL: Tool = Tool {
     read: |file| read(file.root),
     documented: Documented {
         tool: "WHAM",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Diagonal,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -38,7 +40,7 @@ fn fits(root: &Part<'_>) -> bool {
     !people.is_empty() && people.iter().all(|(_, part)| is_person(part))
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ImportError> {
+fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
     let mut people = Vec::new();
     for (name, part) in root.members()? {
         let poses = part.get("pose")?.unchecked_rows::<72>(None)?;
@@ -49,10 +51,10 @@ fn read(root: &Part<'_>) -> Result<Found, ImportError> {
         let seen = numbers.into_iter().zip(poses).zip(translations).zip(betas);
         let seen =
             seen.map(|(((number, pose), t), betas)| PoseEstimate::new(number, pose, t, betas));
-        people.push(Person {
+        people.push(TrackedPerson {
             name,
             seen: seen.collect(),
         });
     }
-    Ok(Found::of(people))
+    Ok(ToolOutput::of(people))
 }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_import::{Format, Imported, Options, read};
+use yoto_import::{Format, Imported, Options, key_point_detectors, read};
 
 /// What the script says.
 #[derive(Deserialize)]
@@ -82,6 +82,20 @@ pub(crate) const DETECTORS: [(&str, &str, bool); 7] = [
     ("mediapipe/landmarks.csv", "MediaPipe", false),
     ("sam_3d_body", "SAM 3D Body", true),
 ];
+
+/// Detectors whose files a test of this page writes.
+const WRITTEN: [&str; 1] = ["easy_ViTPose"];
+
+#[test]
+fn every_detector_has_files_of_its_own() {
+    for name in key_point_detectors() {
+        let has_files = DETECTORS.iter().any(|(_, of, _)| *of == name);
+        assert!(
+            has_files || WRITTEN.contains(&name),
+            "DETECTORS lacks {name}"
+        );
+    }
+}
 
 #[test]
 fn a_body_is_fitted_to_every_detector_s_points() {

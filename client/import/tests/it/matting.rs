@@ -181,7 +181,7 @@ fn a_file_that_is_no_matting_model_is_named() {
     );
     std::fs::write(&path, "no network").expect("a file");
     let error = import(Some(Levels::Unit));
-    assert!(error.contains("no ONNX file"), "{error}");
+    assert!(error.contains("not an ONNX file"), "{error}");
     let blank = Network::default()
         .input("input", &[1, 3, 96, 64])
         .constant("zero", 0.0)

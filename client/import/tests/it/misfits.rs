@@ -7,7 +7,7 @@ use image::{GrayImage, Luma, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_import::ImportError;
-use yoto_import::{Imported, Options, PointTurn, read};
+use yoto_import::{Imported, Options, PointRotation, read};
 
 /// Width and height of the clip.
 const SIZE: [u32; 2] = [64, 96];
@@ -144,11 +144,11 @@ fn mirrored_and_turned_points_are_named_and_undone_as_the_error_says() {
             masks: Some(masks.clone()),
             fps: Some(25.0),
             mirror_points: advice.contains("--mirror-points"),
-            turn_points: advice.contains("--turn-points").then_some({
+            point_rotation: advice.contains("--turn-points").then_some({
                 match advice {
-                    advice if advice.contains("90") => PointTurn::Quarter,
-                    advice if advice.contains("270") => PointTurn::ThreeQuarters,
-                    _ => PointTurn::Half,
+                    advice if advice.contains("90") => PointRotation::Quarter,
+                    advice if advice.contains("270") => PointRotation::ThreeQuarters,
+                    _ => PointRotation::Half,
                 }
             }),
             ..Options::default()
@@ -166,7 +166,7 @@ fn mirrored_and_turned_points_are_named_and_undone_as_the_error_says() {
             mirror_points: !undone.mirror_points,
             ..undone
         };
-        let without = wrong.turn_points.is_none() && !wrong.mirror_points;
+        let without = wrong.point_rotation.is_none() && !wrong.mirror_points;
         let done = read(format("key-points"), &files("clip/frames"), &wrong);
         let message = done.map(|found| found.notes).expect_err(words).to_string();
         assert!(

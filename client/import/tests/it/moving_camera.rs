@@ -172,7 +172,7 @@ fn wrong_cameras_are_named_with_their_frame() {
     let notes = found.notes.join("\n");
     for said in [
         "left out: 2 of 16 poses",
-        "frame 5: camera_world.pred_cam_R: the camera's matrix is no rotation",
+        "frame 5: camera_world.pred_cam_R: the camera's matrix is not a rotation",
         "frame 9: camera_world.pred_cam_R: the camera's rotation or position is not finite",
     ] {
         assert!(notes.contains(said), "{said}: {notes}");

@@ -175,7 +175,7 @@ fn what_is_no_clip_or_selects_nothing_is_named() {
     std::fs::write(&text, "no video").expect("a file");
     let error = refused(&text, &Options::default());
     assert!(
-        error.contains("walk.mp4: is no video by its first bytes")
+        error.contains("walk.mp4: is not a video by its first bytes")
             && error.contains("--poses")
             && !error.contains("ZJU"),
         "{error}"

@@ -10,13 +10,13 @@ use crate::ImportError;
 use crate::pictures::{PictureFiles, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::{Faulty, Part, Source};
-use crate::track::{Camera, Placed, SmplPose, empty_track, mean, smpl_skeleton};
-use crate::{Found, Imported, Options, Pictures};
+use crate::track::{Camera, SmplPose, WorldPose, empty_track, mean, smpl_skeleton};
+use crate::{Findings, Imported, Options, Pictures};
 
 pub(super) const METADATA: &str = "metadata.json";
 
 /// A frame's body, camera and files.
-struct Seen {
+struct WildFrame {
     index: u32,
     betas: Vec<f64>,
     pose: SmplPose,
@@ -51,7 +51,8 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         .iter()
         .map(|it| {
             let pelvis = rest.joints(&it.betas).first().copied().unwrap_or_default();
-            Placed::about_pelvis(it.pose, [0.0; 3], pelvis).frame(it.index, rest_root, &it.camera)
+            WorldPose::about_pelvis(it.pose, [0.0; 3], pelvis)
+                .frame(it.index, rest_root, &it.camera)
         })
         .collect();
     Ok(Imported {
@@ -59,13 +60,18 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         pictures: Pictures::Files(seen.into_iter().map(|it| it.files).collect()),
         available: entries.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
-fn frame(source: &Source, name: &str, part: &Part<'_>, index: u32) -> Result<Seen, ImportError> {
+fn frame(
+    source: &Source,
+    name: &str,
+    part: &Part<'_>,
+    index: u32,
+) -> Result<WildFrame, ImportError> {
     let part = part.clone().of_frame(index);
-    Ok(Seen {
+    Ok(WildFrame {
         index,
         files: files(source, name, index)?,
         betas: part.get("betas")?.vector()?,

@@ -7,8 +7,8 @@ use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::hdf5::Hdf5;
 use crate::source::{Faulty, Source, not_finite};
-use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
-use crate::{Found, Imported, Options};
+use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let rest = RestJoints::needed(options, source, POSES)?;
@@ -45,7 +45,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         if faulty.keep(read)?.is_none() {
             continue;
         }
-        let placed = Placed::about_pelvis(pose[position], trans[position], pelvis);
+        let placed = WorldPose::about_pelvis(pose[position], trans[position], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));
@@ -75,7 +75,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Impor
         pictures,
         available: pose.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 

@@ -20,7 +20,7 @@ const CAMERA: &str = "camera.pkl";
 const POSES: &str = "reconstructed_poses.hdf5";
 const MASKS: &str = "masks.hdf5";
 
-/// Files by which it is recognised.
+/// The files of a folder that is recognised.
 pub(crate) const MARKS: &[&str] = &[POSES, CAMERA];
 
 #[cfg(feature = "hdf5")]

@@ -14,8 +14,8 @@ use crate::clip::{Clip, fault, left_out};
 use crate::motion::{Motion, MotionOptions, read_bvh};
 use crate::proof::Masks;
 use crate::source::Source;
-use crate::{Found, Imported, Options};
-use reading::{Body, choose};
+use crate::{Findings, Imported, Options};
+use reading::{FilmedMotion, choose};
 use std::path::Path;
 
 /// Whether `path` is a BVH file by its name.
@@ -63,7 +63,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
         (None, None) => Vec::new(),
     };
     let masks = masks.into_iter().filter_map(Masks::by_frame).collect();
-    let body = Body {
+    let body = FilmedMotion {
         scale: unit(&motion, at, &mut notes)?,
         motion: &motion,
         up,
@@ -104,7 +104,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
         available: clip.frames,
         track,
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
@@ -165,7 +165,7 @@ fn numbers(
     at: &Path,
     notes: &mut Vec<String>,
 ) -> Result<impl Fn(usize) -> Option<usize> + use<>, ImportError> {
-    /// Share by which rates of the same clip differ, by rounding.
+    /// Rates of the same clip differ by at most this share, because of rounding.
     const SAME: f64 = 0.01;
     /// Motions that are longer than the clip by more than this share belong to another clip.
     const LONGER: f64 = 1.1;
