@@ -1,7 +1,7 @@
 //! The best frames of a clip to train on: those that differ most in pose and view, the sharp ones first.
 //!
-//! Frames are taken one by one, each the farthest from all that were taken, by [`pose`], times its
-//! [`sharpness`] among the frames around it. So a still pose is taken once, from its sharpest frame,
+//! Frames are taken one by one, each the farthest from all that were taken, by `pose`, times its
+//! `sharpness` among the frames around it. So a still pose is taken once, from its sharpest frame,
 //! before anything is taken twice.
 
 mod pictures;

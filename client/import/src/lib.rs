@@ -14,7 +14,7 @@
 //! datasets  tools  keypoints  film                readers (files → pose track + pictures)
 //! proof                                           what a tool's numbers mean, by masks
 //! matting  motion                                 masks by a network; BVH and SMPL's parameters
-//! what  clip  pictures  source                    videos and pictures, plain data
+//! misplaced  clip  pictures  source               videos and pictures, plain data; files in a wrong place
 //! track  hierarchy  geometry                      skeletons and poses
 //! progress  error                                 what the caller gets besides
 //! ```
@@ -38,20 +38,20 @@ mod imported;
 mod keypoints;
 mod matting;
 mod matting_model;
+mod misplaced;
 pub mod motion;
 mod motion_file;
 mod options;
 mod pictures;
+mod plausibility;
 mod progress;
 mod proof;
 mod rest_joints;
 mod served_film;
-mod sound;
 mod source;
 mod to_folder;
 mod tools;
 mod track;
-mod what;
 mod write;
 
 pub use adapters::{Format, options_by_format, pose_tools, read};

@@ -2,7 +2,7 @@
 
 use crate::ImportError;
 use crate::motion::{self, Motion, MotionOptions};
-use crate::{keypoints, tools, what};
+use crate::{keypoints, misplaced, tools};
 use std::path::Path;
 
 /// The use of a file of poses.
@@ -32,5 +32,5 @@ fn not_a_motion(path: &Path) -> Option<String> {
     if keypoints::has_files(path) {
         return Some(format!("these are key points: {BECOMES}"));
     }
-    what::of_ending(path).map(str::to_owned)
+    misplaced::of_ending(path).map(str::to_owned)
 }

@@ -1,4 +1,4 @@
-//! The formats that are imported. One table ([`table`]) serves the readers, recognition ([`recognise`]), the check of
+//! The formats that are imported. One table ([`table`]) serves the readers, recognition ([`mod@recognise`]), the check of
 //! options ([`unread`]) and the help ([`help`]).
 
 mod flags;
@@ -13,7 +13,7 @@ pub use help::options_by_format;
 
 use crate::ImportError;
 use crate::source::Source;
-use crate::{Imported, Options, features, sound, tools};
+use crate::{Imported, Options, features, plausibility, tools};
 use recognise::{Recognised, recognise};
 use std::path::Path;
 use table::{Adapter, Reader, adapters};
@@ -103,6 +103,6 @@ fn checked(dir: &Path, mut imported: Imported, options: &Options) -> Result<Impo
     if !violations.is_empty() {
         return Err(Source::new(dir).bad(violations));
     }
-    sound::ensure(&mut imported)?;
+    plausibility::ensure(&mut imported)?;
     Ok(imported)
 }

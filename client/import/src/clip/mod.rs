@@ -1,12 +1,12 @@
 //! The clip that poses belong to: a video, or a folder of pictures in order.
 
 mod beyond;
-mod counting;
+mod frame_numbering;
 mod frames;
 mod numbers;
 
 pub(crate) use beyond::{note as beyond, too_far};
-pub(crate) use counting::FrameNumbering;
+pub(crate) use frame_numbering::FrameNumbering;
 pub(crate) use frames::for_each;
 pub(crate) use numbers::{left_out, number_in};
 

@@ -2,7 +2,7 @@
 
 use super::detections::Detection;
 use super::misfit;
-use super::seen_as::SeenAs;
+use super::picture_transform::PictureTransform;
 use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
@@ -59,14 +59,14 @@ fn of_the_person(
 ) -> Result<BTreeMap<usize, Mask>, ImportError> {
     let mut best: Option<(f64, Masks)> = None;
     for masks in all {
-        let share = misfit::share(&masks, clip, seen, 0, &SeenAs::SHOWN)?;
+        let share = misfit::share(&masks, clip, seen, 0, &PictureTransform::SHOWN)?;
         if best.as_ref().is_none_or(|(most, _)| share > *most) {
             best = Some((share, masks));
         }
     }
     let (share, masks) = best.ok_or_else(|| fault(given, "MISSING", "there are no masks"))?;
     if share < LEAST {
-        let mut why = misfit::guess(&masks, clip, seen, &SeenAs::of(options))?;
+        let mut why = misfit::guess(&masks, clip, seen, &PictureTransform::of(options))?;
         if why.is_none() {
             why = misfit::shifted(&masks, clip, seen, LEAST)?;
         }

@@ -1,8 +1,8 @@
 //! Guesses why key points lie outside masks: mirrored or rotated pictures, or masks of other frames.
 
 use super::detections::{Detection, SURE};
+use super::picture_transform::PictureTransform;
 use super::point_rotation::PointRotation;
-use super::seen_as::SeenAs;
 use crate::ImportError;
 use crate::clip::Clip;
 use crate::pictures::read_masks;
@@ -21,13 +21,13 @@ const BETTER: f64 = 0.05;
 const FARTHEST: i64 = 5;
 
 /// Changes that are guessed, with words for them and the options that undo them.
-const CHANGES: [(&str, &str, SeenAs); 5] = [
+const CHANGES: [(&str, &str, PictureTransform); 5] = [
     (
         "mirrored left to right",
         "--mirror-points",
-        SeenAs {
+        PictureTransform {
             mirrored: true,
-            ..SeenAs::SHOWN
+            ..PictureTransform::SHOWN
         },
     ),
     (
@@ -52,11 +52,11 @@ const CHANGES: [(&str, &str, SeenAs); 5] = [
     ),
 ];
 
-const fn turned(rotation: PointRotation, mirrored: bool) -> SeenAs {
-    SeenAs {
+const fn turned(rotation: PointRotation, mirrored: bool) -> PictureTransform {
+    PictureTransform {
         rotation: Some(rotation),
         mirrored,
-        ..SeenAs::SHOWN
+        ..PictureTransform::SHOWN
     }
 }
 
@@ -66,7 +66,7 @@ pub(super) fn share(
     clip: &Clip,
     seen: &[(usize, &Detection)],
     shift: i64,
-    seen_as: &SeenAs,
+    seen_as: &PictureTransform,
 ) -> Result<f64, ImportError> {
     let size = clip.size.map(f64::from);
     let (mut inside, mut all) = (0, 0);
@@ -94,14 +94,14 @@ pub(super) fn guess(
     masks: &Masks,
     clip: &Clip,
     seen: &[(usize, &Detection)],
-    given: &SeenAs,
+    given: &PictureTransform,
 ) -> Result<Option<String>, ImportError> {
     let mut best: Option<(f64, &str, &str)> = None;
     let [width, height] = clip.size.map(f64::from);
     for (words, options, change) in CHANGES {
         // Shares of the picture's sides were multiplied with the clip's sides.
         let [across, down] = change.size([width, height]);
-        let of_shares = SeenAs {
+        let of_shares = PictureTransform {
             scale: [height / width, width / height],
             ..change
         };
@@ -115,7 +115,7 @@ pub(super) fn guess(
         }
     }
     Ok(best.map(|(share, words, options)| {
-        let how = match *given == SeenAs::SHOWN {
+        let how = match *given == PictureTransform::SHOWN {
             true => format!("with {options} they become those of the clip as it is shown"),
             false => "that is after the options that turn and mirror them".to_owned(),
         };
@@ -138,7 +138,7 @@ pub(super) fn shifted(
     }
     let mut best = (found + BETTER, 0);
     for shift in (-FARTHEST..=FARTHEST).filter(|shift| *shift != 0) {
-        let share = share(masks, clip, seen, shift, &SeenAs::SHOWN)?;
+        let share = share(masks, clip, seen, shift, &PictureTransform::SHOWN)?;
         if share > best.0 {
             best = (share, shift);
         }

@@ -28,12 +28,12 @@ mod mmpose;
 mod openpose;
 mod own_skeleton;
 mod people;
+mod picture_transform;
 mod point_rotation;
 mod point_set;
 mod point_table;
 mod recognise;
 mod sam_3d_body;
-mod seen_as;
 mod shapes;
 mod stored;
 mod timing;
@@ -46,7 +46,7 @@ pub(crate) use recognise::{has_files, help, looked_for};
 use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::{Imported, Options};
-use seen_as::SeenAs;
+use picture_transform::PictureTransform;
 use std::path::Path;
 
 /// Reads a detector's files in `options.poses`, of the clip `source`, and fits a body to them.
@@ -60,7 +60,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
         return Err(fault(source, "MISSING", message));
     };
     let clip = Clip::open(source, options)?;
-    let seen_as = SeenAs::of(options);
+    let seen_as = PictureTransform::of(options);
     let size = seen_as.size(clip.size.map(f64::from));
     let mut detections = recognise::read(at, options.points, size.map(|side| side as u32))?;
     seen_as.apply_back(&mut detections, clip.size);

@@ -8,8 +8,8 @@ use super::{
     point_table, sam_3d_body, shapes,
 };
 use crate::ImportError;
+use crate::misplaced::unknown;
 use crate::source::Source;
-use crate::what::unknown;
 use std::path::Path;
 use std::sync::LazyLock;
 

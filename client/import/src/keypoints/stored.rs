@@ -2,7 +2,7 @@
 
 use super::capture::of_clip;
 use super::detections::Detections;
-use super::seen_as::SeenAs;
+use super::picture_transform::PictureTransform;
 use super::{misfit, people};
 use crate::ImportError;
 use crate::Options;
@@ -17,7 +17,7 @@ const SURE: f64 = 0.9;
 const GAIN: f64 = 0.1;
 
 /// Declarations of the file that a detector may have ignored, with words for its pictures.
-fn views(stored: StoredPicture) -> Vec<(SeenAs, &'static str)> {
+fn views(stored: StoredPicture) -> Vec<(PictureTransform, &'static str)> {
     let narrow = StoredPicture {
         orientation: Orientation::AsStored,
         ..stored
@@ -31,10 +31,10 @@ fn views(stored: StoredPicture) -> Vec<(SeenAs, &'static str)> {
         (lying, "not turned"),
         (stored, "not turned, with pixels that are not square"),
     ];
-    let mut views: Vec<(SeenAs, &str)> = Vec::new();
+    let mut views: Vec<(PictureTransform, &str)> = Vec::new();
     for (stored, words) in all {
-        let seen = SeenAs::stored(stored);
-        if seen != SeenAs::SHOWN && views.iter().all(|(other, _)| *other != seen) {
+        let seen = PictureTransform::stored(stored);
+        if seen != PictureTransform::SHOWN && views.iter().all(|(other, _)| *other != seen) {
             views.push((seen, words));
         }
     }
@@ -53,7 +53,7 @@ pub(super) fn correct(
     options: &Options,
 ) -> Result<Option<String>, ImportError> {
     let views = views(clip.stored);
-    if views.is_empty() || SeenAs::of(options) != SeenAs::SHOWN {
+    if views.is_empty() || PictureTransform::of(options) != PictureTransform::SHOWN {
         return Ok(None);
     }
     let Some(given) = &options.masks else {
@@ -68,13 +68,13 @@ pub(super) fn correct(
     let numbers = found.numbers(first, clip, at)?;
     let seen = of_clip(&person, &numbers, &clip.selected(options)?);
     let all = Masks::given(given, clip)?;
-    let share = |seen_as: &SeenAs| {
+    let share = |seen_as: &PictureTransform| {
         all.iter().try_fold(0.0_f64, |most, masks| {
             Ok::<_, ImportError>(most.max(misfit::share(masks, clip, &seen, 0, seen_as)?))
         })
     };
-    let before = share(&SeenAs::SHOWN)?;
-    let mut best: Option<(f64, SeenAs, &str)> = None;
+    let before = share(&PictureTransform::SHOWN)?;
+    let mut best: Option<(f64, PictureTransform, &str)> = None;
     for (view, words) in views {
         let inside = share(&view)?;
         if best.is_none_or(|(most, ..)| inside > most) {
@@ -151,11 +151,11 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let clip = clip(name);
         let (masks, points) = person(&clip, folder.path());
-        let seen = SeenAs::stored(seen_as(clip.stored));
+        let seen = PictureTransform::stored(seen_as(clip.stored));
         let size = clip.size.map(f64::from);
         // The way there is the way back of the opposite change.
         let [width, height] = seen.size(size);
-        let forth = SeenAs {
+        let forth = PictureTransform {
             scale: match seen.rotation {
                 Some(_) => [1.0 / seen.scale[1], 1.0 / seen.scale[0]],
                 None => seen.scale.map(|it| 1.0 / it),

@@ -1,7 +1,7 @@
 //! Masks that a matting model makes of the frames of a clip.
 //!
 //! `yoto_matting` knows the inputs and outputs of a network. Here the levels of its pictures are found
-//! ([`levels`]), and it gets the frames in order ([`run`]). A client without the feature `matting` has
+//! (`levels`), and it gets the frames in order (`run`). A client without the feature `matting` has
 //! no runtime for networks, and says so.
 
 #[cfg(feature = "matting")]

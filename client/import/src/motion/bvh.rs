@@ -4,7 +4,7 @@
 //! that no motion is lost. Or the file's own joints are kept, of which those below the wrists and the head
 //! are folded into these: fingers and faces are too small for a person in a whole picture. A BVH
 //! file's rest pose is arbitrary, while a person's is a T-pose facing +z: rotations are converted
-//! ([`hierarchy`](crate::hierarchy)) by means of a pose that stands ([`standing`]).
+//! ([`hierarchy`]) by means of a pose that stands ([`standing`]).
 
 use super::gaps;
 use super::kept::{self, Kept};

@@ -2,7 +2,7 @@
 //!
 //! One file per tool reads its files to [`ToolOutput`](crate::proof::ToolOutput): people, frames, rotations, translations and cameras.
 //! The rest is common to all: [`recognise`] says which tool wrote a file, [`proof`](crate::proof) which
-//! person is taken and what the numbers mean, and [`capture`] makes the capture. BVH, which has rotations
+//! person is taken and what the numbers mean, and [`mod@capture`] makes the capture. BVH, which has rotations
 //! and no body model, is a reader of its own ([`bvh_clip`]).
 //!
 //! ```text

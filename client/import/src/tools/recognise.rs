@@ -8,7 +8,7 @@ use crate::Options;
 use crate::clip::fault;
 use crate::proof::ToolOutput;
 use crate::source::Source;
-use crate::{keypoints, what};
+use crate::{keypoints, misplaced};
 use std::path::Path;
 
 /// Endings of the containers in which tools write.
@@ -157,5 +157,5 @@ fn unknown(path: &Path, forced: Option<&'static Tool>) -> ImportError {
             )
         }
     };
-    what::unknown(path, &looked)
+    misplaced::unknown(path, &looked)
 }

@@ -8,7 +8,7 @@ use yoto_media::Orientation;
 
 /// Changes to the clip's pictures before a detector saw them, in this order: scale, rotation, mirror.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SeenAs {
+pub(super) struct PictureTransform {
     /// Factors on width and height.
     pub scale: [f64; 2],
     pub rotation: Option<PointRotation>,
@@ -16,7 +16,7 @@ pub(super) struct SeenAs {
     pub mirrored: bool,
 }
 
-impl SeenAs {
+impl PictureTransform {
     /// The pictures of the clip as it is shown.
     pub const SHOWN: Self = Self {
         scale: [1.0; 2],
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     /// Where a point of a clip of 40 by 30 pixels is in the pictures.
-    fn forth(seen: SeenAs, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn forth(seen: PictureTransform, [x, y]: [f64; 2]) -> [f64; 2] {
         let [x, y] = [x * seen.scale[0], y * seen.scale[1]];
         let [width, height] = [40.0 * seen.scale[0], 30.0 * seen.scale[1]];
         let [x, y] = match seen.rotation {
@@ -168,7 +168,7 @@ mod tests {
         for rotation in turns.map(Some).into_iter().chain([None]) {
             for mirrored in [false, true] {
                 let scale = [0.5, 1.25];
-                let seen = SeenAs {
+                let seen = PictureTransform {
                     scale,
                     rotation,
                     mirrored,
@@ -176,7 +176,7 @@ mod tests {
                 let point = seen.back(forth(seen, [7.0, 11.0]), [40.0, 30.0]);
                 assert!((point[0] - 7.0).hypot(point[1] - 11.0) < 1e-9, "{seen:?}");
                 // A step in the pictures is a direction of the same kind.
-                let seen = SeenAs {
+                let seen = PictureTransform {
                     scale: [1.0; 2],
                     ..seen
                 };
@@ -189,7 +189,8 @@ mod tests {
 
     #[test]
     fn stored_pictures_are_turned_the_other_way() {
-        let stored = |orientation, pixel| SeenAs::stored(StoredPicture { orientation, pixel });
+        let stored =
+            |orientation, pixel| PictureTransform::stored(StoredPicture { orientation, pixel });
         let seen = stored(Orientation::Clockwise, [2.0, 1.0]);
         // A clip of 40 by 30 whose file has pictures of 30 by 20.
         assert_eq!(seen.size([40.0, 30.0]), [30.0, 20.0]);
