@@ -6,6 +6,8 @@
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
 //! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, pauses between attempts, text that is safe to
 //! print, the names of tiers, variants and evaluation protocols, and the figures of the paper that reports show.
+//!
+//! The feature `grpc`, on by default, adds the clients and servers of the calls, [`key`] and [`reasons`].
 
 pub mod alias;
 pub mod backoff;
@@ -14,6 +16,7 @@ pub mod correction;
 pub mod exports;
 pub mod frame_steps;
 mod job_state;
+#[cfg(feature = "grpc")]
 pub mod key;
 pub mod keys;
 pub mod limits;
@@ -25,6 +28,7 @@ pub mod pose_track;
 pub mod progress;
 pub mod protocols;
 pub mod published;
+#[cfg(feature = "grpc")]
 pub mod reasons;
 pub mod render_needs;
 mod signed;
@@ -35,7 +39,7 @@ pub mod tiers;
 /// Messages, clients and servers of package `yoto.v1`.
 #[allow(missing_docs, clippy::all, clippy::unwrap_used)]
 pub mod v1 {
-    tonic::include_proto!("yoto.v1");
+    include!(concat!(env!("OUT_DIR"), "/yoto.v1.rs"));
 }
 
 /// What only workers call.
@@ -43,7 +47,7 @@ pub mod worker {
     /// Messages, clients and servers of package `yoto.worker.v1`.
     #[allow(missing_docs, clippy::all, clippy::unwrap_used)]
     pub mod v1 {
-        tonic::include_proto!("yoto.worker.v1");
+        include!(concat!(env!("OUT_DIR"), "/yoto.worker.v1.rs"));
     }
 }
 

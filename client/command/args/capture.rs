@@ -2,10 +2,11 @@
 
 use crate::args::MattingArgs;
 use crate::args::frame_range::FrameRange;
+use crate::import_progress;
 use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, Told, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, PointRotation, PointSet, TrackForm, to_folder};
 use yoto_media::video::Hdr;
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
@@ -57,7 +58,7 @@ pub(crate) struct ImportOptions {
     points: Option<PointSet>,
     /// Turn key points back: their detector saw the clip turned clockwise by these degrees.
     #[arg(long, value_name = "DEG")]
-    turn_points: Option<PointTurn>,
+    point_rotation: Option<PointRotation>,
     /// Mirror key points, left for right: their detector saw the clip mirrored.
     #[arg(long)]
     mirror_points: bool,
@@ -133,7 +134,7 @@ impl ImportOptions {
             || self.fps.is_some()
             || self.person.is_some()
             || self.points.is_some()
-            || self.turn_points.is_some()
+            || self.point_rotation.is_some()
             || self.mirror_points
             || self.focal.is_some()
             || self.height.is_some()
@@ -169,7 +170,7 @@ impl ImportOptions {
             matting: self.matting.model(),
             person: self.person.clone(),
             points: self.points,
-            turn_points: self.turn_points,
+            point_rotation: self.point_rotation,
             mirror_points: self.mirror_points,
             focal: self.focal,
             height: self.height,
@@ -183,7 +184,7 @@ impl ImportOptions {
                 HdrArg::Pq => Hdr::Pq,
             },
             ffmpeg: self.ffmpeg.program().map(Path::to_owned),
-            told: Told::default(),
+            progress: import_progress::on_terminal(),
         }
     }
 

@@ -83,3 +83,17 @@ impl Import {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::AFTER_HELP;
+    use yoto_import::pose_tools;
+
+    #[test]
+    fn the_help_names_every_pose_tool() {
+        for (_, name) in pose_tools() {
+            let short = name.split(' ').next().unwrap_or(name);
+            assert!(AFTER_HELP.contains(short), "{short}");
+        }
+    }
+}

@@ -5,13 +5,14 @@ pub(crate) mod import;
 
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
+use crate::import_progress;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use example::Example;
 use image::ImageFormat;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use yoto_capture::check::Report;
+use yoto_capture::check::CheckReport;
 use yoto_import::{FfmpegArg, capture_check};
 use yoto_terminal::output;
 
@@ -71,7 +72,7 @@ struct Written<'a> {
     /// Path of the capture.
     capture: String,
     #[serde(flatten)]
-    report: &'a Report,
+    report: &'a CheckReport,
 }
 
 impl Check {
@@ -128,7 +129,12 @@ impl Check {
         if !self.force {
             ensure_own(&report, &self.capture)?;
         }
-        let checked = capture_check::check(&self.capture, &options, self.ffmpeg.program())?;
+        let checked = capture_check::check(
+            &self.capture,
+            &options,
+            self.ffmpeg.program(),
+            &import_progress::on_terminal(),
+        )?;
         let written = Written {
             capture: path(&self.capture)?,
             report: &checked.report,

@@ -4,6 +4,7 @@ use crate::args::Server;
 use crate::args::capture::ImportOptions;
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
+use crate::upload_files::upload_files;
 use crate::waiting::wait_for_new;
 use anyhow::Context;
 use clap::Args;
@@ -154,8 +155,9 @@ impl Add {
             tell!("{}: {note}", self.name);
         }
         let client = self.server.connect().await?;
+        let files = upload_files(capture.files);
         // Before a person is created, who would then have no capture.
-        client.fits(&capture.files).await?;
+        client.fits(&files).await?;
         let subject = self.subject(&client).await?;
 
         let mut display = ProgressDisplay::new(self.name.clone());
@@ -165,7 +167,7 @@ impl Add {
             display.bytes(sent, total);
         };
         let uploaded = client
-            .upload_capture(&subject.name, capture.files, on_bytes)
+            .upload_capture(&subject.name, files, on_bytes)
             .await?;
         if self.no_wait {
             display.finish(&format!("uploaded; ingest runs as {}", uploaded.ingest_job));

@@ -11,6 +11,7 @@ mod distill;
 mod evaluate;
 mod frames;
 mod import_humannerf;
+mod import_progress;
 mod info;
 mod lpips_args;
 mod quality;

@@ -1,6 +1,7 @@
 //! `yoto-lab real`: clips as people have them, through the whole path.
 
 use super::args;
+use super::import_progress;
 use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::one_camera::HeldOut;
@@ -83,6 +84,7 @@ impl Real {
             import: Options {
                 pose_model: self.pose_model,
                 ffmpeg: self.ffmpeg.program().map(Path::to_owned),
+                progress: import_progress::on_terminal(),
                 ..Options::default()
             },
             quality: QualityOptions {

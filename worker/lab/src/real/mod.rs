@@ -164,7 +164,7 @@ fn measured(
         false => {
             let capture = folder.join("capture");
             to_folder(
-                Format::Film,
+                Format::FILM,
                 source,
                 &capture,
                 TrackForm::Json,
@@ -175,7 +175,12 @@ fn measured(
     };
     clip.seconds.import = began.elapsed().as_secs_f64();
     let began = Instant::now();
-    let checked = capture_check::check(&capture, &CaptureOptions::default(), ffmpeg)?;
+    let checked = capture_check::check(
+        &capture,
+        &CaptureOptions::default(),
+        ffmpeg,
+        &options.import.progress,
+    )?;
     clip.seconds.check = began.elapsed().as_secs_f64();
     let measures = &checked.report.measures;
     let named = |grade: Grade| -> Vec<String> {

@@ -1,9 +1,9 @@
-//! What makes frames of an import useless or doubtful, whichever program wrote them.
+//! Finds frames that are useless or doubtful, in imports of any program.
 
+use crate::ImportError;
 use crate::clip::left_out;
 use crate::pictures::{Mask, read_masks};
 use crate::{Imported, Pictures};
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
 /// Fewest pixels of a person.
@@ -16,14 +16,14 @@ const FASTEST: f64 = 12.0;
 const JUMP: [f64; 2] = [1.0, 0.1];
 /// Narrowest and widest view of a camera that people film with, degrees across the longer side.
 const VIEWS: [f64; 2] = [10.0, 130.0];
-/// Jumps that a note names.
+/// A note names at most this number of jumps.
 const NAMED: usize = 4;
 
 /// Leaves out frames whose masks show nobody or everything, and names jumps and an unlikely camera.
 ///
 /// # Errors
 /// A mask that can't be read.
-pub(crate) fn ensure(imported: &mut Imported) -> Result<(), ClientError> {
+pub(crate) fn ensure(imported: &mut Imported) -> Result<(), ImportError> {
     leave_out_empty(imported)?;
     let track = &imported.track;
     let doubts: Vec<String> = [jumps(track), camera(track)]
@@ -35,7 +35,7 @@ pub(crate) fn ensure(imported: &mut Imported) -> Result<(), ClientError> {
     Ok(())
 }
 
-fn leave_out_empty(imported: &mut Imported) -> Result<(), ClientError> {
+fn leave_out_empty(imported: &mut Imported) -> Result<(), ImportError> {
     let size = imported.track.image_size;
     let masks: Vec<&Vec<Mask>> = match &imported.pictures {
         Pictures::Files(files) => files.iter().map(|files| &files.masks).collect(),
@@ -170,7 +170,7 @@ fn camera(track: &PoseTrack) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Found;
+    use crate::Findings;
     use crate::track::empty_track;
     use image::{GrayImage, Luma};
     use std::sync::Arc;
@@ -213,7 +213,7 @@ mod tests {
             },
             available: 4,
             notes: Vec::new(),
-            found: Found::default(),
+            found: Findings::default(),
         }
     }
 

@@ -1,51 +1,51 @@
-//! What a file is that was given in the wrong place: for errors, which say what to give instead.
+//! Describes a file that was given in the wrong place, for errors that say what to give instead.
 
+use crate::ImportError;
 use crate::clip::fault;
 use crate::source::Source;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_formats::Value;
 
 /// Most arrays and keys that are named.
 const NAMED: usize = 6;
 
-/// What a file's contents are told by, and what to do with it.
-struct Kind {
+/// A kind of file, by the keys of its contents, and what to do with it.
+struct KnownFile {
     /// Sets of keys. A file that has all keys of one set is of this kind.
     keys: &'static [&'static [&'static str]],
     words: &'static str,
 }
 
 /// Files that people confuse with those that an import takes, the surest first.
-const KINDS: [Kind; 12] = [
-    Kind {
+const KNOWN_FILES: [KnownFile; 12] = [
+    KnownFile {
         keys: &[&["bbx_xyxy"], &["bbx_xys"]],
         words: "this is GVHMR's file of boxes; its poses are in hmr4d_results.pt",
     },
-    Kind {
+    KnownFile {
         keys: &[&["f_imgseq"]],
         words: "this is GVHMR's file of features; its poses are in hmr4d_results.pt",
     },
-    Kind {
+    KnownFile {
         keys: &[
             &["keypoints", "bbox", "frame_id"],
             &["features", "flipped_features"],
         ],
         words: "this is WHAM's file of tracks; its poses are in wham_output.pkl (--save_pkl)",
     },
-    Kind {
+    KnownFile {
         keys: &[&["pred_keypoints_3d"]],
         words: "this is SAM 3D Body's, without pred_joint_coords or pred_cam_t: save these two of its dictionary as well",
     },
-    Kind {
+    KnownFile {
         keys: &[&["poses", "trans"], &["root_orient", "pose_body"]],
         words: "this is a motion: it moves a trained person (yoto render --motion-file), and has no camera for a clip",
     },
-    Kind {
+    KnownFile {
         keys: &[&["smpl_poses", "smpl_trans"]],
         words: "this is AIST++'s motion: as an .npz of poses and trans it moves a trained person (--motion-file)",
     },
-    Kind {
+    KnownFile {
         keys: &[
             &["global_orient", "body_pose", "transl"],
             &["thetas", "transl"],
@@ -53,30 +53,30 @@ const KINDS: [Kind; 12] = [
         words: "these are SMPL's poses without a camera: InstantAvatar's captures have a cameras.npz beside them; as a \
                 motion, they move a trained person (--motion-file)",
     },
-    Kind {
+    KnownFile {
         keys: &[&["J_regressor", "v_template"]],
         words: "this is a body model: --smpl takes it",
     },
-    Kind {
+    KnownFile {
         keys: &[&["skeleton", "frames", "image_size"]],
         words: "this is a capture's pose track: its folder is imported itself, and as a motion it moves a trained person \
                 (--motion-file)",
     },
-    Kind {
+    KnownFile {
         keys: &[&["intrinsic", "extrinsic"]],
         words: "this is a file of cameras, not of poses",
     },
-    Kind {
+    KnownFile {
         keys: &[&["img_focal", "img_center"]],
         words: "this is TRAM's camera; its poses are in hps/hps_track_*.npy",
     },
-    Kind {
+    KnownFile {
         keys: &[&["pred_cam", "pred_vertices"]],
         words: "these are the raw outputs of a network, without a translation in the clip's camera",
     },
 ];
 
-/// What a file's ending tells, of formats that are not read.
+/// What a file's ending tells about formats that are not read.
 const ENDINGS: [(&str, &str); 7] = [
     (
         "trc",
@@ -105,14 +105,14 @@ const ENDINGS: [(&str, &str); 7] = [
     ),
 ];
 
-/// What the name of the file at `path` tells, of formats that are not read.
+/// What the name of the file at `path` tells about formats that are not read.
 pub(crate) fn of_ending(path: &Path) -> Option<&'static str> {
     let ending = path.extension()?.to_str()?.to_ascii_lowercase();
     let found = ENDINGS.iter().find(|(known, _)| *known == ending);
     found.map(|(_, words)| *words)
 }
 
-/// What is known of the file at `path`: what it is, or what is in it.
+/// A description of the file at `path`: its kind, or its contents.
 pub(crate) fn what(path: &Path) -> Option<String> {
     if !path.is_file() {
         return None;
@@ -145,8 +145,8 @@ pub(crate) fn what(path: &Path) -> Option<String> {
 
 fn kind(value: &Value) -> Option<&'static str> {
     let has_all = |keys: &&[&str]| keys.iter().all(|key| value.get(key).is_some());
-    let has = |kind: &&Kind| kind.keys.iter().any(has_all);
-    KINDS.iter().find(has).map(|kind| kind.words)
+    let has = |kind: &&KnownFile| kind.keys.iter().any(has_all);
+    KNOWN_FILES.iter().find(has).map(|kind| kind.words)
 }
 
 /// WHAM's and DROID's path of the camera: `[F, 7]`.
@@ -185,8 +185,8 @@ fn contents(value: &Value) -> String {
     }
 }
 
-/// The error about the file or folder at `path`, which is none of those that were `looked` for.
-pub(crate) fn unknown(path: &Path, looked: &str) -> ClientError {
+/// The error about the file or folder at `path`; `looked` names the expected ones.
+pub(crate) fn unknown(path: &Path, looked: &str) -> ImportError {
     let found = what(path).map_or(String::new(), |what| format!("{what}. "));
     let message = format!("{found}Looked for {looked}");
     fault(path, "UNKNOWN", message)

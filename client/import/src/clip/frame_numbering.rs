@@ -2,19 +2,19 @@
 
 /// How a file counts the frames of a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Counting {
+pub(crate) struct FrameNumbering {
     /// Number of the clip's first frame.
     pub first: usize,
-    /// Whether the numbers leave no other choice.
+    /// Whether the numbers allow no other first frame.
     pub is_sure: bool,
 }
 
-impl Counting {
-    /// Of a file with these `numbers`, of a clip of `frames` frames, by a program that usually counts from
-    /// `usual`.
+impl FrameNumbering {
+    /// The numbering of a file with these `numbers`, for a clip of `frames` frames, by a program that usually counts
+    /// from `usual`.
     ///
-    /// A 0 is the first frame. Without one, 1 is the first if the clip has too few frames for the last number, and
-    /// surely so if all of its frames have a number then. What is left are files that lack frames at one end.
+    /// A 0 is the first frame. Without a 0, the first frame is 1 if the clip has too few frames for the last number. That is
+    /// sure if every frame then has a number. The remaining files lack frames at one end.
     pub fn of(numbers: impl Iterator<Item = usize>, frames: usize, usual: usize) -> Self {
         let (mut least, mut last) = (usize::MAX, 0);
         for number in numbers {
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     fn counted(numbers: impl IntoIterator<Item = usize>, usual: usize) -> (usize, bool) {
-        let found = Counting::of(numbers.into_iter(), 10, usual);
+        let found = FrameNumbering::of(numbers.into_iter(), 10, usual);
         (found.first, found.is_sure)
     }
 

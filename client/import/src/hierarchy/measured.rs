@@ -1,10 +1,10 @@
-//! A standing pose of joints whose program's own rest pose is not in its files: the mean of what each joint
-//! does against the joint above it.
+//! A standing pose for programs whose files lack the rest pose: the mean, over the frames, of each joint's rotation relative
+//! to its parent.
 //!
-//! Bones are of constant length in the axes of the joint above, `G_parentᵀ (p − p_parent)`: the
-//! median over the frames is taken, and its scatter tells whether rotations and positions belong together.
+//! A bone is constant in the axes of its parent joint, `G_parentᵀ (p − p_parent)`. The median over the frames is taken;
+//! the scatter around it shows whether rotations and positions belong together.
 
-use super::{Placed, Tree};
+use super::{GlobalPose, JointHierarchy};
 use crate::geometry::{
     IDENTITY_ROTATION, Mat3, Vec3, add, cross, dot, log_map, matmul, matvec, rodrigues, scale, sub,
     transpose,
@@ -12,29 +12,29 @@ use crate::geometry::{
 use crate::track::median_rows;
 use yoto_capture::skeleton::transform::length;
 
-/// Frames that are measured, at most.
+/// Most frames that are measured.
 const MOST: usize = 300;
-/// Steps of a mean of rotations: each leaves a small part of the error of the one before.
+/// Iterations of a mean of rotations: each leaves a small part of the error before.
 const STEPS: usize = 8;
 
-/// What frames of a tree have in common.
+/// What the frames of a hierarchy have in common.
 pub(crate) struct Measured {
-    /// A pose that stands, y up, facing +z.
-    pub standing: Placed,
-    /// Median distance of joints from where constant bones put them, metres.
+    /// A standing pose, y up, facing +z.
+    pub standing: GlobalPose,
+    /// Median distance of joints from their positions with constant bones, metres.
     pub scatter: f64,
 }
 
-/// Measures `frames` of `tree`; `None` where the up or left direction is unknown.
-pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
+/// Measures `frames` of `hierarchy`; `None` where the up or left direction is unknown.
+pub(crate) fn measure(hierarchy: &JointHierarchy, frames: &[&GlobalPose]) -> Option<Measured> {
     let step = frames.len().div_ceil(MOST).max(1);
-    let frames: Vec<&Placed> = frames.iter().step_by(step).copied().collect();
+    let frames: Vec<&GlobalPose> = frames.iter().step_by(step).copied().collect();
     let mut scatter = Vec::new();
-    let mut mean = Placed {
+    let mut mean = GlobalPose {
         rotations: Vec::new(),
         positions: Vec::new(),
     };
-    for (joint, it) in tree.0.iter().enumerate() {
+    for (joint, it) in hierarchy.0.iter().enumerate() {
         let Some(parent) = it.parent else {
             mean.rotations.push(IDENTITY_ROTATION);
             mean.positions.push([0.0; 3]);
@@ -55,7 +55,7 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
             .push(matmul(&above, &mean_rotation(&rotations)));
         mean.positions.push(add(from, matvec(&above, offset)));
     }
-    let standing = mean.rotated(&upright(tree, &mean)?);
+    let standing = mean.rotated(&upright(hierarchy, &mean)?);
     let middle = scatter.len() / 2;
     let scatter = match scatter.get(middle) {
         Some(_) => *scatter.select_nth_unstable_by(middle, f64::total_cmp).1,
@@ -64,17 +64,17 @@ pub(crate) fn measure(tree: &Tree, frames: &[&Placed]) -> Option<Measured> {
     Some(Measured { standing, scatter })
 }
 
-/// The rotation that makes the way from the pelvis to the neck up, and that to the left hip +x.
-fn upright(tree: &Tree, pose: &Placed) -> Option<Mat3> {
+/// The rotation that takes the direction from the pelvis to the neck to +y, and the left to +x.
+fn upright(hierarchy: &JointHierarchy, pose: &GlobalPose) -> Option<Mat3> {
     let top = ["neck", "head", "spine3"];
-    let top = top.iter().find_map(|role| tree.position(pose, role))?;
-    let up = unit(sub(top, tree.position(pose, "pelvis")?))?;
-    let left = tree.leftward(pose)?;
+    let top = top.iter().find_map(|role| hierarchy.position(pose, role))?;
+    let up = unit(sub(top, hierarchy.position(pose, "pelvis")?))?;
+    let left = hierarchy.leftward(pose)?;
     let left = unit(sub(left, scale(up, dot(left, up))))?;
     Some([left, up, cross(left, up)])
 }
 
-/// The mean of `rotations`: from it, their axis-angle vectors add up to zero.
+/// The mean of `rotations`: the axis-angle vectors from it to them add up to zero.
 fn mean_rotation(rotations: &[Mat3]) -> Mat3 {
     let mut mean = rotations.first().copied().unwrap_or(IDENTITY_ROTATION);
     for _ in 0..STEPS {

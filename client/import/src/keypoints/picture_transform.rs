@@ -1,47 +1,47 @@
-//! How the pictures that a detector saw differ from the clip as it is shown, and the way back.
+//! The transformation from the pictures that a detector saw back to the clip as shown.
 
 use super::detections::{Detection, Detections};
-use super::point_turn::PointTurn;
+use super::point_rotation::PointRotation;
 use crate::Options;
-use crate::clip::Stored;
+use crate::clip::StoredPicture;
 use yoto_media::Orientation;
 
-/// What was done to the clip's pictures, in this order, before a detector saw them.
+/// Changes to the clip's pictures before a detector saw them, in this order: scale, rotation, mirror.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SeenAs {
+pub(super) struct PictureTransform {
     /// Factors on width and height.
     pub scale: [f64; 2],
-    pub turn: Option<PointTurn>,
+    pub rotation: Option<PointRotation>,
     /// Mirrored left to right, so that the detector took left for right.
     pub mirrored: bool,
 }
 
-impl SeenAs {
-    /// As the clip is shown.
+impl PictureTransform {
+    /// The pictures of the clip as it is shown.
     pub const SHOWN: Self = Self {
         scale: [1.0; 2],
-        turn: None,
+        rotation: None,
         mirrored: false,
     };
 
-    /// What the user says.
+    /// The changes that the user names.
     pub fn of(options: &Options) -> Self {
         Self {
-            turn: options.turn_points,
+            rotation: options.point_rotation,
             mirrored: options.mirror_points,
             ..Self::SHOWN
         }
     }
 
-    /// As a video's file has its pictures.
-    pub fn stored(stored: Stored) -> Self {
+    /// The pictures as a video's file stores them.
+    pub fn stored(stored: StoredPicture) -> Self {
         Self {
             scale: stored.pixel.map(|side| 1.0 / side),
-            turn: match stored.orientation {
+            rotation: match stored.orientation {
                 Orientation::AsStored => None,
-                Orientation::Clockwise => Some(PointTurn::ThreeQuarters),
-                Orientation::Half => Some(PointTurn::Half),
-                Orientation::CounterClockwise => Some(PointTurn::Quarter),
+                Orientation::Clockwise => Some(PointRotation::ThreeQuarters),
+                Orientation::Half => Some(PointRotation::Half),
+                Orientation::CounterClockwise => Some(PointRotation::Quarter),
             },
             mirrored: false,
         }
@@ -50,20 +50,20 @@ impl SeenAs {
     /// Width and height of the pictures of a clip of `[width, height]`.
     pub fn size(&self, clip: [f64; 2]) -> [f64; 2] {
         let [width, height] = self.scaled(clip);
-        match self.turn {
-            Some(PointTurn::Quarter | PointTurn::ThreeQuarters) => [height, width],
+        match self.rotation {
+            Some(PointRotation::Quarter | PointRotation::ThreeQuarters) => [height, width],
             _ => [width, height],
         }
     }
 
-    /// A note about what the user said; `None` if that is nothing.
+    /// A note about the changes that the user names; `None` without any.
     pub fn words(&self) -> Option<String> {
         let mut words = Vec::new();
         if self.mirrored {
             words.push("mirrored (--mirror-points)".to_owned());
         }
-        if let Some(turn) = self.turn {
-            words.push(format!("turned (--turn-points {})", turn.degrees()));
+        if let Some(rotation) = self.rotation {
+            words.push(format!("turned (--turn-points {})", rotation.degrees()));
         }
         let changes = words.join(" and ");
         (!words.is_empty())
@@ -74,7 +74,7 @@ impl SeenAs {
         [clip[0] * self.scale[0], clip[1] * self.scale[1]]
     }
 
-    /// Where a point `[x, y]` of the pictures is in a clip of `[width, height]`.
+    /// The position in a clip of `[width, height]` of the point `[x, y]` of the pictures.
     pub fn back(&self, [x, y]: [f64; 2], clip: [f64; 2]) -> [f64; 2] {
         let [width, height] = self.scaled(clip);
         let x = if self.mirrored {
@@ -82,27 +82,27 @@ impl SeenAs {
         } else {
             x
         };
-        let [x, y] = match self.turn {
+        let [x, y] = match self.rotation {
             None => [x, y],
-            Some(PointTurn::Quarter) => [y, height - x],
-            Some(PointTurn::Half) => [width - x, height - y],
-            Some(PointTurn::ThreeQuarters) => [width - y, x],
+            Some(PointRotation::Quarter) => [y, height - x],
+            Some(PointRotation::Half) => [width - x, height - y],
+            Some(PointRotation::ThreeQuarters) => [width - y, x],
         };
         [x / self.scale[0], y / self.scale[1]]
     }
 
-    /// The same of a direction in the camera's axes.
+    /// The direction in the clip's camera axes of a direction in the pictures' camera axes.
     fn direction_back(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let x = if self.mirrored { -x } else { x };
-        match self.turn {
+        match self.rotation {
             None => [x, y, z],
-            Some(PointTurn::Quarter) => [y, -x, z],
-            Some(PointTurn::Half) => [-x, -y, z],
-            Some(PointTurn::ThreeQuarters) => [-y, x, z],
+            Some(PointRotation::Quarter) => [y, -x, z],
+            Some(PointRotation::Half) => [-x, -y, z],
+            Some(PointRotation::ThreeQuarters) => [-y, x, z],
         }
     }
 
-    /// Makes `found` that of a clip of `[width, height]`. Masks of other pictures are left out.
+    /// Transforms `found` to a clip of `[width, height]`. Masks of other pictures are left out.
     pub fn apply_back(&self, found: &mut Detections, clip: [u32; 2]) {
         if *self == Self::SHOWN {
             return;
@@ -144,15 +144,15 @@ mod tests {
     use super::*;
 
     /// Where a point of a clip of 40 by 30 pixels is in the pictures.
-    fn forth(seen: SeenAs, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn forth(seen: PictureTransform, [x, y]: [f64; 2]) -> [f64; 2] {
         let [x, y] = [x * seen.scale[0], y * seen.scale[1]];
         let [width, height] = [40.0 * seen.scale[0], 30.0 * seen.scale[1]];
-        let [x, y] = match seen.turn {
+        let [x, y] = match seen.rotation {
             None => [x, y],
             // The top of the clip is at the right.
-            Some(PointTurn::Quarter) => [height - y, x],
-            Some(PointTurn::Half) => [width - x, height - y],
-            Some(PointTurn::ThreeQuarters) => [y, width - x],
+            Some(PointRotation::Quarter) => [height - y, x],
+            Some(PointRotation::Half) => [width - x, height - y],
+            Some(PointRotation::ThreeQuarters) => [y, width - x],
         };
         let [across, _] = seen.size([40.0, 30.0]);
         [if seen.mirrored { across - x } else { x }, y]
@@ -161,22 +161,22 @@ mod tests {
     #[test]
     fn every_change_has_a_way_back() {
         let turns = [
-            PointTurn::Quarter,
-            PointTurn::Half,
-            PointTurn::ThreeQuarters,
+            PointRotation::Quarter,
+            PointRotation::Half,
+            PointRotation::ThreeQuarters,
         ];
-        for turn in turns.map(Some).into_iter().chain([None]) {
+        for rotation in turns.map(Some).into_iter().chain([None]) {
             for mirrored in [false, true] {
                 let scale = [0.5, 1.25];
-                let seen = SeenAs {
+                let seen = PictureTransform {
                     scale,
-                    turn,
+                    rotation,
                     mirrored,
                 };
                 let point = seen.back(forth(seen, [7.0, 11.0]), [40.0, 30.0]);
                 assert!((point[0] - 7.0).hypot(point[1] - 11.0) < 1e-9, "{seen:?}");
                 // A step in the pictures is a direction of the same kind.
-                let seen = SeenAs {
+                let seen = PictureTransform {
                     scale: [1.0; 2],
                     ..seen
                 };
@@ -189,7 +189,8 @@ mod tests {
 
     #[test]
     fn stored_pictures_are_turned_the_other_way() {
-        let stored = |orientation, pixel| SeenAs::stored(Stored { orientation, pixel });
+        let stored =
+            |orientation, pixel| PictureTransform::stored(StoredPicture { orientation, pixel });
         let seen = stored(Orientation::Clockwise, [2.0, 1.0]);
         // A clip of 40 by 30 whose file has pictures of 30 by 20.
         assert_eq!(seen.size([40.0, 30.0]), [30.0, 20.0]);

@@ -1,20 +1,20 @@
-//! The turn that `--turn-points` undoes.
+//! The rotation of pictures that `--turn-points` undoes.
 
-/// By how much the pictures that a detector saw were turned clockwise, degrees.
+/// The clockwise rotation of the pictures that a detector saw, degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum PointTurn {
-    /// A quarter turn clockwise.
+pub enum PointRotation {
+    /// 90 degrees clockwise.
     #[value(name = "90")]
     Quarter,
-    /// A half turn.
+    /// 180 degrees.
     #[value(name = "180")]
     Half,
-    /// A quarter turn counter-clockwise.
+    /// 90 degrees counter-clockwise.
     #[value(name = "270")]
     ThreeQuarters,
 }
 
-impl PointTurn {
+impl PointRotation {
     /// 90, 180 or 270.
     pub(super) fn degrees(self) -> u32 {
         match self {

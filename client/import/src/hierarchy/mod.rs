@@ -1,13 +1,12 @@
-//! Trees of joints of other programs, whose rest pose is a person's: standing, arms in a T, y up, facing +z.
+//! Joint hierarchies of other programs, retargeted to the T-pose: a person who stands, arms out, y up, facing +z.
 //!
-//! What a program calls its rest pose is arbitrary, and its joints' axes are too. The person's is made from a
-//! standing pose: with global rotations G of a frame, S of the standing pose (turned to face +z, y up), and D
-//! the rotation that takes a limb of a T-pose to the limb of the standing one, the joint's global rotation
-//! from the rest pose is `G Sᵀ D`.
+//! A program's own rest pose is arbitrary, and so are its joints' axes. The T-pose is made from a standing pose: with global rotations G of a frame, S of the standing pose (turned to face +z, y up), and D
+//! the rotation from a limb's direction in the T-pose to its direction in the standing pose, a joint's global rotation
+//! from the T-pose is `G Sᵀ D`.
 //!
 //! ```text
 //! BVH: rest pose or most upright frame ┐
-//! posed joints: their mean (measured) ─┴→ Standing → rest joints; rotations of each frame
+//! posed joints: their mean (measured) ─┴→ TPoseRetarget → rest joints; rotations of each frame
 //! ```
 
 mod measured;
@@ -31,38 +30,37 @@ const LIMBS: [(&str, &str, Vec3); 8] = [
     ("r_hip", "r_knee", [0.0, -1.0, 0.0]),
     ("r_knee", "r_ankle", [0.0, -1.0, 0.0]),
 ];
-/// Joints without a limb, which continue the direction of the previous one; so do those that are none of
-/// SMPL's.
+/// Joints without a limb of their own. They continue the limb above, as do joints that SMPL lacks.
 const FOLLOW: [&str; 4] = ["l_wrist", "r_wrist", "l_hand", "r_hand"];
-/// Pairs that define left.
+/// Pairs of joints whose difference points to the left.
 const SIDES: [(&str, &str); 2] = [("l_hip", "r_hip"), ("l_shoulder", "r_shoulder")];
 
-/// A joint of a tree.
+/// A joint of a hierarchy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Joint {
     /// Its name in the capture.
     pub name: String,
-    /// The joint of SMPL that it stands for, if there is one.
+    /// The joint of SMPL with the same place in the body, if there is one.
     pub role: Option<String>,
     /// Index of the joint above, which comes before.
     pub parent: Option<usize>,
 }
 
-/// The joints of a program, or some of them.
+/// The joints of a program, or some of them; parents come before children.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Tree(pub Vec<Joint>);
+pub(crate) struct JointHierarchy(pub Vec<Joint>);
 
-/// The joints of a tree in a pose, in whatever axes.
+/// A pose of a hierarchy in global coordinates; the axes are the caller's.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Placed {
+pub(crate) struct GlobalPose {
     /// Global rotations, `[joints, 3, 3]`.
     pub rotations: Vec<Mat3>,
-    /// `[joints, 3]`.
+    /// Global positions, `[joints, 3]`.
     pub positions: Vec<Vec3>,
 }
 
-impl Placed {
-    /// The pose rotated as a whole.
+impl GlobalPose {
+    /// This pose, rotated as a whole.
     pub fn rotated(&self, by: &Mat3) -> Self {
         Self {
             rotations: self.rotations.iter().map(|it| matmul(by, it)).collect(),
@@ -71,8 +69,8 @@ impl Placed {
     }
 }
 
-impl Tree {
-    /// Index of the joint that stands for SMPL's `role`.
+impl JointHierarchy {
+    /// Index of the joint that has the role of SMPL's joint `role`.
     pub fn find(&self, role: &str) -> Option<usize> {
         self.0
             .iter()
@@ -80,12 +78,12 @@ impl Tree {
     }
 
     /// The position of SMPL's joint `role` in a pose.
-    pub fn position(&self, placed: &Placed, role: &str) -> Option<Vec3> {
+    pub fn position(&self, placed: &GlobalPose, role: &str) -> Option<Vec3> {
         placed.positions.get(self.find(role)?).copied()
     }
 
-    /// From the right to the left hip in a pose, or from shoulder to shoulder if a hip is missing.
-    pub fn leftward(&self, placed: &Placed) -> Option<Vec3> {
+    /// The vector from the right to the left hip in a pose, or between the shoulders if a hip is missing.
+    pub fn leftward(&self, placed: &GlobalPose) -> Option<Vec3> {
         SIDES.iter().find_map(|(left, right)| {
             Some(sub(
                 self.position(placed, left)?,
@@ -94,29 +92,29 @@ impl Tree {
         })
     }
 
-    /// The rest pose made of `pose`, a standing pose with y up.
-    pub fn standing(&self, pose: &Placed) -> Standing<'_> {
+    /// The retarget to the T-pose, made from `pose`, a standing pose with y up.
+    pub fn retarget(&self, pose: &GlobalPose) -> TPoseRetarget<'_> {
         let pose = pose.rotated(&self.facing(pose));
-        let limbs = self.limbs(&pose.positions);
-        Standing {
-            rest: self.t_pose(&pose.positions, &limbs),
-            tree: self,
-            pose,
-            limbs,
+        let limb_rotations = self.limb_rotations(&pose.positions);
+        TPoseRetarget {
+            rest: self.t_pose(&pose.positions, &limb_rotations),
+            hierarchy: self,
+            standing: pose,
+            limb_rotations,
         }
     }
 
-    /// The rotation about the vertical that turns the left of `pose` to +x.
-    fn facing(&self, pose: &Placed) -> Mat3 {
+    /// The rotation about y that takes the left of `pose` to +x.
+    fn facing(&self, pose: &GlobalPose) -> Mat3 {
         match self.leftward(pose) {
             Some(left) if left[0].hypot(left[2]) > 1e-6 => about_axis(1, left[2].atan2(left[0])),
             _ => IDENTITY_ROTATION,
         }
     }
 
-    /// D of each joint, of limbs that stand as `positions`.
-    fn limbs(&self, positions: &[Vec3]) -> Vec<Mat3> {
-        let mut limbs: Vec<Mat3> = Vec::with_capacity(self.0.len());
+    /// D of each joint, for limbs of the standing pose `positions`.
+    fn limb_rotations(&self, positions: &[Vec3]) -> Vec<Mat3> {
+        let mut limb_rotations: Vec<Mat3> = Vec::with_capacity(self.0.len());
         for (at, joint) in self.0.iter().enumerate() {
             let role = joint.role.as_deref();
             let limb = LIMBS.iter().find(|(from, ..)| role == Some(*from));
@@ -124,18 +122,21 @@ impl Tree {
                 let end = positions.get(self.find(to)?).copied()?;
                 rotation_between(*direction, sub(end, positions.get(at).copied()?))
             });
-            let before = joint.parent.and_then(|above| limbs.get(above)).copied();
-            limbs.push(match (limb, role) {
+            let before = joint
+                .parent
+                .and_then(|above| limb_rotations.get(above))
+                .copied();
+            limb_rotations.push(match (limb, role) {
                 (Some(rotation), _) => rotation,
                 (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY_ROTATION,
                 (None, _) => before.unwrap_or(IDENTITY_ROTATION),
             });
         }
-        limbs
+        limb_rotations
     }
 
-    /// Rest positions with the limbs in a T-pose.
-    fn t_pose(&self, positions: &[Vec3], limbs: &[Mat3]) -> Vec<Vec3> {
+    /// Joint positions in the T-pose, from the standing pose `positions` and D of each joint.
+    fn t_pose(&self, positions: &[Vec3], limb_rotations: &[Mat3]) -> Vec<Vec3> {
         let mut rest: Vec<Vec3> = Vec::with_capacity(positions.len());
         for (joint, position) in self.0.iter().zip(positions) {
             let Some(parent) = joint.parent else {
@@ -146,7 +147,12 @@ impl Tree {
                 *position,
                 positions.get(parent).copied().unwrap_or_default(),
             );
-            let rotation = transpose(&limbs.get(parent).copied().unwrap_or(IDENTITY_ROTATION));
+            let rotation = transpose(
+                &limb_rotations
+                    .get(parent)
+                    .copied()
+                    .unwrap_or(IDENTITY_ROTATION),
+            );
             let from = rest.get(parent).copied().unwrap_or_default();
             rest.push(add(from, matvec(&rotation, bone)));
         }
@@ -154,21 +160,24 @@ impl Tree {
     }
 }
 
-/// A tree with a rest pose.
-pub(crate) struct Standing<'a> {
-    tree: &'a Tree,
-    /// The pose that stands, facing +z.
-    pose: Placed,
+/// A hierarchy with its T-pose.
+pub(crate) struct TPoseRetarget<'a> {
+    hierarchy: &'a JointHierarchy,
+    /// The standing pose, facing +z.
+    standing: GlobalPose,
     /// D of each joint.
-    limbs: Vec<Mat3>,
-    /// Rest joints.
+    limb_rotations: Vec<Mat3>,
+    /// Joint positions in the T-pose, `[joints, 3]`.
     pub rest: Vec<Vec3>,
 }
 
-impl Standing<'_> {
-    /// Axis-angle of each joint, local to its parent, of the global rotations of a pose.
-    pub fn local(&self, rotations: &[Mat3]) -> Vec<Vec3> {
-        let global = rotations.iter().zip(&self.pose.rotations).zip(&self.limbs);
+impl TPoseRetarget<'_> {
+    /// The axis-angle vector of each joint, relative to its parent and from the T-pose, of a pose with the global `rotations`.
+    pub fn local_rotations(&self, rotations: &[Mat3]) -> Vec<Vec3> {
+        let global = rotations
+            .iter()
+            .zip(&self.standing.rotations)
+            .zip(&self.limb_rotations);
         let global: Vec<Mat3> = global
             .map(|((global, standing), limb)| matmul(&matmul(global, &transpose(standing)), limb))
             .collect();
@@ -177,15 +186,15 @@ impl Standing<'_> {
             let above = above.copied().unwrap_or(IDENTITY_ROTATION);
             log_map(&matmul(&transpose(&above), rotation))
         };
-        self.tree.0.iter().zip(&global).map(local).collect()
+        self.hierarchy.0.iter().zip(&global).map(local).collect()
     }
 
-    /// The skeleton, with rest joints times `scale`.
+    /// The skeleton with the rest joints multiplied by `scale`.
     pub fn skeleton(&self, scale: f64) -> Skeleton {
         let parent = |joint: &Joint| joint.parent.map_or(-1, |above| above as i32);
         Skeleton {
-            names: self.tree.0.iter().map(|it| it.name.clone()).collect(),
-            parents: self.tree.0.iter().map(parent).collect(),
+            names: self.hierarchy.0.iter().map(|it| it.name.clone()).collect(),
+            parents: self.hierarchy.0.iter().map(parent).collect(),
             rest_joints: self.rest.iter().map(|it| it.map(|v| v * scale)).collect(),
         }
     }
