@@ -3,7 +3,7 @@
 
 use super::plan::{Part, Plan};
 use super::{Meter, UploadFile};
-use crate::direct::Fault;
+use crate::direct::DirectError;
 use crate::{ClientError, YotoClient};
 use std::sync::Arc;
 use tokio::task::JoinSet;
@@ -139,7 +139,7 @@ impl Writer<'_> {
     }
 
     /// What becomes of each part.
-    async fn put(&self, parts: &[Part], signed: Vec<SignedPart>) -> Vec<Result<(), Fault>> {
+    async fn put(&self, parts: &[Part], signed: Vec<SignedPart>) -> Vec<Result<(), DirectError>> {
         let mut tasks = JoinSet::new();
         for (at, (part, signed)) in parts.iter().zip(signed).enumerate() {
             let (direct, chunks) = (Arc::clone(&self.client.direct), part.chunks.clone());
@@ -148,7 +148,7 @@ impl Writer<'_> {
                 (at, direct.put(url, headers, &chunks).await)
             });
         }
-        let mut written: Vec<_> = parts.iter().map(|_| Err(Fault::Silent)).collect();
+        let mut written: Vec<_> = parts.iter().map(|_| Err(DirectError::Timeout)).collect();
         while let Some(done) = tasks.join_next().await {
             if let Ok((at, outcome)) = done {
                 written[at] = outcome;
