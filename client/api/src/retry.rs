@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::reasons;
+use yoto_proto::retry::{Blame, blame};
 use yoto_proto::v1::ErrorReason;
 
 /// How long the service may be out of reach.
@@ -107,23 +108,14 @@ where
     }
 }
 
-/// Whether the connection is at fault rather than the request.
+/// Whether the connection is at fault rather than the request. A user sees at once that the service is full, and decides
+/// whether to wait.
 fn is_transport(status: &Status) -> bool {
     if let Some(reason) = reasons::of(status) {
         // The service itself has answered.
         return status.code() == Code::Unavailable || reason == ErrorReason::CorruptChunk;
     }
-    // A broken connection arrives as any of these, depending on how far the answer came; a silent one
-    // has exceeded the service's time limit.
-    matches!(
-        status.code(),
-        Code::Unavailable
-            | Code::Cancelled
-            | Code::Unknown
-            | Code::Internal
-            | Code::Aborted
-            | Code::DeadlineExceeded
-    )
+    blame(status.code()) == Blame::Connection
 }
 
 #[cfg(test)]
