@@ -10,26 +10,17 @@ fn the_command_line_is_consistent() {
 
 #[test]
 fn every_command_and_flag_has_help() {
-    fn check(command: &clap::Command, path: &str) {
-        let path = format!("{path} {}", command.get_name());
-        assert!(command.get_about().is_some(), "{path} has no description");
-        for argument in command.get_arguments() {
-            assert!(
-                argument.get_help().is_some(),
-                "{path}: {} has no help",
-                argument.get_id()
-            );
-        }
-        let leaf = command.get_subcommands().next().is_none();
-        assert!(
-            !leaf || command.get_after_help().is_some(),
-            "{path} shows no example"
-        );
-        for sub in command.get_subcommands() {
-            check(sub, &path);
-        }
-    }
-    check(&Cli::command(), "");
+    let lacking = yoto_terminal::args::undocumented(&Cli::command());
+    assert!(lacking.is_empty(), "{lacking:#?}");
+}
+
+#[cfg(feature = "embedded")]
+#[test]
+fn lpips_has_one_pair_of_variables() {
+    use yoto_avatar::loss::lpips;
+    use yoto_terminal::args;
+    assert_eq!(args::VGG16_VARIABLE, lpips::VGG16_VARIABLE);
+    assert_eq!(args::HEADS_VARIABLE, lpips::HEADS_VARIABLE);
 }
 
 #[test]

@@ -88,12 +88,12 @@ impl ProgressDisplay {
         self.moved("uploading", sent, of);
     }
 
-    /// The same of bytes received.
+    /// Shows how many bytes have been received.
     pub fn received(&mut self, received: u64, of: u64) {
         self.moved("fetching", received, of);
     }
 
-    /// The same of bytes that are read and compared.
+    /// Shows how many bytes have been read and compared.
     pub fn read(&mut self, read: u64, of: u64) {
         self.moved("reading", read, of);
     }
