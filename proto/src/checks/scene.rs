@@ -20,9 +20,10 @@ pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
 pub const FOV: f64 = 35.0;
 /// Bytes of the picture behind a scene: it must fit in one message with the rest of the request.
 pub const LARGEST_BACKDROP: usize = 3 << 20;
-/// Maximum side of that picture, pixels: that of a frame of a capture.
+/// Maximum side of the backdrop, pixels: as large as a frame of a capture may be.
 pub const BACKDROP_SIDE: u32 = crate::pose_track::MAX_SIDE;
-/// Maximum number of its pixels: that of the largest rendered picture. Scaling needs 16 bytes of memory per pixel.
+/// Maximum number of pixels of the backdrop: as many as the largest rendered picture has. Scaling needs 16 bytes of
+/// memory per pixel.
 pub const BACKDROP_PIXELS: u64 = MAX_SIDE as u64 * MAX_SIDE as u64;
 /// Farthest position from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;

@@ -5,11 +5,11 @@ use super::{
     violation,
 };
 use crate::v1::Violation;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 /// Most violations reported per capture, since a wrong unit repeats in every frame.
 const MAX_VIOLATIONS: usize = 20;
-/// Largest distortion coefficient; those of fish-eye lenses stay below 10.
+/// Largest distortion coefficient. Coefficients of fish-eye lenses stay below 10.
 const MAX_DISTORTION: f64 = 100.0;
 
 /// Collects violations, up to a limit.
@@ -66,7 +66,7 @@ impl Report {
     }
 }
 
-/// The same violations, of another file.
+/// The violations with another file's name.
 pub(super) fn located(violations: Vec<Violation>, file: &str) -> Vec<Violation> {
     let at = |violation: Violation| Violation {
         file: file.to_owned(),
@@ -130,28 +130,6 @@ impl PoseTrack {
                 );
             }
             frame.check(self.joints(), &mut report);
-        }
-        report.0
-    }
-
-    /// Frames without an image among `images` (the frame numbers of all images), after the two
-    /// counts if there are more poses than images. Images without a pose are not a violation:
-    /// they are not used.
-    pub fn check_images(&self, images: &BTreeSet<u32>) -> Vec<Violation> {
-        let mut report = Report::new();
-        if self.frames.len() > images.len() {
-            report.add(
-                "SIZE_MISMATCH",
-                None,
-                "frames",
-                format!("{} poses for {} images", self.frames.len(), images.len()),
-            );
-        }
-        for frame in &self.frames {
-            if !images.contains(&frame.index) {
-                let message = "there is a pose for this frame, but no image";
-                report.add("MISSING", Some(frame.index), "index", message);
-            }
         }
         report.0
     }
