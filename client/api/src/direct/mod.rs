@@ -11,9 +11,11 @@ mod send;
 use hyper::StatusCode;
 use hyper_util::client::legacy;
 use send::Http;
+use std::collections::HashSet;
 use std::error::Error;
-use std::sync::OnceLock;
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock};
 use thiserror::Error;
 
 /// Why the store did not send or take bytes. None of it has the URL.
@@ -59,6 +61,8 @@ pub(super) struct Direct {
     pub(super) writes: Switch,
     /// Made at the first request, since it reads the authorities that the system trusts.
     http: OnceLock<Http>,
+    /// Local addresses of connections that have brought an answer.
+    used: Mutex<HashSet<SocketAddr>>,
 }
 
 impl Direct {
@@ -69,6 +73,7 @@ impl Direct {
             reads: Switch::new("the object store is not read directly"),
             writes: Switch::new("the object store is not written directly"),
             http: OnceLock::new(),
+            used: Mutex::default(),
         }
     }
 }

@@ -5,13 +5,18 @@ use crate::tls::system_config;
 use bytes::Bytes;
 use http_body_util::combinators::UnsyncBoxBody;
 use hyper::body::Incoming;
+use hyper::http::Extensions;
 use hyper::{Request, Response, Uri};
 use hyper_rustls::{HttpsConnector, HttpsConnectorBuilder};
 use hyper_timeout::TimeoutConnector;
 use hyper_util::client::legacy::Client;
-use hyper_util::client::legacy::connect::{HttpConnector, capture_connection};
+use hyper_util::client::legacy::connect::{
+    CaptureConnection, HttpConnector, HttpInfo, capture_connection,
+};
 use hyper_util::rt::{TokioExecutor, TokioTimer};
 use std::convert::Infallible;
+use std::net::SocketAddr;
+use std::sync::PoisonError;
 use std::time::Duration;
 
 /// Longest wait until the store accepts a connection. A firewall that drops everything costs this once.
@@ -36,36 +41,35 @@ impl Direct {
         }
     }
 
-    /// Sends a request that changes nothing the second time, and returns the beginning of its answer. It is made anew after
-    /// a connection that broke: the store may have ended a kept one meanwhile.
+    /// Sends a request that changes nothing the second time, and returns the beginning of its answer. The request is made
+    /// again after a kept connection broke: the store may have ended it meanwhile.
     pub(super) async fn send(
         &self,
         request: impl Fn() -> Result<Request<RequestBody>, DirectError>,
     ) -> Result<Response<Incoming>, DirectError> {
-        match self.send_once(request()?).await {
-            Err(DirectError::Request(_)) => self.send_once(request()?).await,
-            sent => sent,
-        }
-    }
-
-    async fn send_once(
-        &self,
-        mut request: Request<RequestBody>,
-    ) -> Result<Response<Incoming>, DirectError> {
-        let connection = capture_connection(&mut request);
-        let answer = self.http()?.request(request).await;
-        let answer = answer.map_err(|error| match error.is_connect() {
-            true => DirectError::Connect(error),
-            false => DirectError::Request(error),
-        })?;
-        if !answer.status().is_success() {
-            // What the store says about it is not read, so the connection can't be used again.
-            if let Some(connection) = &*connection.connection_metadata() {
-                connection.poison();
+        loop {
+            let mut request = request()?;
+            let connection = capture_connection(&mut request);
+            let answer = self.http()?.request(request).await;
+            let local = local_address(&connection);
+            let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+            match answer {
+                Ok(answer) if answer.status().is_success() => {
+                    used.extend(local);
+                    return Ok(answer);
+                }
+                Ok(answer) => {
+                    // The text of a refusal is not read, so its connection can't be used again.
+                    if let Some(connection) = &*connection.connection_metadata() {
+                        connection.poison();
+                    }
+                    return Err(DirectError::Status(answer.status()));
+                }
+                Err(error) if error.is_connect() => return Err(DirectError::Connect(error)),
+                Err(_) if local.is_some_and(|it| used.remove(&it)) => {}
+                Err(error) => return Err(DirectError::Request(error)),
             }
-            return Err(DirectError::Status(answer.status()));
         }
-        Ok(answer)
     }
 
     fn http(&self) -> Result<&Http, DirectError> {
@@ -90,4 +94,12 @@ impl Direct {
             .build(connector);
         Ok(self.http.get_or_init(|| http))
     }
+}
+
+/// The address at this end of the connection that a request has.
+fn local_address(connection: &CaptureConnection) -> Option<SocketAddr> {
+    let mut extras = Extensions::new();
+    let connection = connection.connection_metadata();
+    connection.as_ref()?.get_extras(&mut extras);
+    extras.get::<HttpInfo>().map(HttpInfo::local_addr)
 }
