@@ -76,17 +76,11 @@ impl Retries {
 ///
 /// # Errors
 /// The service's refusal; the last failure once it can't be reached for too long.
-pub(super) async fn repeat<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+pub(super) async fn repeat<T, F>(call: impl FnMut() -> F) -> Result<T, Status>
 where
     F: Future<Output = Result<Response<T>, Status>>,
 {
-    let mut retries = Retries::new();
-    loop {
-        match call().await {
-            Ok(answer) => return Ok(answer.into_inner()),
-            Err(status) => retries.wait(status).await?,
-        }
-    }
+    repeat_at_most(u32::MAX, call).await
 }
 
 /// Repeats a read when its connection breaks: at once, and a moment later. Then another address of the service has answered,
@@ -94,7 +88,14 @@ where
 ///
 /// # Errors
 /// The service's refusal, or the last failure.
-pub(super) async fn read<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+pub(super) async fn read<T, F>(call: impl FnMut() -> F) -> Result<T, Status>
+where
+    F: Future<Output = Result<Response<T>, Status>>,
+{
+    repeat_at_most(READS_AGAIN, call).await
+}
+
+async fn repeat_at_most<T, F>(times: u32, mut call: impl FnMut() -> F) -> Result<T, Status>
 where
     F: Future<Output = Result<Response<T>, Status>>,
 {
@@ -102,7 +103,7 @@ where
     loop {
         match call().await {
             Ok(answer) => return Ok(answer.into_inner()),
-            Err(status) if retries.failures() == READS_AGAIN => return Err(status),
+            Err(status) if retries.failures() == times => return Err(status),
             Err(status) => retries.wait(status).await?,
         }
     }

@@ -123,11 +123,11 @@ fn told(host: &str, error: &rustls::Error) -> String {
                     .to_owned()
             }
             Bad::NotValidForName | Bad::NotValidForNameContext { .. } => {
-                "it is of another name".to_owned()
+                "it was made for another name".to_owned()
             }
             // What `openssl req -x509` makes, unless it is told otherwise. The error has no type of rustls.
             Bad::Other(other) if format!("{other:?}").contains("CaUsedAsEndEntity") => {
-                "it is that of an authority, not of a server: make one with basicConstraints=CA:FALSE"
+                "it belongs to an authority, not to a server: make one with basicConstraints=CA:FALSE"
                     .to_owned()
             }
             other => other.to_string(),

@@ -115,7 +115,8 @@ impl YotoClient {
         Ok(())
     }
 
-    /// The URL of `object`, or why no file has one. Any other refusal is that of the file, which the service tells again.
+    /// The URL of `object`, or the reason why no file has one. `Err(None)` is a refusal of this file alone, which the
+    /// service repeats when it is asked for the file.
     async fn url_of(&self, object: &NamedObject) -> Result<String, Option<&'static str>> {
         let request = SignDownloadRequest {
             name: object.name.clone(),
@@ -132,7 +133,7 @@ impl YotoClient {
         }
     }
 
-    /// Reads the rest at `url`; the outer error is that of `transfer`.
+    /// Reads the rest at `url`. The outer error comes from `transfer`, which can't be written.
     async fn read<W: AsyncWrite + AsyncSeek + Unpin>(
         &self,
         url: &str,

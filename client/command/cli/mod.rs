@@ -82,7 +82,7 @@ enum Command {
     Share(share::ShareCommand),
     Webhook(webhook::WebhookCommand),
     Evaluate(model::evaluate::Evaluate),
-    Report(model::report::Report),
+    Report(model::report::WriteReport),
     #[cfg(feature = "embedded")]
     Tradeoff(model::tradeoff::TradeoffCommand),
     Completions(completions::Completions),

@@ -123,7 +123,9 @@ fn status(ended: Ended, one_job: bool) -> (u8, &'static str) {
         Ended::OneJob(JobEnd::Succeeded) => (0, "the job succeeded"),
         Ended::OneJob(JobEnd::Cancelled) => (0, "the job was cancelled"),
         Ended::OneJob(JobEnd::Failed) => (JOB_FAILED, "the job failed: `yoto job show` says why"),
-        Ended::OneJob(JobEnd::Returned) => (JOB_RETURNED, "the job is not this worker's any more"),
+        Ended::OneJob(JobEnd::Returned) => {
+            (JOB_RETURNED, "the job no longer belongs to this worker")
+        }
     }
 }
 
