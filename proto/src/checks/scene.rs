@@ -1,6 +1,6 @@
 //! Scenes, and the limits of pictures.
 
-use super::{Fault, Faults};
+use super::{SpecFault, SpecFaults};
 use crate::names::Collection;
 use crate::v1::actor::Motion;
 use crate::v1::scene_camera::Path;
@@ -39,8 +39,8 @@ const FOVS: RangeInclusive<f64> = 1.0..=150.0;
 const SWEEP: f64 = 36_000.0;
 
 /// All faults of a scene.
-pub fn faults(scene: &Scene) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn faults(scene: &Scene) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     let count = scene.actors.len();
     let (least, most) = (ACTORS.start(), ACTORS.end());
     found.unless(ACTORS.contains(&count), "actors", || {
@@ -70,11 +70,11 @@ pub fn faults(scene: &Scene) -> Vec<Fault> {
     found.0
 }
 
-impl Faults {
+impl SpecFaults {
     /// A light, at `field`.
     pub(super) fn light(&mut self, field: &str, light: &Light) {
         match &light.of {
-            None => self.add(field, "says neither neutral nor whose"),
+            None => self.add(field, "must be neutral or name a subject"),
             Some(light::Of::Neutral(neutral)) => {
                 let field = format!("{field}.neutral");
                 self.unless(*neutral, &field, || "false: leave the light out".into());
@@ -103,7 +103,7 @@ impl Faults {
     }
 }
 
-fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
+fn check_actor(found: &mut SpecFaults, at: &str, actor: &Actor) {
     let field = |name: &str| format!("{at}.{name}");
     match &actor.motion {
         None => found.add(&field("motion"), "is missing"),
@@ -145,7 +145,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
 }
 
 /// Checks the camera's path. Returns whether it is a list of cameras.
-fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
+fn check_camera(found: &mut SpecFaults, scene: &Scene) -> bool {
     let Some(SceneCamera { path }) = &scene.camera else {
         return false;
     };
@@ -177,7 +177,7 @@ fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
 }
 
 /// Whether cameras filmed the motion of actor number `actor`.
-fn check_filmed(found: &mut Faults, field: &str, scene: &Scene, actor: u32) {
+fn check_filmed(found: &mut SpecFaults, field: &str, scene: &Scene, actor: u32) {
     let motion = scene.actors.get(actor as usize);
     let motion = motion.and_then(|actor| actor.motion.as_ref());
     let filmed = matches!(motion, Some(Motion::Capture(_)));
@@ -186,7 +186,7 @@ fn check_filmed(found: &mut Faults, field: &str, scene: &Scene, actor: u32) {
     });
 }
 
-fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
+fn check_orbit(found: &mut SpecFaults, orbit: &SceneOrbit) {
     found.between("camera.orbit.azimuth", orbit.azimuth, &(-SWEEP..=SWEEP));
     found.between("camera.orbit.elevation", orbit.elevation, &(-89.0..=89.0));
     found.between("camera.orbit.sweep", orbit.sweep, &(-SWEEP..=SWEEP));
@@ -194,13 +194,13 @@ fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
     check_fov(found, "camera.orbit.fov", orbit.fov);
 }
 
-fn check_fov(found: &mut Faults, field: &str, fov: f64) {
+fn check_fov(found: &mut SpecFaults, field: &str, fov: f64) {
     if fov != 0.0 {
         found.between(field, fov, &FOVS);
     }
 }
 
-fn check_keys(found: &mut Faults, keys: &CameraKeys) {
+fn check_keys(found: &mut SpecFaults, keys: &CameraKeys) {
     found.unless(!keys.keys.is_empty(), "camera.keys", || {
         "the list is empty".into()
     });

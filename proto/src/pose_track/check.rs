@@ -13,9 +13,9 @@ const MAX_VIOLATIONS: usize = 20;
 const MAX_DISTORTION: f64 = 100.0;
 
 /// Collects violations, up to a limit.
-pub(super) struct Report(Vec<Violation>);
+pub(super) struct Violations(Vec<Violation>);
 
-impl Report {
+impl Violations {
     pub fn new() -> Self {
         Self(Vec::new())
     }
@@ -78,7 +78,7 @@ pub(super) fn located(violations: Vec<Violation>, file: &str) -> Vec<Violation> 
 impl PoseTrack {
     /// All violations, with frame and field; empty for a valid track.
     pub fn check(&self) -> Vec<Violation> {
-        let mut report = Report::new();
+        let mut report = Violations::new();
         self.skeleton.check_into(&mut report);
         let [width, height] = self.image_size;
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
@@ -138,12 +138,12 @@ impl PoseTrack {
 impl Skeleton {
     /// All violations, by field; empty for a valid skeleton.
     pub fn check(&self) -> Vec<Violation> {
-        let mut report = Report::new();
+        let mut report = Violations::new();
         self.check_into(&mut report);
         report.0
     }
 
-    fn check_into(&self, report: &mut Report) {
+    fn check_into(&self, report: &mut Violations) {
         let joints = self.parents.len();
         if joints == 0 || joints > MAX_JOINTS {
             report.add(
@@ -232,7 +232,7 @@ impl Skeleton {
 }
 
 impl Frame {
-    fn check(&self, joints: usize, report: &mut Report) {
+    fn check(&self, joints: usize, report: &mut Violations) {
         let at = Some(self.index);
         if self.pose.len() != 3 * joints {
             report.add(
@@ -267,7 +267,7 @@ impl Frame {
         self.check_rotation(report);
     }
 
-    fn check_rotation(&self, report: &mut Report) {
+    fn check_rotation(&self, report: &mut Violations) {
         let at = Some(self.index);
         let r = |i: usize, j: usize| self.e[i][j];
         let worst = (0..3)
