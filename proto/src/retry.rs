@@ -3,9 +3,9 @@
 
 use tonic::Code;
 
-/// The party at fault, as far as a status code tells.
+/// The cause of a failed call, as far as its status code tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Blame {
+pub enum FailureCause {
     /// The connection, or a process at its other end that has just ended: the same call may succeed at once, perhaps at another
     /// address.
     Connection,
@@ -15,9 +15,9 @@ pub enum Blame {
     Call,
 }
 
-/// Who is at fault for a failure with `code`. An answer of a service of ours also has a reason, which says more
+/// The cause of a failure with `code`. An answer of our service also has a reason, which says more
 /// ([`crate::reasons`]).
-pub fn blame(code: Code) -> Blame {
+pub fn failure_cause(code: Code) -> FailureCause {
     match code {
         // The service ends or has ended, or nothing listens.
         Code::Unavailable
@@ -30,13 +30,13 @@ pub fn blame(code: Code) -> Blame {
         // A proxy gave up, or a database rolled the call back.
         | Code::Aborted
         // The other end is silent, which a frozen process is as well.
-        | Code::DeadlineExceeded => Blame::Connection,
+        | Code::DeadlineExceeded => FailureCause::Connection,
         // No space, too many calls, or a quota that is used up.
         Code::ResourceExhausted
         // Stored bytes are lost or altered; an operator may put them back.
         | Code::DataLoss
         // A failure with the code of a success is nothing that the call has caused.
-        | Code::Ok => Blame::Service,
+        | Code::Ok => FailureCause::Service,
         // The call is wrong in itself.
         Code::InvalidArgument
         // tonic: a message is larger than its receiver reads.
@@ -50,7 +50,7 @@ pub fn blame(code: Code) -> Blame {
         | Code::PermissionDenied
         | Code::Unauthenticated
         // The service is of a version without it.
-        | Code::Unimplemented => Blame::Call,
+        | Code::Unimplemented => FailureCause::Call,
     }
 }
 
@@ -61,11 +61,14 @@ mod tests {
     #[test]
     fn a_broken_connection_is_no_fault_of_the_call() {
         for code in [Code::Unavailable, Code::Unknown, Code::Aborted] {
-            assert_eq!(blame(code), Blame::Connection, "{code:?}");
+            assert_eq!(failure_cause(code), FailureCause::Connection, "{code:?}");
         }
         for code in [Code::NotFound, Code::OutOfRange, Code::Unauthenticated] {
-            assert_eq!(blame(code), Blame::Call, "{code:?}");
+            assert_eq!(failure_cause(code), FailureCause::Call, "{code:?}");
         }
-        assert_eq!(blame(Code::ResourceExhausted), Blame::Service);
+        assert_eq!(
+            failure_cause(Code::ResourceExhausted),
+            FailureCause::Service
+        );
     }
 }

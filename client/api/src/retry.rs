@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::reasons;
-use yoto_proto::retry::{Blame, blame};
+use yoto_proto::retry::{FailureCause, failure_cause};
 use yoto_proto::v1::ErrorReason;
 
 /// How long the service may be out of reach.
@@ -116,7 +116,7 @@ fn is_transport(status: &Status) -> bool {
         // The service itself has answered.
         return status.code() == Code::Unavailable || reason == ErrorReason::CorruptChunk;
     }
-    blame(status.code()) == Blame::Connection
+    failure_cause(status.code()) == FailureCause::Connection
 }
 
 #[cfg(test)]
