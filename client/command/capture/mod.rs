@@ -52,7 +52,7 @@ struct Check {
     /// Folder for report.json and sheet.png [default: check/ and the capture's name].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write over the report of another capture.
+    /// Overwrite the report of another capture.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -106,7 +106,7 @@ fn ensure_own(report: &Path, capture: &Path) -> anyhow::Result<()> {
     let of = of.unwrap_or("something else");
     anyhow::ensure!(
         of == path(capture)?,
-        "{} is there already, of {of}: choose another folder (--out), or write over it (--force)",
+        "{} is there already, of {of}: choose another folder (--out), or overwrite it (--force)",
         report.display()
     );
     Ok(())

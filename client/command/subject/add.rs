@@ -34,12 +34,12 @@ Examples:
   yoto subject add cleo walk.mp4
   yoto subject add bob bob.tar.gz --every 2 --range 100..400 --no-wait
   yoto subject add eve CoreView_377 --from zju --smpl SMPL_NEUTRAL.npz
-  (what --from takes is told by `yoto import --help`)
+  (`yoto import --help` describes the formats of --from)
   yoto subject add eve captures/eve --extrinsics c2w --units camera=mm
 
 `yoto capture check captures/eve` says which of the options below are needed, if any.
 
-An upload goes on by itself after a lost connection, and when the same command is run again within a day.";
+An upload continues after a lost connection, also when the same command is run again within a day.";
 
 #[derive(Debug, Args)]
 pub(super) struct Add {
@@ -66,8 +66,7 @@ pub(super) struct Add {
     /// The consent under which the recordings are used; stored with the person.
     #[arg(long, value_name = "NOTE", default_value = "")]
     consent: String,
-    /// Upload another capture of a person who has one: it takes the place of the earlier one in
-    /// trainings from then on.
+    /// Upload another capture of a person who already has one. From then on, trainings use the new capture.
     #[arg(long)]
     again: bool,
     /// Return after the upload, without waiting for the ingest job.

@@ -1,7 +1,6 @@
 //! `yoto-lab quality`: quality of a model on given captures, without a service.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::captures::Film;
 use crate::one_camera::{HeldOut, OneCamera};
@@ -11,9 +10,11 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::decoder::Prior;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
 use yoto_import::FfmpegArg;
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -143,7 +144,7 @@ impl Quality {
             join: self.join,
             save: self.save,
             prior: self.init,
-            lpips: self.lpips.weights()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
         };
         let report = run(&options, &Terminal)?;
         report

@@ -2,7 +2,6 @@
 
 use super::args;
 use super::import_progress;
-use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::one_camera::HeldOut;
 use crate::quality::QualityOptions;
@@ -11,8 +10,10 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::decoder::Prior;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::Budget;
 use yoto_import::{FfmpegArg, Options};
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -110,7 +111,7 @@ impl Real {
                 exposure: self.exposure,
                 fit_poses: true,
                 seed: self.seed,
-                lpips: self.lpips.weights()?,
+                lpips: self.lpips.weights(LpipsWeights::both)?,
             },
             out: self.out,
         };
