@@ -4,7 +4,7 @@
 //! workers call. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, pauses between attempts, text that is safe to
+//! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, failures that justify another attempt, pauses between attempts, text that is safe to
 //! print, the names of tiers, variants and evaluation protocols, and the figures of the paper that reports show.
 
 pub mod alias;
@@ -13,6 +13,7 @@ pub mod checks;
 pub mod correction;
 pub mod exports;
 pub mod frame_steps;
+pub mod hex;
 mod job_state;
 pub mod key;
 pub mod keys;
@@ -27,6 +28,7 @@ pub mod protocols;
 pub mod published;
 pub mod reasons;
 pub mod render_needs;
+pub mod retry;
 mod signed;
 pub mod smpl;
 pub mod text;
@@ -61,14 +63,9 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes)
 }
 
-/// Lower-case hex of `bytes`.
+/// Lower-case hex of `bytes`; [`hex::decode`] reads it.
 pub fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write;
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a String can't fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    hex::encode(bytes)
 }
 
 #[cfg(test)]
