@@ -40,7 +40,7 @@ fn person() -> NewSubject {
 #[test]
 fn both_databases_have_the_same_steps() {
     let steps = |folder: &str| {
-        let folder = format!("{}/../migrations/{folder}", env!("CARGO_MANIFEST_DIR"));
+        let folder = format!("{}/../../migrations/{folder}", env!("CARGO_MANIFEST_DIR"));
         let files = std::fs::read_dir(folder).expect("a folder");
         let names = files.map(|it| it.expect("a file").file_name());
         let mut names: Vec<String> = names.map(|it| it.into_string().expect("UTF-8")).collect();
