@@ -9,10 +9,10 @@ use sqlx::{Executor, Row, SqlitePool};
 /// The steps of the schema. Each has its counterpart in PostgreSQL's.
 ///
 /// SQLite can't alter a CHECK or a reference. A step that makes such a table anew, in the order of
-/// <https://sqlite.org/lang_altertable.html#otheralter>, switches foreign keys off meanwhile. One that only allows more can replace
-/// the table's text with `PRAGMA writable_schema = ON`, and makes an index anew so that all connections read the text again. Both
-/// pragmas are settings of the connection, outside of transactions: such a step is a [`Migration`] with `no_tx`, brings its own transaction, and
-/// changes nothing more when it is run twice.
+/// <https://sqlite.org/lang_altertable.html#otheralter>, switches foreign keys off meanwhile. One that only allows more can
+/// replace the table's text with `PRAGMA writable_schema = ON`, and makes an index anew so that all connections read the text
+/// again. Both pragmas are settings of the connection, outside of transactions: such a step is a [`Migration`] with `no_tx`,
+/// brings its own transaction, and changes nothing more when it is run twice.
 pub fn steps() -> Steps {
     let start = include_str!("../../../../../migrations/sqlite/0039_start.sql");
     Steps {
