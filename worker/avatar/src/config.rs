@@ -24,7 +24,7 @@ pub use pose_shapes::PoseShapesConfig;
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Extent, Refine, RefinementConfig};
 pub use resolution::Resolution;
-pub use sampling::{SamplingConfig, Turns};
+pub use sampling::{SamplingConfig, SamplingStrategy};
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use splats::SplatConfig;

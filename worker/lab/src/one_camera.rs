@@ -1,6 +1,6 @@
 //! Captures as users have them: one camera, and no pictures besides the film.
 
-use crate::captures::{Recording, Split, View};
+use crate::captures::{HeldOutPicture, Recording, Split};
 use anyhow::{Context, ensure};
 use std::path::Path;
 use std::sync::Arc;
@@ -100,7 +100,7 @@ pub(super) fn recording(
             Some(Split::NovelView) => &mut novel_view,
             Some(Split::NovelPose) => &mut novel_pose,
         };
-        pictures.push(View {
+        pictures.push(HeldOutPicture {
             label: format!("frame-{:06}", frame.index),
             given: Pose::from_frame(frame)?,
             pose: Pose::from_frame(frame)?,

@@ -10,7 +10,7 @@ use yoto_avatar::evaluate::{SplitScores, SubjectScore, split_table};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct QualityReport {
     /// One entry per person.
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
@@ -116,7 +116,7 @@ impl Curve {
     }
 }
 
-impl Report {
+impl QualityReport {
     /// Writes `report.json`, and creates its folder.
     ///
     /// # Errors
@@ -196,7 +196,7 @@ mod tests {
         }
     }
 
-    fn report() -> Report {
+    fn report() -> QualityReport {
         let subject = |name: &str, psnr: f64| SubjectScore {
             name: name.into(),
             scores: SplitScores {
@@ -206,7 +206,7 @@ mod tests {
             black_image_psnr: 18.0,
         };
         let subjects = vec![subject("ada", 28.0), subject("bob", 26.0)];
-        Report {
+        QualityReport {
             mean: SplitScores::mean(&subjects),
             fitted: None,
             aligned: None,
@@ -263,7 +263,7 @@ mod tests {
             }
         }
         assert_eq!(json["subjects"][0]["name"], "ada");
-        let read: Report = serde_json::from_value(json).expect("reads back");
+        let read: QualityReport = serde_json::from_value(json).expect("reads back");
         assert_eq!(read, report());
     }
 

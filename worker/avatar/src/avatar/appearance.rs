@@ -6,7 +6,7 @@ use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::pose_shapes::HostShapes;
 use crate::field::splats::Splats;
 use crate::host::ReadError;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::module::Param;
 use burn::tensor::Tensor;
 use yoto_capture::camera::Pose;
@@ -72,22 +72,22 @@ impl AvatarField<'_> {
     /// points if they were found before, and only need gradients.
     pub fn evaluate(
         &self,
-        body: &Body,
+        body: &CanonicalBody,
         posed: &Posed,
         points: Tensor<2>,
         near: Option<Tensor<2>>,
     ) -> (FieldValues, Tensor<2>, Tensor<1>) {
-        let (canonical, likelihood) = self.avatar.unposed(self.model, body, posed, points, near);
+        let (canonical, likelihood) = self.avatar.unpose(self.model, body, posed, points, near);
         let values = self.values(body, posed, canonical.clone());
         (values, canonical, likelihood)
     }
 
     /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
     /// follows the warp.
-    pub fn values(&self, body: &Body, posed: &Posed, canonical: Tensor<2>) -> FieldValues {
+    pub fn values(&self, body: &CanonicalBody, posed: &Posed, canonical: Tensor<2>) -> FieldValues {
         self.canonical.forward(
             &self.config.canonical,
-            self.avatar.moved(self.model, posed, canonical),
+            self.avatar.apply_non_rigid(self.model, posed, canonical),
             posed.slot,
             body.hash.as_ref(),
             posed.code.clone(),
@@ -100,8 +100,15 @@ impl AvatarSplats<'_> {
     ///
     /// # Panics
     /// If the model has no identity in `slot`.
-    pub fn pose(&self, body: &Body, slot: usize, pose: &Pose, progress: f64) -> Posed {
-        self.avatar.pose(self.model, body, slot, pose, progress)
+    pub fn pose(
+        &self,
+        body: &CanonicalBody,
+        slot: usize,
+        pose: &Pose,
+        schedule_progress: f64,
+    ) -> Posed {
+        self.avatar
+            .pose(self.model, body, slot, pose, schedule_progress)
     }
 
     /// The splats of a posed identity. Their bones are those of their canonical places: pose blend shapes move what bones
@@ -112,9 +119,15 @@ impl AvatarSplats<'_> {
     ///
     /// # Panics
     /// If `posed` is of another model, with more identities.
-    pub fn posed(&self, body: &Body, posed: &Posed) -> Result<splat::Splats, ReadError> {
+    pub fn posed_splats(
+        &self,
+        body: &CanonicalBody,
+        posed: &Posed,
+    ) -> Result<splat::Splats, ReadError> {
         let splats = &self.splats[posed.slot];
-        let means = self.avatar.moved(self.model, posed, splats.means.val());
+        let means = self
+            .avatar
+            .apply_non_rigid(self.model, posed, splats.means.val());
         let transforms = warp::skin::skin(
             posed.weights.clone(),
             posed.transforms.clone(),
@@ -132,7 +145,7 @@ impl AvatarSplats<'_> {
         Ok(splat::Splats {
             transforms,
             means,
-            rotations: splats.turns.val(),
+            rotations: splats.rotations.val(),
             scales: splats.scales.val(),
             opacities: splats.opacities.val(),
             colours: splats.learning_colours(),
@@ -148,7 +161,7 @@ impl AvatarSplats<'_> {
     /// If the model can't be read from its device.
     pub(crate) fn host_shapes(
         &self,
-        body: &Body,
+        body: &CanonicalBody,
         posed: &Posed,
         means: &[f32],
     ) -> Result<Option<HostShapes>, ReadError> {

@@ -80,12 +80,15 @@ pub struct RefinementConfig {
     /// Frames to both sides that follow a frame's step at the start, by a Gauss curve; none from
     /// two thirds on. Errors of neighbours are alike.
     pub reach: f64,
-    /// Expected error of a given rotation about each axis, radians.
-    pub turn: f64,
+    /// Expected error of a given rotation about each axis, radians. Configurations call it `turn`.
+    #[serde(rename = "turn")]
+    pub rotation: f64,
     /// Expected error of the root's given position along each axis, metres.
     pub shift: f64,
-    /// Expected change of a rotation's error from the mean of its neighbours, radians.
-    pub turn_jitter: f64,
+    /// Expected change of a rotation's error from the mean of its neighbours, radians. Configurations call it
+    /// `turn_jitter`.
+    #[serde(rename = "turn_jitter")]
+    pub rotation_jitter: f64,
     /// Expected change of the position's error from the mean of its neighbours, metres.
     pub shift_jitter: f64,
     /// Expected difference of a blurred value from the model's where the pose is right.
@@ -110,9 +113,9 @@ impl Default for RefinementConfig {
             telling: 30,
             judged_last: 0.6,
             reach: 2.0,
-            turn: 0.05,
+            rotation: 0.05,
             shift: 0.02,
-            turn_jitter: 0.03,
+            rotation_jitter: 0.03,
             shift_jitter: 0.01,
             noise: 0.1,
         }
@@ -228,9 +231,9 @@ impl RefinementConfig {
             return wrong("refinement.reach", "must be between 0 and 100 frames");
         }
         for (field, value) in [
-            ("refinement.turn", self.turn),
+            ("refinement.turn", self.rotation),
             ("refinement.shift", self.shift),
-            ("refinement.turn_jitter", self.turn_jitter),
+            ("refinement.turn_jitter", self.rotation_jitter),
             ("refinement.shift_jitter", self.shift_jitter),
             ("refinement.noise", self.noise),
             ("refinement.exact", self.exact),

@@ -30,7 +30,7 @@ const LEAST: f32 = 1e-4;
 
 /// A place on the body of any person.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct BodyPlace {
     pub part: usize,
     /// 0 at the first joint of the part, 1 at the last, and beyond both.
     pub along: f32,
@@ -122,12 +122,12 @@ impl Parts {
     }
 
     /// The place of a point of the rest pose, metres, that the `joint` moves.
-    pub fn place(&self, point: [f32; 3], joint: usize) -> Place {
+    pub fn place(&self, point: [f32; 3], joint: usize) -> BodyPlace {
         let part = Self::part(joint);
         let axis = &self.axes[part];
         let off = minus(point, axis.start);
         let (front, outer) = (dot(off, axis.front), dot(off, axis.outer));
-        Place {
+        BodyPlace {
             part,
             along: dot(off, axis.along) / axis.length,
             around: (outer.atan2(front) / TAU).rem_euclid(1.0),

@@ -3,3 +3,4 @@
 pub(crate) mod blend;
 pub(crate) mod own;
 pub(crate) mod pose_condition;
+pub(crate) mod stored_names;

@@ -94,7 +94,7 @@ pub fn import_humannerf(
     let state = ModelState {
         step: iteration.unwrap_or(0),
         // The released program renders with everything open, whatever the iteration.
-        progress: 1.0,
+        schedule_progress: 1.0,
         ..ModelState::new(config, SMPL.len(), 0, vec![Some(skeleton)])
     };
     save_model(out, &state, &avatar)?;

@@ -31,7 +31,7 @@ impl Renderer {
         let body = self.body_in(slot, pose)?;
         let posed = self
             .avatar
-            .pose(&self.config, body, slot, pose, self.progress);
+            .pose(&self.config, body, slot, pose, self.schedule_progress);
         let n = observed.len();
         let to_body = inverse(&body.skeleton.body_to_world(pose));
         let in_body: Vec<f32> = observed
@@ -41,10 +41,10 @@ impl Renderer {
             .collect();
         let data = TensorData::new(in_body, [n, 3]);
         let points = Tensor::<2>::from_data(data, &self.device());
-        let (skinned, _) = self
+        let (skinned, _) = self.avatar.unpose(&self.config, body, &posed, points, None);
+        let moved = self
             .avatar
-            .unposed(&self.config, body, &posed, points, None);
-        let moved = self.avatar.moved(&self.config, &posed, skinned.clone());
+            .apply_non_rigid(&self.config, &posed, skinned.clone());
         let [skinned, moved] = [read(skinned)?, read(moved)?];
         Ok(RestPoints {
             skinned: skinned.as_chunks::<3>().0.to_vec(),

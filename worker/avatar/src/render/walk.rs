@@ -94,9 +94,9 @@ impl<'c> Walk<'c> {
         samples
     }
 
-    /// Ends the walk along rays for which `goes_on` is false.
-    pub fn keep(&mut self, goes_on: impl Fn(usize) -> bool) {
-        self.active.retain(|stretch| goes_on(stretch.ray));
+    /// Ends the walk along rays for which `continues` is false.
+    pub fn keep(&mut self, continues: impl Fn(usize) -> bool) {
+        self.active.retain(|stretch| continues(stretch.ray));
     }
 }
 

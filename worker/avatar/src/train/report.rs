@@ -2,7 +2,7 @@
 
 use crate::avatar::Avatar;
 use crate::config::Appearance;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::render::{FrameExposure, Renderer};
 use crate::train::exposure;
 use crate::train::poses::fit::{fitted_pose, refined_track};
@@ -33,7 +33,7 @@ impl Trainer {
         TrainProgress {
             skipped_steps,
             rollbacks,
-            active_parts: self.model.active_parts(self.run.opened()),
+            active_parts: self.model.active_parts(self.run.schedule_progress()),
             ..self.run.progress()
         }
     }
@@ -75,15 +75,21 @@ impl Trainer {
         self.validate_with(&mut || {})
     }
 
-    /// The same; `goes_on` is called before each batch of rays, since a frame of the paper's tiers takes
+    /// The same; `on_batch` is called before each batch of rays, since a frame of the paper's tiers takes
     /// most of a minute.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn validate_with(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
-        let (renderer, opened) = (self.renderer(), self.run.opened());
+    pub fn validate_with(&mut self, on_batch: &mut dyn FnMut()) -> Result<(), TrainError> {
+        let (renderer, schedule_progress) = (self.renderer(), self.run.schedule_progress());
         let subjects = self.data.subjects();
-        let measured = validate(&renderer, &self.model, subjects, opened, goes_on)?;
+        let measured = validate(
+            &renderer,
+            &self.model,
+            subjects,
+            schedule_progress,
+            on_batch,
+        )?;
         self.run.take_measured(measured);
         let progress = self.run.progress();
         if let (Some(psnr), Appearance::Splats(_)) = (progress.psnr, &self.model.config.appearance)
@@ -100,7 +106,7 @@ impl Trainer {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn keep_best(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
+    pub fn keep_best(&mut self, on_batch: &mut dyn FnMut()) -> Result<(), TrainError> {
         let (Some(best), Some(psnr)) = (&self.best, self.run.progress().psnr) else {
             return Ok(());
         };
@@ -108,7 +114,7 @@ impl Trainer {
             tracing::info!("{note}");
             self.run.note(Some(note));
             self.guess_unseen()?;
-            self.validate_with(goes_on)?;
+            self.validate_with(on_batch)?;
         }
         Ok(())
     }
@@ -128,7 +134,7 @@ impl Trainer {
         let subject = self.data.in_slot(slot);
         let subject =
             subject.ok_or_else(|| TrainError::People(format!("nobody in slot {slot}")))?;
-        let at = (self.run.opened(), self.run.options().seed);
+        let at = (self.run.schedule_progress(), self.run.options().seed);
         fitted_pose(&self.model, subject, pose, camera, image, at)
     }
 
@@ -212,7 +218,7 @@ impl Trainer {
         let device = model.device.clone().inner();
         let body = |slot: &Option<Skeleton>| {
             slot.clone()
-                .map(|skeleton| Body::new(skeleton, &model.config, &device))
+                .map(|skeleton| CanonicalBody::new(skeleton, &model.config, &device))
         };
         let bodies = self.known.skeletons().iter().map(body).collect();
         Renderer::new(
@@ -220,7 +226,7 @@ impl Trainer {
             model.state.avatar().valid(),
             bodies,
             model.state.occupancy.clone(),
-            self.run.opened(),
+            self.run.schedule_progress(),
         )
         .without(self.known.erased().clone())
     }

@@ -18,7 +18,7 @@ use yoto_avatar::config::{ModelConfig, Precision, Setting};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_synthetic::SyntheticPerson;
 
@@ -199,7 +199,7 @@ fn frame_seconds(trainer: &Trainer, cast: &[SyntheticPerson], size: u32) -> anyh
     Ok(start.elapsed().as_secs_f64())
 }
 
-fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
+fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<TrainPerson>> {
     cast.iter()
         .enumerate()
         .map(|(slot, person)| {
@@ -209,7 +209,7 @@ fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
                 builder.push(image)?;
             }
             let shard = Arc::new(builder.finish().context("packing a synthetic capture")?);
-            Ok(Person {
+            Ok(TrainPerson {
                 slot,
                 name: person.name().to_owned(),
                 shard,

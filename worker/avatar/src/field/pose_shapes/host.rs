@@ -6,7 +6,7 @@ use super::features::{FEATURES, Limits, features};
 use super::nearness::Nearness;
 use crate::config::PoseShapesConfig;
 use crate::host::{ReadError, read};
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
@@ -40,7 +40,7 @@ impl HostShapes {
         shapes: &PoseShapes,
         config: &PoseShapesConfig,
         slot: usize,
-        body: &Body,
+        body: &CanonicalBody,
         means: &[f32],
         code: Option<Tensor<1>>,
         device: &Device,
@@ -51,7 +51,7 @@ impl HostShapes {
         );
         let weights = read(shapes.weights(config, body, places, code).detach())?;
         let basis = read((shapes.basis.val() + shapes.own[slot].val()).detach())?;
-        let limits = shapes.filmed(slot)?.limits();
+        let limits = shapes.pose_range(slot)?.limits();
         let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
         Ok(Self::new(&near, basis, limits, weights, means))
     }
@@ -86,7 +86,12 @@ impl HostShapes {
 
     /// The same person with fewer splats, at `means` `[N, 3]`. Each replaces a group of the present ones, which have these
     /// weights in it.
-    pub fn merged(&self, groups: &[Vec<(usize, f32)>], body: &Body, means: &[f32]) -> Self {
+    pub fn merged(
+        &self,
+        groups: &[Vec<(usize, f32)>],
+        body: &CanonicalBody,
+        means: &[f32],
+    ) -> Self {
         let mixed =
             |group: &Vec<(usize, f32)>| mixed(&self.weights, self.count, group.iter().copied());
         let weights = groups.iter().flat_map(mixed).collect();
@@ -97,7 +102,7 @@ impl HostShapes {
 
     /// `[2, 9 K]`: the least and the greatest values with which features take part.
     pub fn limits(&self) -> &[f32] {
-        self.limits.numbers()
+        self.limits.as_slice()
     }
 
     /// `[K, 3 R]`: what each joint's turn gives each shape.

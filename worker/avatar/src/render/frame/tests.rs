@@ -32,7 +32,7 @@ fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
     let (track, _) = person.capture(1, SIDE);
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let avatar = Avatar::new(&config, 1, skeleton.parents.len(), 5, &device);
-    let body = Body::new(skeleton, &config, &device);
+    let body = CanonicalBody::new(skeleton, &config, &device);
     let occupancy = Occupancy::new(
         &body.grid,
         &config.appearance.field().expect("a field").march,
@@ -53,10 +53,10 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
     let config = &renderer.config;
     let body = renderer.bodies[0].as_ref().expect("a body");
     let posed = renderer.avatar.pose(config, body, 0, &view.pose, 1.0);
-    let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
+    let body_view = BodyView::new(&body.skeleton, &view.pose, &view.camera);
     let side = SIDE as usize;
     let rays: Vec<Option<Ray>> = (0..side * side)
-        .map(|i| sight.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
+        .map(|i| body_view.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
         .collect();
     let (weights, transforms) = (
         read(posed.weights.clone()).expect("read"),

@@ -76,7 +76,7 @@ pub(in crate::render) fn groups(splats: &[LevelSplat], count: usize) -> Vec<Vec<
 
 impl Cluster {
     fn of((index, splat): (usize, &LevelSplat)) -> Self {
-        let axes = from_quaternion(splat.turn.map(f64::from));
+        let axes = from_quaternion(splat.rotation.map(f64::from));
         let mut centre = [0.0; FEATURES];
         for a in 0..3 {
             centre[a] = f64::from(splat.mean[a]) / NEAR;

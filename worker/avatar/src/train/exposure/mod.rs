@@ -8,8 +8,8 @@ pub(super) mod file;
 mod fit;
 mod learn;
 
-pub use file::film_exposures;
-pub(super) use learn::{begin, exposed, fit_exposure, near};
+pub use file::capture_exposures;
+pub(super) use learn::{apply_exposure, begin, fit_exposure, near};
 
 use crate::config::{ExposureConfig, LearnExposure};
 use crate::render::FrameExposure;
@@ -21,7 +21,7 @@ const JUDGED_ON: f64 = 0.8;
 
 /// Exposures of a film's frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FilmExposures {
+pub struct CaptureExposures {
     /// Index of each frame of the pose track.
     indices: Vec<u32>,
     /// Of each frame of the pose track; `None` until it was fitted, as that of a frame that is not trained on.
@@ -30,7 +30,7 @@ pub struct FilmExposures {
     heeded: Option<bool>,
 }
 
-impl FilmExposures {
+impl CaptureExposures {
     /// Of the frames of `track`, none of which is fitted.
     fn new(track: &PoseTrack, who: LearnExposure) -> Self {
         Self {

@@ -2,7 +2,7 @@
 
 use crate::config::{Extent, Refine};
 use crate::train::TrainError;
-use crate::train::people::Person;
+use crate::train::people::TrainPerson;
 use yoto_capture::check::{PRECISE, jumps, precision};
 
 /// Frames named of one fault.
@@ -22,7 +22,11 @@ pub(crate) struct Decision {
 ///
 /// # Errors
 /// Invalid skeleton.
-pub(crate) fn decide(who: Refine, person: &Person, splats: bool) -> Result<Decision, TrainError> {
+pub(crate) fn decide(
+    who: Refine,
+    person: &TrainPerson,
+    splats: bool,
+) -> Result<Decision, TrainError> {
     let asked = |refine| Ok(Decision { refine, why: None });
     match who {
         Refine::Never => return asked(None),
@@ -85,7 +89,7 @@ mod tests {
         for image in &images {
             shard.push(image).expect("a frame");
         }
-        let person = Person {
+        let person = TrainPerson {
             slot: 0,
             name: "ada".into(),
             shard: Arc::new(shard.finish().expect("a shard")),

@@ -107,9 +107,9 @@ mod tests {
 
     /// A fit that determines `determined` rotations, each off by `off` configured errors.
     fn fit(now: &ExpectedErrors, determined: f64, off: f64) -> [Evidence; 2] {
-        let [turn, _] = now.factors();
+        let [rotation, _] = now.factors();
         let rotations = Evidence {
-            squares: determined * (off / turn).powi(2),
+            squares: determined * (off / rotation).powi(2),
             determined,
         };
         [rotations, Evidence::default()]
@@ -121,8 +121,8 @@ mod tests {
         for _ in 0..400 {
             errors.learn(&fit(&errors, 6.0, 0.3), 1.0, 0.5);
         }
-        let [turn, _] = errors.factors();
-        assert!((turn - 0.3).abs() < 0.01, "{turn}");
+        let [rotation, _] = errors.factors();
+        assert!((rotation - 0.3).abs() < 0.01, "{rotation}");
         for _ in 0..400 {
             errors.learn(&fit(&errors, 6.0, 0.0), 1.0, 0.5);
         }

@@ -6,7 +6,7 @@
 mod growth;
 
 use crate::config::{Extent, RefinementConfig, RefinementStage};
-use crate::fit::{Evidence, PoseChange, Wish};
+use crate::fit::{Evidence, PoseChange, StepPrior};
 use crate::train::poses::expected_errors::ExpectedErrors;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -105,15 +105,15 @@ impl PoseRefinement {
         self.track == fingerprint(track) && self.changes.len() == track.frames.len()
     }
 
-    /// How poses are refined now, after the completed fraction `opened` of the model's first run
+    /// How poses are refined now, after the completed fraction `schedule_progress` of the model's first run
     /// and `fraction` of this one; `None` where they are not.
     pub fn stage(
         &mut self,
         config: &RefinementConfig,
-        opened: f64,
+        schedule_progress: f64,
         fraction: f64,
     ) -> Option<RefinementStage> {
-        let progress = self.progress(opened, fraction);
+        let progress = self.progress(schedule_progress, fraction);
         self.done |= progress >= config.end;
         self.judge(config, progress);
         let stage = match self.done {
@@ -148,8 +148,12 @@ impl PoseRefinement {
 
     /// Progress of the run in which the poses are refined, from that of the model's first run and that
     /// of this one.
-    fn progress(&self, opened: f64, fraction: f64) -> f64 {
-        if self.late { fraction } else { opened }
+    fn progress(&self, schedule_progress: f64, fraction: f64) -> f64 {
+        if self.late {
+            fraction
+        } else {
+            schedule_progress
+        }
     }
 
     /// The given `pose` of the frame at `position` in the track as it is read, without its change.
@@ -293,8 +297,8 @@ impl PoseRefinement {
     }
 
     /// The return of the frame at `position` to its given pose.
-    pub fn given_wishes(&self, config: &RefinementConfig, position: usize) -> Vec<Wish> {
-        self.changes[position].wishes(config, self.errors.factors())
+    pub fn given_priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
+        self.changes[position].priors(config, self.errors.factors())
     }
 
     /// Learns from a fit of the frame at `position`, after the share `passed` of the refinement, how far
@@ -313,36 +317,36 @@ impl PoseRefinement {
     /// How far given poses are off: rotations about each axis, radians, and positions along each,
     /// metres; `None` until fits have found it.
     pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
-        let [turn, shift] = self.errors.factors();
+        let [rotation, shift] = self.errors.factors();
         let learned = self.errors != expected(self.extent);
-        learned.then_some([turn * config.turn, shift * config.shift])
+        learned.then_some([rotation * config.rotation, shift * config.shift])
     }
 
     /// What the frame at `position` should do without its picture: return to its given pose, and be
     /// changed as its neighbours are.
-    pub fn wishes(&self, config: &RefinementConfig, position: usize) -> Vec<Wish> {
+    pub fn priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
         let beside = self.beside(position);
         let precision = |error: f64| error.powi(-2);
-        let mut wishes = self.given_wishes(config, position);
-        let turns = wishes.len() - 3;
-        let [turn, shift] = self.errors.factors();
+        let mut priors = self.given_priors(config, position);
+        let rotations = priors.len() - 3;
+        let [rotation, shift] = self.errors.factors();
         if beside.is_empty() {
-            return wishes;
+            return priors;
         }
-        for (i, wish) in wishes.iter_mut().enumerate() {
-            let jitter = if i < turns {
-                turn * config.turn_jitter
+        for (i, prior) in priors.iter_mut().enumerate() {
+            let jitter = if i < rotations {
+                rotation * config.rotation_jitter
             } else {
                 shift * config.shift_jitter
             };
             let sum: f64 = beside.iter().map(|it| f64::from(it.0[i])).sum();
             let mean = sum / beside.len() as f64;
             let alike = precision(jitter);
-            let both = wish.precision + alike;
-            wish.step += alike * mean / both;
-            wish.precision = both;
+            let both = prior.precision + alike;
+            prior.mean += alike * mean / both;
+            prior.precision = both;
         }
-        wishes
+        priors
     }
 
     /// Takes a `step` `[3 (K + 1)]` of the frame at `position`, in the axes of its refined pose.

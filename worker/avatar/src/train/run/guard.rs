@@ -3,7 +3,7 @@
 
 use crate::avatar::Avatar;
 use crate::render::occupancy::Occupancy;
-use crate::train::exposure::FilmExposures;
+use crate::train::exposure::CaptureExposures;
 use crate::train::people::TrainFrame;
 use crate::train::poses::refinement::PoseRefinement;
 use burn::module::{Module, ModuleVisitor, Param};
@@ -31,7 +31,7 @@ pub(crate) struct TrainState {
     /// Refined poses by slot; none where poses stay as they are given.
     pub poses: Vec<Option<PoseRefinement>>,
     /// Exposures of each slot's film; none where they are not learned.
-    pub exposures: Vec<Option<FilmExposures>>,
+    pub exposures: Vec<Option<CaptureExposures>>,
     pub rate_scale: f64,
 }
 
@@ -96,7 +96,7 @@ pub(crate) struct Snapshot {
     optimiser: ModuleOptimizer,
     occupancy: Vec<Option<Occupancy>>,
     poses: Vec<Option<PoseRefinement>>,
-    exposures: Vec<Option<FilmExposures>>,
+    exposures: Vec<Option<CaptureExposures>>,
 }
 
 impl Snapshot {

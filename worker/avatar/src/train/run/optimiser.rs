@@ -87,7 +87,7 @@ pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
     let splats = config.appearance.splats().into_iter().flat_map(|splats| {
         [
             group(".means", splats.mean_rate),
-            group(".turns", splats.turn_rate),
+            group(".rotations", splats.rotation_rate),
             group(".scales", splats.scale_rate),
             group(".opacities", splats.opacity_rate),
             group(".colours", splats.colour_rate),
@@ -182,7 +182,7 @@ mod tests {
                         let splats = splats.expect("the tier has splats");
                         match name {
                             "means" => splats.mean_rate,
-                            "turns" => splats.turn_rate,
+                            "rotations" => splats.rotation_rate,
                             "scales" => splats.scale_rate,
                             "opacities" => splats.opacity_rate,
                             "colours" => splats.colour_rate,
@@ -196,7 +196,7 @@ mod tests {
                         match path.split('.').nth(1) {
                             Some("mlp") => shapes.network_rate,
                             Some("basis" | "own") => shapes.rate,
-                            Some("filmed") => 0.0,
+                            Some("pose_ranges") => 0.0,
                             _ => panic!("{path} has no rate"),
                         }
                     }

@@ -61,15 +61,15 @@ pub(crate) struct Measured {
     pub previews: Vec<Preview>,
 }
 
-/// Renders held-out frames of the `subjects` and compares them. `goes_on` is called before each batch of rays.
+/// Renders held-out frames of the `subjects` and compares them. `on_batch` is called before each batch of rays.
 pub(crate) fn validate(
     renderer: &Renderer,
     model: &Model,
     subjects: &[TrainSubject],
-    opened: f64,
-    goes_on: &mut dyn FnMut(),
+    schedule_progress: f64,
+    on_batch: &mut dyn FnMut(),
 ) -> Result<Measured, TrainError> {
-    let refined = model.config.refinement.takes_part(opened);
+    let refined = model.config.refinement.takes_part(schedule_progress);
     let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, Some(0.0), 0usize);
     let (mut box_sum, mut boxes) = (0.0, 0usize);
     let mut previews = Vec::new();
@@ -88,7 +88,7 @@ pub(crate) fn validate(
                 background: [0.0; 3],
             };
             let mut rendered = renderer.render_scene(&view.into(), &mut |_| {
-                goes_on();
+                on_batch();
                 true
             })?;
             let index = subject.track.frames[frame.position].index;

@@ -3,8 +3,8 @@
 use crate::avatar::{Avatar, AvatarAppearance};
 use crate::host::read;
 use crate::train::TrainError;
-use crate::train::exposure::{exposed, near};
-use crate::train::frames::whole_picture::pictured;
+use crate::train::exposure::{apply_exposure, near};
+use crate::train::frames::whole_picture::render_frame;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
 use crate::train::poses::fit::pose;
@@ -34,7 +34,7 @@ pub(super) fn errors(
         let scene = model.scene(subject, &pose, now);
         let index = subject.track.frames[frame.position].index;
         let exposure = near(&model.state.exposures, subject.slot, index);
-        let picture = exposed(pictured(splats, &scene, &frame.camera)?, &exposure);
+        let picture = apply_exposure(render_frame(splats, &scene, &frame.camera)?, &exposure);
         let image = subject.image(frame);
         let seen = read(picture.clone().detach())?;
         let pairs = seen.chunks_exact(4).zip(image.rgb.chunks_exact(3));

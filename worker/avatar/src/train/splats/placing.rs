@@ -11,14 +11,14 @@ use crate::train::poses::refinement::PoseRefinement;
 use crate::train::run::Moment;
 use crate::train::run::guard::TrainState;
 use crate::train::splats::error::errors;
-use crate::train::splats::first::first_splats;
+use crate::train::splats::first::initial_splats;
 use crate::train::splats::split::split;
 use tracing::trace_span;
 
 /// Places the splats of `subject` by the given poses, in a model after the completed fraction
 /// `progress` of its first run. A person who is `known` keeps their splats, unless an earlier training
 /// stopped before it placed all of them, and this one does not go on with it.
-pub(crate) fn place_first(
+pub(crate) fn place_initial_splats(
     state: &mut TrainState,
     config: &ModelConfig,
     progress: f64,
@@ -39,13 +39,13 @@ pub(crate) fn place_first(
         return Ok(());
     }
     let count = match &mut state.poses[subject.slot] {
-        Some(poses) => poses.places_first(splats, progress, 0.0),
+        Some(poses) => poses.initial_splat_count(splats, progress, 0.0),
         None => splats.count,
     };
-    let first = first_splats(subject, |frame| Some(frame.pose.clone()), count)?;
+    let first = initial_splats(subject, |frame| Some(frame.pose.clone()), count)?;
     state
         .avatar_mut()
-        .place_splats(own, &first.and_hidden(splats.count));
+        .place_splats(own, &first.padded_to(splats.count));
     Ok(())
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn grow(
     let Some(poses) = &mut model.state.poses[subject.slot] else {
         return Ok(());
     };
-    let Some(count) = poses.grows(config, now.opened, now.fraction) else {
+    let Some(count) = poses.due_splat_count(config, now.schedule_progress, now.fraction) else {
         return Ok(());
     };
     let _span = trace_span!("grow").entered();

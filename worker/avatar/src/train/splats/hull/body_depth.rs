@@ -2,7 +2,7 @@
 //! and behind them: two lines of sight at 40 degrees to either side of a ring meet at 1.6 times its radius. Bodies' own measures
 //! say how deep a part is that looks so wide from there (docs/research/splats.md, "Sides that no frame shows").
 
-use super::Film;
+use super::HullFrames;
 use crate::host::read;
 use crate::motion::posed;
 use crate::motion::prior::is_torso;
@@ -70,7 +70,7 @@ struct Ring {
     depth: f32,
 }
 
-impl Film<'_> {
+impl HullFrames<'_> {
     /// How deep the body is, whose hull has these canonical `points`, metres.
     pub(super) fn depth(&self, points: Vec<[f32; 3]>) -> Result<BodyDepth, RenderError> {
         let skeleton = &self.subject.body.skeleton;

@@ -10,7 +10,7 @@ use yoto_ops::warp::inverse::solve;
 
 /// Positions of splats, `[N, 3]`, metres, of the world in a pose.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FollowedSplats {
+pub struct TrackedSplats {
     /// By skinning alone.
     pub skinned: Vec<[f32; 3]>,
     /// With pose blend shapes.
@@ -22,17 +22,17 @@ impl Renderer {
     ///
     /// # Errors
     /// When the slot is empty, or the pose is not of its skeleton.
-    pub fn followed_splats(
+    pub fn track_splats(
         &self,
         slot: usize,
         pose: &Pose,
-    ) -> Result<Option<FollowedSplats>, RenderError> {
+    ) -> Result<Option<TrackedSplats>, RenderError> {
         let body = self.body_in(slot, pose)?;
-        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
+        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.schedule_progress);
         let AvatarAppearance::Splats(avatar) = self.avatar.appearance(&self.config) else {
             return Ok(None);
         };
-        let splats = avatar.posed(body, &posed)?;
+        let splats = avatar.posed_splats(body, &posed)?;
         let opacities = read(splats.opacities.detach())?;
         let transforms = read(splats.transforms.detach())?;
         let moved = read(splats.means.detach())?;
@@ -48,7 +48,7 @@ impl Renderer {
             };
             shown.map(place).collect()
         };
-        Ok(Some(FollowedSplats {
+        Ok(Some(TrackedSplats {
             skinned: carried(&still),
             moved: carried(&moved),
         }))

@@ -1,5 +1,5 @@
-//! A film of what a model knows about one person. Its poses are those of motions, and its cameras
-//! surround the person. Frames of the person's capture may follow: they have detail that the field has
+//! Pictures of what a model knows about one person, from which another model learns. Their poses are those of motions,
+//! and their cameras surround the person. Frames of the person's capture may follow: they have detail that the field has
 //! lost.
 
 use super::DistillError;
@@ -27,8 +27,8 @@ const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
 /// (Roberts' R2).
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// What to film of a person.
-pub struct Lessons<'a> {
+/// What a model can show of a person.
+pub struct Teacher<'a> {
     /// The model that knows them.
     pub renderer: &'a Renderer,
     /// Their slot in it.
@@ -39,12 +39,12 @@ pub struct Lessons<'a> {
     pub up: Vec3,
     /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// Frames of the person's capture, which the film includes.
-    pub filmed: &'a [Filmed],
+    /// Frames of the person's capture, which follow the rendered pictures.
+    pub capture_frames: &'a [CaptureFrame],
 }
 
-/// A frame of a capture, of the size of the film.
-pub struct Filmed {
+/// A frame of a capture, of the size of the rendered pictures.
+pub struct CaptureFrame {
     /// The pose of the person's body.
     pub pose: Pose,
     /// The camera that saw it, in the poses' world.
@@ -53,7 +53,7 @@ pub struct Filmed {
     pub image: FrameImage,
 }
 
-impl Filmed {
+impl CaptureFrame {
     /// Frames of a `shard` with at most `size` pixels along their shorter side, as the field's pictures have, with the `poses`
     /// of the person's body in all frames of the shard: evenly, at most [`MOST_FILMED`] and [`FILMED_BYTES`].
     ///
@@ -70,7 +70,7 @@ impl Filmed {
         let most = (FILMED_BYTES / bytes).clamp(1, MOST_FILMED);
         let step = shard.frames().div_ceil(most).max(1);
         let frames = shard.track.frames.iter().zip(poses).enumerate();
-        let filmed = frames.step_by(step).map(|(index, (frame, pose))| {
+        let capture_frames = frames.step_by(step).map(|(index, (frame, pose))| {
             let camera = Camera::from_frame(frame, shard.track.image_size);
             let camera = camera.map_err(|source| DistillError::View {
                 frame: frame.index,
@@ -82,35 +82,35 @@ impl Filmed {
                 image: shard.image(index).resized(size),
             })
         });
-        filmed.collect()
+        capture_frames.collect()
     }
 
-    /// Width and height of `filmed` pictures, which are alike; `None` without any.
-    pub fn size(filmed: &[Self]) -> Option<[u32; 2]> {
-        let first = filmed.first()?;
+    /// Width and height of the `capture_frames`, which are alike; `None` without any.
+    pub fn size(capture_frames: &[Self]) -> Option<[u32; 2]> {
+        let first = capture_frames.first()?;
         Some([first.camera.width, first.camera.height])
     }
 }
 
-impl Lessons<'_> {
-    /// The film: pictures are rendered while `wanted`, called with the number of pictures so far, returns true, and at
-    /// least one; then what was filmed follows.
+impl Teacher<'_> {
+    /// A shard of pictures: they are rendered while `wanted`, called with the number of pictures so far, returns true, and at
+    /// least one; then the frames of the capture follow.
     ///
     /// # Errors
     /// Without a person or a pose, or if a picture can't be rendered.
-    pub fn film(&self, wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
-        self.film_while(wanted, &mut || true)
+    pub fn render_shard(&self, wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
+        self.render_shard_while(wanted, &mut || true)
     }
 
-    /// The same, as long as it `goes_on`, which is asked before each batch of rays: a picture of the paper's tiers
+    /// The same, until `keep_going` returns false, which is asked before each batch of rays: a picture of the paper's tiers
     /// takes a minute.
     ///
     /// # Errors
     /// Also [`DistillError::Stopped`].
-    pub fn film_while(
+    pub fn render_shard_while(
         &self,
         mut wanted: impl FnMut(usize) -> bool,
-        goes_on: &mut dyn FnMut() -> bool,
+        keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Shard, DistillError> {
         let body = self.renderer.skeleton(self.slot);
         let body = body.ok_or(DistillError::NoSuchSlot(self.slot))?;
@@ -129,7 +129,7 @@ impl Lessons<'_> {
             };
             let rendered = self
                 .renderer
-                .render_scene(&view.into(), &mut |_| goes_on())
+                .render_scene(&view.into(), &mut |_| keep_going())
                 .map_err(|source| match source {
                     RenderError::Stopped => DistillError::Stopped,
                     source => DistillError::Render { index, source },
@@ -137,7 +137,7 @@ impl Lessons<'_> {
             images.push(picture(&rendered));
             frames.push(camera.to_frame(index as u32, pose));
         }
-        for Filmed { pose, camera, .. } in self.filmed {
+        for CaptureFrame { pose, camera, .. } in self.capture_frames {
             frames.push(camera.to_frame(frames.len() as u32, pose));
         }
         let mut shard = ShardBuilder::new(PoseTrack {
@@ -147,7 +147,10 @@ impl Lessons<'_> {
             distortion: [0.0; 5],
             frames,
         });
-        for image in images.iter().chain(self.filmed.iter().map(|it| &it.image)) {
+        for image in images
+            .iter()
+            .chain(self.capture_frames.iter().map(|it| &it.image))
+        {
             shard.push(image)?;
         }
         Ok(shard.finish()?)
@@ -172,8 +175,8 @@ impl Lessons<'_> {
             [0.0, 0.0, 1.0]
         };
         let level = normalised(cross(self.up, any));
-        let turn = rigid(rodrigues(scale(self.up, TAU * around)), [0.0; 3]);
-        let level = scale(apply(&turn, level), elevation.cos());
+        let rotation = rigid(rodrigues(scale(self.up, TAU * around)), [0.0; 3]);
+        let level = scale(apply(&rotation, level), elevation.cos());
         let direction = add(level, scale(self.up, elevation.sin()));
         let eye = add(middle, scale(direction, DISTANCE.max(2.0 * radius)));
         let distance = length(sub(eye, middle));
