@@ -282,16 +282,27 @@ impl Avatar {
 
     /// Appends an identity that is the mixture of two others; of splats, it has those of the first.
     pub(crate) fn append(&mut self, blend: &Blend) {
-        blend.append(&mut self.codes);
-        self.motion.append(blend);
-        if let Some(shapes) = &mut self.pose_shapes {
+        // All fields, so that a further one is not forgotten.
+        let Self {
+            codes,
+            motion,
+            correction: _,
+            condition: _,
+            non_rigid: _,
+            pose_shapes,
+            canonical,
+            splats,
+        } = self;
+        blend.append(codes);
+        motion.append(blend);
+        if let Some(shapes) = pose_shapes {
             shapes.append(blend);
         }
-        if let Some(field) = &mut self.canonical {
+        if let Some(field) = canonical {
             field.append(blend);
         }
-        if let Some(splats) = self.splats.get(blend.from) {
-            self.splats.push(splats.clone());
+        if let Some(of_first) = splats.get(blend.from).cloned() {
+            splats.push(of_first);
         }
     }
 
@@ -304,11 +315,22 @@ impl Avatar {
 
     /// Sets the precision that the fields' networks multiply in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
-        self.non_rigid.set_precision(precision);
-        if let Some(shapes) = &mut self.pose_shapes {
+        // All fields, so that a further one is not forgotten.
+        let Self {
+            codes: _,
+            motion: _,
+            correction: _,
+            condition: _,
+            non_rigid,
+            pose_shapes,
+            canonical,
+            splats: _,
+        } = self;
+        non_rigid.set_precision(precision);
+        if let Some(shapes) = pose_shapes {
             shapes.set_precision(precision);
         }
-        if let Some(field) = &mut self.canonical {
+        if let Some(field) = canonical {
             field.set_precision(precision);
         }
     }
@@ -319,40 +341,6 @@ impl Avatar {
             .into_iter()
             .next()
             .expect("every model has parameters")
-    }
-
-    /// Parameters and bytes of each part, in the order in which data passes through them. Parts
-    /// that the variant lacks are absent.
-    pub fn part_counts(&self) -> Vec<PartCount> {
-        let codes: usize = self.codes.iter().map(|code| code.val().dims()[0]).sum();
-        let parts = [
-            ("motion", self.motion.num_params()),
-            ("correction", self.correction.num_params()),
-            ("codes", codes),
-            (
-                "condition",
-                self.condition.as_ref().map_or(0, Module::num_params),
-            ),
-            ("non_rigid", self.non_rigid.num_params()),
-            (
-                "pose_shapes",
-                self.pose_shapes.as_ref().map_or(0, Module::num_params),
-            ),
-            (
-                "canonical",
-                self.canonical.as_ref().map_or(0, Module::num_params),
-            ),
-            ("splats", self.splats.num_params() - self.flags()),
-        ];
-        parts
-            .into_iter()
-            .filter(|(_, parameters)| *parameters > 0)
-            .map(|(part, parameters)| PartCount {
-                part: part.to_owned(),
-                parameters: parameters as u64,
-                bytes: 4 * parameters as u64,
-            })
-            .collect()
     }
 }
 

@@ -3,6 +3,7 @@
 //! code.
 
 mod appearance;
+mod capabilities;
 mod check;
 mod exposure;
 mod field;
@@ -17,6 +18,7 @@ mod sharing;
 mod splats;
 
 pub use appearance::Appearance;
+pub use capabilities::Capabilities;
 pub(crate) use check::check_precision;
 pub use exposure::{ExposureConfig, LearnExposure};
 pub use field::{CanonicalConfig, DensityActivation, Encoding, FieldConfig, MarchConfig};
@@ -117,7 +119,7 @@ pub enum Numerics {
     /// Bounded, with finite gradients (docs/research/paper.md marks each place where they differ).
     #[default]
     Sound,
-    /// Those of the released HumanNeRF program, for comparisons with it.
+    /// The numerics of the released HumanNeRF program, for comparisons with it.
     Reference,
 }
 

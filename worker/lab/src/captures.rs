@@ -112,7 +112,7 @@ pub(super) fn read_all(
     read_sources(&sources, size, HeldOut::Every(0), protocol, screen)
 }
 
-/// The same for `sources`; of those of one camera, frames are `held_out`.
+/// Reads the captures of `sources` as [`read_all`] does. Of a capture of one camera, frames are `held_out`.
 pub(super) fn read_sources(
     sources: &[CaptureSource],
     size: u32,

@@ -39,11 +39,11 @@ pub struct DisplacementError {
 /// The error in some poses, millimetres: of what changes with the pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoseError {
-    /// Of the model.
+    /// Error of the model.
     pub error_mm: f64,
-    /// Of the model's skinning, without the non-rigid field and pose blend shapes.
+    /// Error of the model's skinning, without the non-rigid field and pose blend shapes.
     pub skinned_mm: f64,
-    /// Of true skinning of clothes that never move.
+    /// Error of true skinning of clothes that never move.
     pub still_mm: f64,
 }
 

@@ -15,11 +15,11 @@ pub struct QualityReport {
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
     pub mean: SplitScores,
-    /// The same after a fit of the held-out pictures' poses, with the model as it is; absent if it
+    /// The averages after a fit of the held-out pictures' poses, with the model as it is; absent if it
     /// was not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fitted: Option<SplitScores>,
-    /// The same with the held-out poses moved by the mean change from exact training poses to those
+    /// The averages with the held-out poses moved by the mean change from exact training poses to those
     /// that the model was learned from; absent where it was learned from exact ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aligned: Option<SplitScores>,
@@ -48,10 +48,10 @@ pub struct QualityReport {
     /// Parts of the model that become active during a run, and were at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
-    /// Whose poses are refined and why, and what became of single frames.
+    /// The people whose poses are refined and why, and what became of single frames.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Of training poses that are not the exact ones, the mean over the people.
+    /// Errors of training poses that are not the exact ones, as means over the people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_errors: Option<PoseErrors>,
     /// Seconds to render a frame at the evaluated size.

@@ -4,7 +4,7 @@ use super::{Avatar, Posed};
 use crate::config::{Appearance, FieldConfig, ModelConfig, SplatConfig};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::pose_shapes::HostShapes;
-use crate::field::splats::Splats;
+use crate::field::splats::{SplatValues, Splats};
 use crate::host::ReadError;
 use crate::motion::body::CanonicalBody;
 use burn::module::Param;
@@ -48,20 +48,23 @@ impl Avatar {
     /// # Panics
     /// If `config` is of another model.
     pub fn appearance<'a>(&'a self, model: &'a ModelConfig) -> AvatarAppearance<'a> {
-        match (&model.appearance, &self.canonical) {
-            (Appearance::Field(config), Some(canonical)) => AvatarAppearance::Field(AvatarField {
+        const OTHER: &str = "a configuration of another model";
+        match &model.appearance {
+            Appearance::Field(config) => AvatarAppearance::Field(AvatarField {
                 avatar: self,
                 model,
                 config,
-                canonical,
+                canonical: self.canonical.as_ref().expect(OTHER),
             }),
-            (Appearance::Splats(config), None) => AvatarAppearance::Splats(AvatarSplats {
-                avatar: self,
-                model,
-                config,
-                splats: &self.splats,
-            }),
-            _ => panic!("a configuration of another model"),
+            Appearance::Splats(config) => {
+                assert!(self.canonical.is_none(), "{OTHER}");
+                AvatarAppearance::Splats(AvatarSplats {
+                    avatar: self,
+                    model,
+                    config,
+                    splats: &self.splats,
+                })
+            }
         }
     }
 }
@@ -109,6 +112,24 @@ impl AvatarSplats<'_> {
     ) -> Posed {
         self.avatar
             .pose(self.model, body, slot, pose, schedule_progress)
+    }
+
+    /// The values of the splats of the identity in `slot`.
+    ///
+    /// # Errors
+    /// If they can't be read from their device.
+    pub(crate) fn values(&self, slot: usize) -> Result<SplatValues, ReadError> {
+        let own = Avatar::own_slot(self.model, slot);
+        self.avatar.splat_values(own)
+    }
+
+    /// Which splats of the identity in `slot` have a frozen colour; `None` if nothing was guessed.
+    ///
+    /// # Errors
+    /// If the flags can't be read from their device.
+    pub(crate) fn frozen_colours(&self, slot: usize) -> Result<Option<Vec<bool>>, ReadError> {
+        let own = Avatar::own_slot(self.model, slot);
+        self.avatar.frozen_colours(own)
     }
 
     /// The splats of a posed identity. Their bones are those of their canonical places: pose blend shapes move what bones

@@ -4,14 +4,14 @@ use super::ConfigError;
 use serde::{Deserialize, Serialize};
 use yoto_proto::v1::PoseRefinement;
 
-/// Whose poses a training refines.
+/// The people whose poses a training refines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Refine {
     /// Nobody's.
     #[default]
     Never,
-    /// Those of people whose bodies wander off their masks ([`PRECISE`](yoto_capture::check::PRECISE)),
+    /// People whose bodies wander off their masks ([`PRECISE`](yoto_capture::check::PRECISE)),
     /// or jump as no body can. With splats, those of all others as well, but finely ([`Extent::Fine`]).
     Auto,
     /// Everybody's.
@@ -48,7 +48,7 @@ impl Refine {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefinementConfig {
-    /// Whose poses are refined.
+    /// The people whose poses are refined.
     pub who: Refine,
     /// Start, as a share of the run.
     pub start: f64,
@@ -136,7 +136,7 @@ pub(crate) struct RefinementStage {
 }
 
 impl RefinementStage {
-    /// The same without any step taken: what fits ask for tells how far given poses are off.
+    /// The same stage without any step taken: what fits ask for tells how far given poses are off.
     pub fn observing(self) -> Self {
         Self { share: 0.0, ..self }
     }

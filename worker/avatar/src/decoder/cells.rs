@@ -112,7 +112,7 @@ impl Means {
         (total > 0.0).then(|| sum.map(|value| value / total))
     }
 
-    /// Those of colours at places, each with a weight.
+    /// The means of colours at places, each with a weight.
     pub fn of(points: impl Iterator<Item = (BodyPlace, [f32; 3], f32)>) -> Self {
         let mut sums = vec![[0f64; 4]; CELLS];
         for (place, colour, weight) in points {

@@ -7,7 +7,7 @@ use yoto_proto::v1::AppearancePrior;
 /// What a training knows of people before it sees any.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Prior {
-    /// Nothing.
+    /// It knows nothing.
     None,
     /// The decoder that the program has.
     #[default]

@@ -72,7 +72,7 @@ impl StudentTraining {
             tell(DistillStage::Rendering(pictures), RENDERING * done.min(1.0));
             pictures < FEWEST || spent < limit
         };
-        let shard = teacher.render_shard_while(wanted, keep_going)?;
+        let shard = teacher.render_shard(wanted, keep_going)?;
         let pictures = shard.frames();
         let rendered = pictures - teacher.capture_frames.len();
         let budget = (1.0 - RENDERING) * self.seconds;

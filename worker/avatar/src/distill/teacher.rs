@@ -94,20 +94,12 @@ impl CaptureFrame {
 
 impl Teacher<'_> {
     /// A shard of pictures: they are rendered while `wanted`, called with the number of pictures so far, returns true, and at
-    /// least one; then the frames of the capture follow.
+    /// least one; then the frames of the capture follow. Rendering stops when `keep_going` returns false, which is asked
+    /// before each batch of rays: a picture of the paper's tiers takes a minute.
     ///
     /// # Errors
-    /// Without a person or a pose, or if a picture can't be rendered.
-    pub fn render_shard(&self, wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
-        self.render_shard_while(wanted, &mut || true)
-    }
-
-    /// The same, until `keep_going` returns false, which is asked before each batch of rays: a picture of the paper's tiers
-    /// takes a minute.
-    ///
-    /// # Errors
-    /// Also [`DistillError::Stopped`].
-    pub fn render_shard_while(
+    /// Without a person or a pose, or if a picture can't be rendered; [`DistillError::Stopped`].
+    pub fn render_shard(
         &self,
         mut wanted: impl FnMut(usize) -> bool,
         keep_going: &mut dyn FnMut() -> bool,

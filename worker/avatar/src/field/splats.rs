@@ -81,7 +81,8 @@ impl SplatValues {
     }
 }
 
-/// Whose moments an optimiser keeps: those of another degree do not fit.
+/// The name of the harmonics has their degree, since an optimiser keeps moments by name, and those of another degree do
+/// not fit.
 fn harmonics_path(slot: usize, degree: usize) -> String {
     format!("splats.{slot}.harmonics.{degree}")
 }

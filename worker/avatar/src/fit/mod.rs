@@ -129,7 +129,7 @@ impl PoseFitter<'_> {
             };
             grids.push((grid, weights));
         }
-        if self.config.appearance.splats().is_some() {
+        if self.config.appearance.capabilities().fast_frames {
             let spread = grids[0].0.spread;
             for part in parts::boxes(&self.body.skeleton, pose, picture.camera) {
                 let offset = std::array::from_fn(|_| rng.random());

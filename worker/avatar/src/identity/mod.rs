@@ -1,4 +1,4 @@
-//! Identities: whose each parameter is, pose-conditioned codes, and mixtures of two identities.
+//! Identities: the owner of each parameter, pose-conditioned codes, and mixtures of two identities.
 
 pub(crate) mod blend;
 pub(crate) mod own;

@@ -1,4 +1,4 @@
-//! Whose each parameter is: a model has some for each person, and shared weights.
+//! The owner of each parameter: a model has parameters of each person, and shared weights.
 
 use super::stored_names::stored;
 use crate::avatar::Avatar;
@@ -16,7 +16,7 @@ const OWN: [&str; 7] = [
     "pose_shapes.filmed",
 ];
 
-/// The slot of the person whose own the parameter is that checkpoints call `path`, as in `splats.2.means`; `None` for
+/// The slot of the person who owns the parameter that checkpoints call `path`, as in `splats.2.means`; `None` for
 /// shared weights.
 pub(crate) fn owner(path: &str) -> Option<usize> {
     let within = |lists: &&str| path.strip_prefix(*lists)?.strip_prefix('.');

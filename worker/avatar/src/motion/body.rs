@@ -47,10 +47,8 @@ impl CanonicalBody {
             config.motion.resolution.voxels(),
         ];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
-        let hash = config
-            .appearance
-            .field()
-            .and_then(|field| hash_grid(&field.canonical.encoding, &grid));
+        let encoding = config.appearance.encoding();
+        let hash = encoding.and_then(|encoding| hash_grid(encoding, &grid));
         Self {
             rest: skeleton.rest.clone(),
             skeleton,

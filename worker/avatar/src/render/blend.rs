@@ -28,8 +28,9 @@ impl Renderer {
             )));
         }
         let bones = self.bones_between(from, to, share)?;
-        // Without identities there is one person's worth of splats, for everybody.
-        if self.config.appearance.splats().is_none() || self.config.variant == Variant::NoIdentity {
+        let capabilities = self.config.appearance.capabilities();
+        // Without identities there is one person's worth of parameters, for everybody.
+        if capabilities.interpolated_parameters || self.config.variant == Variant::NoIdentity {
             let body = CanonicalBody::new(bones, &self.config, &self.device());
             let (renderer, slot) = self.with_person(Blend { from, to, share }, body);
             return Ok((renderer, vec![slot]));

@@ -13,7 +13,7 @@ pub struct FrameExposure {
 }
 
 impl FrameExposure {
-    /// That of the film on the whole.
+    /// The mean exposure of the capture.
     pub const NEUTRAL: Self = Self {
         gain: [1.0; 3],
         offset: [0.0; 3],

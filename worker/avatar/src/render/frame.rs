@@ -137,7 +137,7 @@ fn byte(value: f32) -> u8 {
 pub struct Renderer {
     pub(super) config: ModelConfig,
     pub(super) avatar: Avatar,
-    /// By slot.
+    /// Bodies by slot.
     bodies: Vec<Option<CanonicalBody>>,
     /// Occupancy grids by slot; same length as `bodies`.
     pub(super) occupancy: Vec<Option<Occupancy>>,
@@ -172,15 +172,16 @@ impl Renderer {
         }
     }
 
-    /// With the identities of these slots removed.
+    /// The same renderer without the identities of the `removed` slots.
     pub(crate) fn without(mut self, removed: BTreeSet<usize>) -> Self {
         self.removed = removed;
         self
     }
 
-    /// Replaces the numerics of the model's configuration. Splats have sound ones only, and keep them.
+    /// Replaces the numerics of the model's configuration. A representation without reference numerics keeps sound ones.
     pub fn with_numerics(mut self, numerics: Numerics) -> Self {
-        if self.config.numerics != numerics && self.config.appearance.splats().is_none() {
+        let can_change = self.config.appearance.capabilities().reference_numerics;
+        if self.config.numerics != numerics && can_change {
             self.config.numerics = numerics;
             // Zeros of the prior depend on the numerics.
             for body in self.bodies.iter_mut().flatten() {
@@ -250,8 +251,8 @@ impl Renderer {
 
     /// Whether the number of splats can be reduced: the model has splats, and poses move them by bones alone.
     pub fn has_levels(&self) -> bool {
-        let splats = self.config.appearance.splats().is_some();
-        splats && !self.config.schedule.moves_points(self.schedule_progress)
+        let capable = self.config.appearance.capabilities().levels_of_detail;
+        capable && !self.config.schedule.moves_points(self.schedule_progress)
     }
 
     /// Looks up what frames of the identities in `slots` need in all poses, with the present settings. Otherwise the
@@ -260,8 +261,10 @@ impl Renderer {
     /// # Errors
     /// If a slot is empty, or the model can't be read from its device.
     pub fn prepare(&self, slots: impl IntoIterator<Item = usize>) -> Result<(), RenderError> {
-        let AvatarAppearance::Splats(splats) = self.avatar.appearance(&self.config) else {
-            return Ok(());
+        let splats = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => splats,
+            // Frames of a field share nothing that could be computed before.
+            AvatarAppearance::Field(_) => return Ok(()),
         };
         for slot in slots {
             let skeleton = self.skeleton(slot).ok_or_else(|| self.absence(slot))?;

@@ -4,7 +4,7 @@
 //! have the same outline and the same colours, but for what is finer than a cell, which fades from one to the other.
 
 use super::frame::{RenderError, Renderer};
-use crate::avatar::{Avatar, AvatarAppearance};
+use crate::avatar::AvatarAppearance;
 use crate::decoder::cells::Means;
 use crate::decoder::parts::{BodyPlace, Parts};
 use crate::field::splats::{SOLID, SplatValues, opaque_area};
@@ -49,8 +49,9 @@ impl Renderer {
     fn looks(&self, slot: usize) -> Result<Option<Looks>, RenderError> {
         let rest = Pose::rest(self.skeleton(slot).map_or(0, |it| it.joints()));
         let body = self.body_in(slot, &rest)?;
-        let AvatarAppearance::Splats(splats) = self.avatar.appearance(&self.config) else {
-            return Ok(None);
+        let splats = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => splats,
+            AvatarAppearance::Field(_) => return Ok(None),
         };
         let Some(parts) = Parts::of(&body.skeleton) else {
             return Ok(None);
@@ -58,9 +59,7 @@ impl Renderer {
         let posed = splats.pose(body, slot, &rest, self.schedule_progress);
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
         let skinning = Skinning::new(&weights, &transforms, &body.grid);
-        let values = self
-            .avatar
-            .splat_values(Avatar::own_slot(&self.config, slot))?;
+        let values = splats.values(slot)?;
         let places: Vec<(BodyPlace, f32, [f32; 3])> = (values.means.as_chunks::<3>().0.iter())
             .map(|at| {
                 let joint = strongest(&skinning, *at);

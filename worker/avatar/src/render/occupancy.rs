@@ -60,7 +60,7 @@ pub struct Occupancy {
     /// One bit per cell, each row starting with a new word: whether an occupied cell is within
     /// [`Self::radius`] cells, or the cell was never visited.
     occupied: Vec<u64>,
-    /// The same for cells within [`NEAR`] of those.
+    /// One bit per cell: whether it is within [`NEAR`] of a cell that counts as occupied.
     near: Vec<u64>,
 }
 

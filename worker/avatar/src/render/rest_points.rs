@@ -10,9 +10,9 @@ use yoto_capture::skeleton::transform::{apply, inverse};
 /// The rest points of observed ones, `[n, 3]`, metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RestPoints {
-    /// By inverse skinning alone.
+    /// The points after inverse skinning alone.
     pub skinned: Vec<[f32; 3]>,
-    /// After the non-rigid field: where the appearance is looked up.
+    /// The points after the non-rigid field: where the appearance is looked up.
     pub moved: Vec<[f32; 3]>,
 }
 

@@ -27,7 +27,7 @@ pub(super) struct RestSplatsCache {
 }
 
 impl RestSplatsCache {
-    /// Nothing yet, of as many people as there are `slots`; frames have all splats.
+    /// An empty cache for people in `slots` slots; frames have all splats.
     pub fn new(slots: usize) -> Self {
         Self {
             levels: vec![(1.0, empty(slots))],
@@ -156,7 +156,7 @@ impl Renderer {
 struct Level {
     rows: Vec<f32>,
     harmonics: Option<Vec<f32>>,
-    /// Of each splat, those that it replaces, with their weights in it.
+    /// The splats that each splat replaces, with their weights in it.
     groups: Vec<Vec<(usize, f32)>>,
 }
 

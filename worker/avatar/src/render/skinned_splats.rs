@@ -3,7 +3,7 @@
 
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, groups, merged};
-use crate::avatar::{Avatar, AvatarAppearance};
+use crate::avatar::AvatarAppearance;
 use crate::field::pose_shapes::{HostShapes, Limits, Nearness, mixed};
 use crate::host::read;
 use std::borrow::Cow;
@@ -23,7 +23,7 @@ pub const BONES: usize = 4;
 pub struct SkinnedSplats {
     /// Joint tree with rest positions.
     pub skeleton: Skeleton,
-    /// Those that can be seen.
+    /// The splats that can be seen.
     pub splats: Vec<SkinnedSplat>,
     /// Degree of the harmonics by which colours depend on the view.
     pub degree: usize,
@@ -96,8 +96,7 @@ impl Renderer {
         let light = read(splats.light)?;
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
         let skinning = Skinning::new(&weights, &transforms, &body.grid);
-        let own = Avatar::own_slot(&self.config, slot);
-        let flags = self.avatar.frozen_colours(own)?;
+        let flags = avatar.frozen_colours(slot)?;
         let all = splat_rows(&rows);
         let numbers = sh_coefficients.len() / all.len().max(1);
         let splats = all.enumerate().map(|(i, row)| {

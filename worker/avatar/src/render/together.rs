@@ -37,8 +37,8 @@ pub fn render_together(
     background: [f32; 3],
     keep_going: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Rendered, RenderError> {
-    let alone = |guest: &ModelActor<'_>| SceneView {
-        actors: vec![guest.actor.clone()],
+    let alone = |person: &ModelActor<'_>| SceneView {
+        actors: vec![person.actor.clone()],
         camera: camera.clone(),
         background,
     };
@@ -77,9 +77,14 @@ pub fn render_together(
             return Err(RenderError::Stopped);
         }
         let mut samples_by_ray: Vec<Vec<RaySample>> = batch.iter().map(|_| Vec::new()).collect();
-        for (model, staged) in &fields {
-            let hits = staged.hits(batch, frame.width);
-            model.march_through(staged, &hits, Some(&mut samples_by_ray), &mut frame.counts)?;
+        for (model, posed_actor) in &fields {
+            let hits = posed_actor.hits(batch, frame.width);
+            model.march_through(
+                posed_actor,
+                &hits,
+                Some(&mut samples_by_ray),
+                &mut frame.counts,
+            )?;
         }
         let sums: Vec<_> = (samples_by_ray.into_par_iter().zip(batch))
             .map(|(mut samples_by_ray, pixel)| {

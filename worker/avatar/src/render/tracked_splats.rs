@@ -11,9 +11,9 @@ use yoto_ops::warp::inverse::solve;
 /// Positions of splats, `[N, 3]`, metres, of the world in a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackedSplats {
-    /// By skinning alone.
+    /// Positions after skinning alone.
     pub skinned: Vec<[f32; 3]>,
-    /// With pose blend shapes.
+    /// Positions after pose blend shapes and skinning.
     pub moved: Vec<[f32; 3]>,
 }
 
@@ -29,8 +29,9 @@ impl Renderer {
     ) -> Result<Option<TrackedSplats>, RenderError> {
         let body = self.body_in(slot, pose)?;
         let posed = (self.avatar).pose(&self.config, body, slot, pose, self.schedule_progress);
-        let AvatarAppearance::Splats(avatar) = self.avatar.appearance(&self.config) else {
-            return Ok(None);
+        let avatar = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(avatar) => avatar,
+            AvatarAppearance::Field(_) => return Ok(None),
         };
         let splats = avatar.posed_splats(body, &posed)?;
         let opacities = read(splats.opacities.detach())?;

@@ -4,6 +4,7 @@ use super::frame::{RenderError, Renderer};
 use crate::motion::body::CanonicalBody;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
+pub use yoto_film::{Actor, Light};
 
 /// A view of one person, in the light of their own capture.
 #[derive(Clone, Debug)]
@@ -16,35 +17,6 @@ pub struct RenderView {
     pub camera: Camera,
     /// Linear rgb in [0, 1].
     pub background: [f32; 3],
-}
-
-/// Light on a person. Fields have it in their colours, so that models of splats alone can be lit
-/// otherwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Light {
-    /// The light of the person's own capture, in whose world they stand.
-    #[default]
-    Own,
-    /// None: colours alone.
-    Neutral,
-    /// The light of another capture.
-    Of {
-        /// Slot of the capture's identity.
-        slot: usize,
-        /// Rotation from the view's world to that of the capture.
-        rotation: [[f32; 3]; 3],
-    },
-}
-
-/// A person of a scene.
-#[derive(Clone, Debug)]
-pub struct Actor {
-    /// Slot of the identity.
-    pub slot: usize,
-    /// Pose of the body.
-    pub pose: Pose,
-    /// Light on the person.
-    pub light: Light,
 }
 
 /// A view of several people, who hide each other.
@@ -68,6 +40,7 @@ impl From<RenderView> for SceneView {
         } = view;
         Self {
             actors: vec![Actor {
+                model: 0,
                 slot,
                 pose,
                 light: Light::Own,
@@ -88,7 +61,7 @@ pub(super) struct ActorBody<'a> {
 impl Renderer {
     /// Whether people can be lit otherwise than in their captures.
     pub fn has_light(&self) -> bool {
-        self.config().appearance.splats().is_some()
+        self.config().appearance.capabilities().light
     }
 
     /// The actors of a view with their bodies, once the view is checked.

@@ -1,7 +1,6 @@
 //! Results of a training: its progress, its checkpoint, and the model for rendering.
 
 use crate::avatar::Avatar;
-use crate::config::Appearance;
 use crate::motion::body::CanonicalBody;
 use crate::render::{FrameExposure, Renderer};
 use crate::train::exposure;
@@ -38,7 +37,7 @@ impl Trainer {
         }
     }
 
-    /// Whose poses are refined and why, and what became of single frames, for people.
+    /// The people whose poses are refined and why, and what became of single frames, for people.
     pub fn notes(&self) -> Vec<String> {
         let all = Validation::NONE == self.run.options().validation;
         let subjects = self.data.subjects();
@@ -75,7 +74,7 @@ impl Trainer {
         self.validate_with(&mut || {})
     }
 
-    /// The same; `on_batch` is called before each batch of rays, since a frame of the paper's tiers takes
+    /// As [`Self::validate`]; `on_batch` is called before each batch of rays, since a frame of the paper's tiers takes
     /// most of a minute.
     ///
     /// # Errors
@@ -92,8 +91,8 @@ impl Trainer {
         )?;
         self.run.take_measured(measured);
         let progress = self.run.progress();
-        if let (Some(psnr), Appearance::Splats(_)) = (progress.psnr, &self.model.config.appearance)
-        {
+        let restorable = self.model.config.appearance.capabilities().restorable;
+        if let Some(psnr) = progress.psnr.filter(|_| restorable) {
             let known = self.best.take();
             self.best = Best::of(known, &self.model.state, psnr, progress.step);
         }
@@ -101,7 +100,7 @@ impl Trainer {
     }
 
     /// Returns to the state that measured best on held-out frames, if the last one that was measured is clearly
-    /// worse, and measures again. Splats only: the parts of a field take part by the progress of a run. A process
+    /// worse, and measures again; only in models whose states are restorable. A process
     /// that resumes a run knows the states that it measured itself.
     ///
     /// # Errors
@@ -239,8 +238,7 @@ impl Trainer {
         let (model, subjects) = (&self.model, self.data.subjects());
         let mut sum = 0.0;
         for subject in subjects {
-            let own = Avatar::own_slot(&model.config, subject.slot);
-            sum += model.state.avatar().guessed_share(own)?;
+            sum += model.state.avatar().guessed_share(subject.own_slot)?;
         }
         Ok((sum > 0.0).then(|| sum / subjects.len() as f64))
     }

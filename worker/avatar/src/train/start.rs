@@ -164,8 +164,8 @@ impl Trainer {
                 placed,
             )?;
             let poses = subject.frames.iter().map(|frame| &frame.pose);
-            let own = Avatar::own_slot(&saved.config, person.slot);
-            state.avatar_mut().record_pose_range(own, poses)?;
+            let avatar = state.avatar_mut();
+            avatar.record_pose_range(subject.own_slot, poses)?;
             known.add_person(person.slot, subject.body.skeleton.clone());
             known.note_prior(person.slot, prior_of(&saved.config, &options, &subject));
             subjects.push(subject);
@@ -210,12 +210,12 @@ fn begin(
 ) -> Result<Option<String>, TrainError> {
     let (slot, track) = (person.slot, &person.shard.track);
     let known = state.occupancy[slot].take();
-    let field = saved.config.appearance.field();
-    let grid = field.and_then(|it| Occupancy::new(&subject.body.grid, &it.march));
+    let march = saved.config.appearance.march();
+    let grid = march.and_then(|march| Occupancy::new(&subject.body.grid, march));
     state.occupancy[slot] = grid.map(|grid| grid.with_levels_of(known.as_ref()));
     let known = state.poses[slot].take();
-    let splats = saved.config.appearance.splats().is_some();
-    let decision = decide(wanted.refinement.who, person, splats)?;
+    let cheap = saved.config.appearance.capabilities().fast_frames;
+    let decision = decide(wanted.refinement.who, person, cheap)?;
     if let Some(extent) = decision.refine {
         // Another film of the same person starts anew.
         let known = known.filter(|known| known.is_of(track));
@@ -260,17 +260,17 @@ fn set_harmonics_degree(
         let field = "harmonics";
         Err(TrainError::Config(ConfigError::Field { field, message }))
     };
-    match wanted.appearance.splats_mut() {
-        None if degree == 0 => Ok(()),
-        None => fail(format!(
+    match &mut wanted.appearance {
+        Appearance::Field(_) if degree == 0 => Ok(()),
+        Appearance::Field(_) => fail(format!(
             "the tier {} has a field, whose colours do not depend on the view",
             wanted.tier
         )),
-        Some(splats) if only && splats.harmonics != degree => fail(format!(
+        Appearance::Splats(splats) if only && splats.harmonics != degree => fail(format!(
             "the model's are of degree {}: a training of one person leaves it",
             splats.harmonics
         )),
-        Some(splats) => {
+        Appearance::Splats(splats) => {
             splats.harmonics = degree;
             splats.check()?;
             Ok(state.avatar_mut().set_harmonics_degree(degree)?)
@@ -294,8 +294,7 @@ fn prior_of(
     options: &TrainOptions,
     subject: &TrainSubject,
 ) -> Option<String> {
-    let splats = config.appearance.splats()?;
-    let guesses = splats.guess_unseen && !options.leave_unseen;
+    let guesses = config.appearance.guesses_unseen() && !options.leave_unseen;
     // Other skeletons have no places that correspond to those of people.
     let places = Parts::of(&subject.body.skeleton).is_some();
     options.prior.name().filter(|_| guesses && places)

@@ -17,8 +17,8 @@ use crate::train::model::Model;
 use crate::train::poses::fit::{fit_pose, pose};
 use crate::train::run::best::Best;
 use crate::train::run::{Moment, Run};
-use crate::train::splats::placing::grow;
-use crate::train::splats::unseen::{freeze_guesses, guess_unseen, unfreeze_colours};
+use crate::train::splats::placing::split_splats;
+use crate::train::splats::unseen::{guess_unseen, update_frozen_colours};
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -66,15 +66,11 @@ impl Trainer {
         let index = self.data.at(now.step, &self.known);
         let (subject, frame) = self.data.frame(index);
         let slot = subject.slot;
+        // What comes before learning, in this order: each knows when it is due, by what those before it have changed.
         fit_pose(&mut self.model, subject, frame, now, &mut rng)?;
-        grow(&mut self.model, subject, now)?;
-        match self.run.options().leave_unseen {
-            true => unfreeze_colours(&mut self.model, self.data.subjects())?,
-            false => {
-                let prior = self.run.options().prior.decoder();
-                freeze_guesses(&mut self.model, self.data.subjects(), prior, now)?;
-            }
-        }
+        split_splats(&mut self.model, subject, now)?;
+        let (subjects, options) = (self.data.subjects(), self.run.options());
+        update_frozen_colours(&mut self.model, subjects, options, now)?;
         let pose = pose(&self.model.state, subject, frame);
         let weight = self.model.state.weight(slot, frame);
         let learned = match self.model.appearance() {

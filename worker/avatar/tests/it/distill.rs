@@ -61,7 +61,7 @@ fn splats_show_what_a_field_shows() {
         capture_frames: &[],
     };
     let film = teacher(&poses, 0)
-        .render_shard(|pictures| pictures < 24)
+        .render_shard(|pictures| pictures < 24, &mut || true)
         .expect("a film");
     assert_eq!(film.frames(), 24);
     assert!(jumps(&film.track).expect("a skeleton").len() > 1);
@@ -111,7 +111,8 @@ fn splats_show_what_a_field_shows() {
     );
 
     // What was filmed follows, in its own poses and from its own cameras.
-    let both = both.render_shard(|pictures| pictures < 2).expect("a film");
+    let both = both.render_shard(|pictures| pictures < 2, &mut || true);
+    let both = both.expect("pictures");
     assert_eq!(both.frames(), 2 + 12);
     for (place, (image, pose)) in images.iter().zip(&poses).enumerate() {
         assert_eq!(both.image(2 + place).rgb, image.rgb);
@@ -121,11 +122,11 @@ fn splats_show_what_a_field_shows() {
     }
 
     assert!(matches!(
-        teacher(&[], 0).render_shard(|_| false),
+        teacher(&[], 0).render_shard(|_| false, &mut || true),
         Err(DistillError::NoPoses)
     ));
     assert!(matches!(
-        teacher(&poses, 3).render_shard(|_| false),
+        teacher(&poses, 3).render_shard(|_| false, &mut || true),
         Err(DistillError::NoSuchSlot(3))
     ));
 }

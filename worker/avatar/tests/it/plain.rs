@@ -84,7 +84,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &CanonicalBody, look: &Loo
     };
     let samples = march(
         &batch.rays,
-        &config.appearance.field().expect("a field").march,
+        &config.appearance.march().expect("rays"),
         None::<&mut ChaCha8Rng>,
         &volume,
     )
@@ -92,7 +92,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &CanonicalBody, look: &Loo
     let hits = batch.rays.iter().flatten().count();
     assert_eq!(
         samples.live(),
-        hits * config.appearance.field().expect("a field").march.samples,
+        hits * config.appearance.march().expect("rays").samples,
         "all samples"
     );
     let device = posed.weights.device();

@@ -16,6 +16,7 @@ fn a_mixture_of_two_people_of_splats_is_both() {
         let mut view = SceneView::from(view_of(&people[0], 0, 0));
         let actor = view.actors.remove(0);
         let actors = slots.iter().map(|slot| Actor {
+            model: 0,
             slot: *slot,
             ..actor.clone()
         });
@@ -110,6 +111,7 @@ fn scene(people: &[TrainPerson], metres: f32) -> SceneView {
             *axis -= nearer * along as f32;
         }
         Actor {
+            model: 0,
             slot: person.slot,
             pose,
             light: Light::Own,

@@ -31,6 +31,7 @@ fn nearer(person: &TrainPerson, camera: &Camera, metres: f32) -> Actor {
         *axis -= metres * along as f32;
     }
     Actor {
+        model: 0,
         slot: 0,
         pose,
         light: Light::Own,

@@ -102,6 +102,7 @@ fn off(trainer: &Trainer, person: &SyntheticPerson, angle: f64) -> f64 {
         let truth = person.render(&pose, &camera);
         let scene = SceneView {
             actors: vec![Actor {
+                model: 0,
                 slot: 0,
                 pose,
                 light: Light::Neutral,

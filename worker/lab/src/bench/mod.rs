@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
-use yoto_avatar::config::{ModelConfig, Precision, Setting};
+use yoto_avatar::config::{Appearance, ModelConfig, Precision, Setting};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
@@ -132,9 +132,10 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
         Timed::Tier(tier) => ModelConfig::named(tier, "yoto")?.with(&options.settings)?,
         Timed::Form(form) => form.config(&options.settings)?,
     };
-    // The non-rigid field never moves splats.
-    if config.appearance.splats().is_none() {
-        config.schedule = config.schedule.all_at_once();
+    match config.appearance {
+        Appearance::Field(_) => config.schedule = config.schedule.all_at_once(),
+        // The non-rigid field never moves splats.
+        Appearance::Splats(_) => {}
     }
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;

@@ -6,8 +6,7 @@ use crate::jobs::checkpoint::{self, Downloaded};
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::collections::{BTreeMap, BTreeSet};
 use yoto_avatar::render::{
-    Actor, Light, ModelActor, RenderError, RenderSettings, Rendered, Renderer, SceneView,
-    render_together,
+    ModelActor, RenderError, RenderSettings, Rendered, Renderer, SceneView, render_together,
 };
 use yoto_film::{Bodies, ModelBodies, Person, View};
 use yoto_proto::names;
@@ -135,9 +134,8 @@ impl<'a> Models<'a> {
         if self.others.is_empty() {
             return self.own.renderer.render_scene(&scene, keep_going);
         }
-        let people = view.actors.iter().zip(&scene.actors);
-        let people = people.map(|(planned, actor)| {
-            let model = &self.at(planned.model)?.renderer;
+        let people = view.actors.iter().map(|actor| {
+            let model = &self.at(actor.model)?.renderer;
             Ok(ModelActor { model, actor })
         });
         let people = people.collect::<Result<Vec<ModelActor<'_>>, RenderError>>()?;
@@ -177,17 +175,8 @@ impl Model<'_> {
 
 /// `view` as the renderer takes it.
 pub(super) fn scene_view(view: &View) -> SceneView {
-    let actors = view.actors.iter().map(|actor| Actor {
-        slot: actor.slot,
-        pose: actor.pose.clone(),
-        light: match actor.light {
-            yoto_film::Light::Own => Light::Own,
-            yoto_film::Light::Neutral => Light::Neutral,
-            yoto_film::Light::Of { slot, rotation } => Light::Of { slot, rotation },
-        },
-    });
     SceneView {
-        actors: actors.collect(),
+        actors: view.actors.clone(),
         camera: view.camera.clone(),
         background: view.background,
     }

@@ -47,7 +47,7 @@ impl FeatureRange {
         }
     }
 
-    /// As [`Self::bounds`] gives them.
+    /// The range with the `bounds` of [`Self::bounds`].
     pub fn from_bounds(bounds: Vec<f32>) -> Self {
         Self { bounds }
     }
@@ -73,7 +73,7 @@ impl FeatureRange {
 pub(crate) struct Limits(Vec<f32>);
 
 impl Limits {
-    /// As [`Self::as_slice`] gives them.
+    /// The limits with the `numbers` of [`Self::as_slice`].
     pub fn of(numbers: Vec<f32>) -> Self {
         Self(numbers)
     }

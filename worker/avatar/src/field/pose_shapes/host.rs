@@ -32,7 +32,7 @@ pub(crate) struct HostShapes {
 }
 
 impl HostShapes {
-    /// Those of the person in `slot`, who has the `code`, for splats with canonical `means` `[N, 3]`.
+    /// Reads the shapes of the person in `slot`, who has the `code`, for splats with canonical `means` `[N, 3]`.
     ///
     /// # Errors
     /// If the model can't be read from its device.
@@ -56,7 +56,7 @@ impl HostShapes {
         Ok(Self::new(&near, basis, limits, weights, means))
     }
 
-    /// Those of splats at `means` `[N, 3]` with these `weights` `[N, R]`.
+    /// The shapes of splats at `means` `[N, 3]` with these `weights` `[N, R]`.
     pub fn new(
         near: &Nearness,
         basis: Vec<f32>,
@@ -105,7 +105,7 @@ impl HostShapes {
         self.limits.as_slice()
     }
 
-    /// `[K, 3 R]`: what each joint's turn gives each shape.
+    /// `[K, 3 R]`: what each joint's rotation gives each shape.
     fn by_joint(&self, pose: &Pose) -> Vec<f32> {
         let features = self.limits.clamp(features(pose));
         let width = 3 * self.count;

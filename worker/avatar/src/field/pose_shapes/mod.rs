@@ -137,7 +137,7 @@ impl PoseShapes {
         let features = TensorData::new(features, [joints, 1, FEATURES]);
         let features = Tensor::<3>::from_data(features, &device);
         let basis = self.basis.val() + self.own[slot].val();
-        // [K, 1, 9] x [K, 9, 3 R]: what each joint's turn gives each shape.
+        // [K, 1, 9] x [K, 9, 3 R]: what each joint's rotation gives each shape.
         let by_joint = features.matmul(basis).reshape([joints, 3 * config.count]);
         let moved = near.matmul(by_joint).reshape([n, 3, config.count]);
         let weights = self.weights(config, body, means, code);

@@ -5,7 +5,7 @@ use crate::config::ModelConfig;
 
 fn grid(cells: usize) -> Occupancy {
     let tier = ModelConfig::named("draft", "yoto").expect("a tier");
-    let mut config = tier.appearance.field().expect("a field").march.clone();
+    let mut config = tier.appearance.march().expect("rays").clone();
     config.occupancy_cells = cells;
     config.occupancy_alpha = 1e-2;
     let area = WarpGrid {

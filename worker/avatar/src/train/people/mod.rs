@@ -3,6 +3,7 @@
 pub(crate) mod learn;
 pub mod leaving;
 
+use crate::avatar::Avatar;
 use crate::config::ModelConfig;
 use crate::motion::body::CanonicalBody;
 use crate::train::{TrainError, TrainOptions};
@@ -44,6 +45,8 @@ pub(crate) struct Picture {
 /// A person, prepared for training.
 pub(crate) struct TrainSubject {
     pub slot: usize,
+    /// The slot of the person's own parameters ([`Avatar::own_slot`]).
+    pub own_slot: usize,
     pub body: CanonicalBody,
     /// Name of the person.
     pub name: String,
@@ -106,6 +109,7 @@ impl TrainSubject {
         let sides = other.map(|other| Sides::new(other, &skeleton.parents));
         Ok(Self {
             slot: person.slot,
+            own_slot: Avatar::own_slot(config, person.slot),
             name: person.name.clone(),
             sides,
             body: CanonicalBody::new(skeleton, config, device),

@@ -35,7 +35,7 @@ struct Expected {
 }
 
 impl ExpectedErrors {
-    /// Those of the configuration.
+    /// The errors that the configuration expects.
     pub fn configured() -> Self {
         let configured = Expected {
             squares: BEFORE,
@@ -44,7 +44,7 @@ impl ExpectedErrors {
         Self([configured; 2])
     }
 
-    /// Those with these factors of the configured errors.
+    /// The configured errors times these `factors`.
     pub fn of(factors: [f64; 2]) -> Self {
         Self(factors.map(|factor| Expected {
             squares: BEFORE * factor.powi(2) as f32,

@@ -34,7 +34,7 @@ const FAR: usize = 10;
 pub(crate) struct PoseRefinement {
     /// Fingerprint of the poses that were given.
     track: String,
-    /// Of each frame of the track.
+    /// The change of each frame of the track.
     changes: Vec<PoseChange>,
     /// Whether they are found over one run of a model whose own refinement was over.
     late: bool,
@@ -162,7 +162,7 @@ impl PoseRefinement {
         read.clone()
     }
 
-    /// The same with its change.
+    /// The given `pose` of the frame at `position` as it is read, with its change.
     pub fn refined(&self, position: usize, pose: &Pose) -> Pose {
         self.changes[position].of(&self.read(position, pose))
     }

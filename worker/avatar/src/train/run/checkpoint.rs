@@ -2,7 +2,7 @@
 //! only weights and state.
 
 use crate::avatar::Avatar;
-use crate::config::{FieldConfig, ModelConfig};
+use crate::config::ModelConfig;
 use crate::field::splats::frozen_path;
 use crate::identity::stored_names::stored;
 use crate::identity::{own, stored_names};
@@ -203,7 +203,7 @@ pub(crate) fn load_occupancy(
         .map(|bytes| SafeTensors::deserialize(bytes))
         .transpose()
         .map_err(|e| failed(&path, e))?;
-    let Some(FieldConfig { march, .. }) = state.config.appearance.field() else {
+    let Some(march) = state.config.appearance.march() else {
         return Ok(vec![None; state.slots.len()]);
     };
     let grid = |(slot, skeleton): (usize, &Option<Skeleton>)| {

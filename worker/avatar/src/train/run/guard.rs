@@ -268,7 +268,7 @@ mod tests {
             nodes: [2; 3],
             floor: 0.0,
         };
-        let grid = Occupancy::new(&area, &config.appearance.field().expect("a field").march)
+        let grid = Occupancy::new(&area, &config.appearance.march().expect("rays"))
             .expect("the tier has grids");
         state.occupancy = vec![Some(grid.clone())];
         assert_eq!(step(&mut state, &mut guard, 1.0, 0), Verdict::Taken);

@@ -1,6 +1,6 @@
 //! How much of the model's error each splat has a part in.
 
-use crate::avatar::{Avatar, AvatarAppearance};
+use crate::avatar::AvatarAppearance;
 use crate::host::read;
 use crate::train::TrainError;
 use crate::train::exposure::{apply_exposure, near};
@@ -22,11 +22,11 @@ pub(super) fn errors(
     subject: &TrainSubject,
     now: Moment,
 ) -> Result<Vec<f64>, TrainError> {
-    let AvatarAppearance::Splats(splats) = model.appearance() else {
-        return Ok(Vec::new());
+    let splats = match model.appearance() {
+        AvatarAppearance::Splats(splats) => splats,
+        AvatarAppearance::Field(_) => return Ok(Vec::new()),
     };
-    let own = Avatar::own_slot(&model.config, subject.slot);
-    let colours = splats.splats[own].colours.val();
+    let colours = splats.splats[subject.own_slot].colours.val();
     let mut sums = vec![0.0; colours.dims()[0]];
     let stride = subject.frames.len().div_ceil(FRAMES).max(1);
     for frame in subject.frames.iter().step_by(stride) {

@@ -2,8 +2,7 @@
 //! ones learn the mean of wrong poses by heart; once poses are better, they are split until there are all
 //! (docs/research/splats.md).
 
-use crate::avatar::Avatar;
-use crate::config::{ModelConfig, Variant};
+use crate::config::{Appearance, ModelConfig, Variant};
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
@@ -25,10 +24,12 @@ pub(crate) fn place_initial_splats(
     subject: &TrainSubject,
     known: bool,
 ) -> Result<(), TrainError> {
-    let Some(splats) = config.appearance.splats() else {
-        return Ok(());
+    let splats = match &config.appearance {
+        Appearance::Splats(splats) => splats,
+        // A field starts everywhere.
+        Appearance::Field(_) => return Ok(()),
     };
-    let own = Avatar::own_slot(config, subject.slot);
+    let own = subject.own_slot;
     let placing = match config.variant {
         Variant::NoIdentity => state.poses.iter().flatten().any(PoseRefinement::has_placed),
         _ => state.poses[subject.slot]
@@ -49,15 +50,16 @@ pub(crate) fn place_initial_splats(
     Ok(())
 }
 
-/// Splits the splats of the `subject` where the error is until there are as many as are due. They know
-/// what they have learned, so that a picture hardly changes.
-pub(crate) fn grow(
+/// Splits the splats of the `subject` where the error is until there are as many as are due. The halves know
+/// what the whole has learned, so that a picture hardly changes.
+pub(crate) fn split_splats(
     model: &mut Model,
     subject: &TrainSubject,
     now: Moment,
 ) -> Result<(), TrainError> {
-    let Some(config) = model.config.appearance.splats() else {
-        return Ok(());
+    let config = match &model.config.appearance {
+        Appearance::Splats(splats) => splats,
+        Appearance::Field(_) => return Ok(()),
     };
     let Some(poses) = &mut model.state.poses[subject.slot] else {
         return Ok(());
@@ -67,7 +69,7 @@ pub(crate) fn grow(
     };
     let _span = trace_span!("grow").entered();
     let worth = errors(model, subject, now)?;
-    let own = Avatar::own_slot(&model.config, subject.slot);
+    let own = subject.own_slot;
     let avatar = model.state.avatar_mut();
     let mut splats = avatar.splat_values(own)?;
     let from = split(&mut splats, &worth, count);

@@ -62,7 +62,7 @@ struct Part {
 /// A ring around a part, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Ring {
-    /// Of its middle across the view.
+    /// Position of its middle across the view.
     middle: f32,
     /// Half of its width.
     half: f32,

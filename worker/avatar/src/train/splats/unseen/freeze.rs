@@ -4,43 +4,41 @@
 //! guessed.
 
 use super::guess_unseen;
-use crate::avatar::Avatar;
-use crate::decoder::Decoder;
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
 use crate::train::run::Moment;
+use crate::train::run::options::TrainOptions;
 
 /// Share of a run after which guesses are frozen (docs/research/splats.md, "Sides that no frame shows").
 const FROM: f64 = 0.6;
 
-/// Guesses once what no frame shows of the `subjects` and freezes it, if the step at `now` is late in the run; before
-/// that, everything learns.
-pub(crate) fn freeze_guesses(
+/// Guesses once what no frame shows of the `subjects` and freezes it, if the step at `now` is late in the run. Before
+/// that, and if `options` leave what is unseen, everything learns.
+pub(crate) fn update_frozen_colours(
     model: &mut Model,
     subjects: &[TrainSubject],
-    prior: Option<&Decoder>,
+    options: &TrainOptions,
     now: Moment,
 ) -> Result<(), TrainError> {
-    let own = |subject: &TrainSubject| Avatar::own_slot(&model.config, subject.slot);
-    let slots: Vec<usize> = subjects.iter().map(own).collect();
-    let frozen = |slot: &usize| model.state.avatar().has_frozen_colours(*slot);
-    if now.fraction < FROM {
+    if options.leave_unseen || now.fraction < FROM {
         return unfreeze_colours(model, subjects);
     }
-    if !slots.iter().all(frozen) {
+    let frozen = |subject: &TrainSubject| {
+        let avatar = model.state.avatar();
+        avatar.has_frozen_colours(subject.own_slot)
+    };
+    if !subjects.iter().all(frozen) {
+        let prior = options.prior.decoder();
         guess_unseen(model, subjects, prior, now.schedule_progress)?;
     }
     Ok(())
 }
 
 /// Lets all colours of the splats of the `subjects` learn.
-pub(crate) fn unfreeze_colours(
-    model: &mut Model,
-    subjects: &[TrainSubject],
-) -> Result<(), TrainError> {
+fn unfreeze_colours(model: &mut Model, subjects: &[TrainSubject]) -> Result<(), TrainError> {
     for subject in subjects {
-        let slot = Avatar::own_slot(&model.config, subject.slot);
+        let slot = subject.own_slot;
         if model.state.avatar().has_frozen_colours(slot) {
             model.state.avatar_mut().freeze_colours(slot, None)?;
         }

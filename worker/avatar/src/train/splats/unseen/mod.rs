@@ -1,11 +1,11 @@
 //! Sides of a person that no frame shows. Nothing teaches the splats there, which keep what chance gave them. Late in a run
-//! ([`freeze_guesses`]) and at its end they take colours from where the person was seen ([`guess`]), and a note says so.
+//! ([`update_frozen_colours`]) and at its end they take colours from where the person was seen ([`guess`]), and a note says so.
 
 mod freeze;
 mod guess;
 mod visibility;
 
-use crate::avatar::{Avatar, AvatarAppearance, AvatarSplats};
+use crate::avatar::{AvatarAppearance, AvatarSplats};
 use crate::decoder::Decoder;
 use crate::decoder::parts::Parts;
 use crate::field::splats::{SOLID, opaque_area};
@@ -16,7 +16,7 @@ use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
 use burn::module::Module;
-pub(crate) use freeze::{freeze_guesses, unfreeze_colours};
+pub(crate) use freeze::update_frozen_colours;
 use guess::{Guessed, Surface};
 use std::cmp::Ordering;
 use tracing::trace_span;
@@ -44,9 +44,9 @@ pub(crate) fn guess_unseen(
         let avatar = model.state.avatar().clone().no_grad();
         let splats = match avatar.appearance(&model.config) {
             AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
-            _ => return Ok(notes),
+            AvatarAppearance::Splats(_) | AvatarAppearance::Field(_) => return Ok(notes),
         };
-        let own = Avatar::own_slot(&model.config, subject.slot);
+        let own = subject.own_slot;
         // What was frozen did not learn: it is a guess still, even where a frame shows it by now.
         let frozen = avatar.frozen_colours(own)?;
         let guessed = guess(model, subject, splats, prior, schedule_progress, frozen)?;

@@ -73,7 +73,7 @@ pub(super) fn splat_visibility(
 }
 
 impl SplatVisibility {
-    /// Of the largest part that a frame shows of each splat, and of the sum of these parts.
+    /// The visibility by the largest part that a frame shows of each splat, and the sum of these parts.
     fn new(most: &[f32], total: Vec<f32>) -> Self {
         let mut shown: Vec<f32> = total.iter().copied().filter(|part| *part > 0.0).collect();
         shown.sort_unstable_by(f32::total_cmp);
