@@ -14,15 +14,30 @@ const RENAMED: [(&str, &str, &str); 3] = [
 
 /// The name in checkpoints of the parameter at `path`, as in `splats.2.turns` for `splats.2.rotations`.
 pub(crate) fn stored(path: &str) -> String {
-    let mut names = path.split('.');
-    let part = names.next().unwrap_or_default();
-    let name = |name: &str| {
-        let renamed = RENAMED.iter().find(|it| (it.0, it.1) == (part, name));
-        renamed.map_or(name, |it| it.2).to_owned()
+    renamed(path, |(part, field, stored)| (part, field, stored))
+}
+
+/// The path in the program of the parameter that checkpoints call `name`: the inverse of [`stored`].
+pub(crate) fn field(name: &str) -> String {
+    renamed(name, |(part, field, stored)| (part, stored, field))
+}
+
+/// A row of [`RENAMED`], or with its last two names exchanged.
+type Row = (&'static str, &'static str, &'static str);
+
+/// `path` with the names that `order` tells to replace in a part by others.
+fn renamed(path: &str, order: impl Fn(Row) -> Row) -> String {
+    let (part, rest) = path.split_once('.').unwrap_or((path, ""));
+    let name = |name| {
+        let mut rows = RENAMED.into_iter().map(&order);
+        let row = rows.find(|(of, from, _)| (*of, *from) == (part, name));
+        row.map_or(name, |(.., to)| to)
     };
-    let names = names.map(name);
-    let names: Vec<String> = std::iter::once(part.to_owned()).chain(names).collect();
-    names.join(".")
+    let names: Vec<&str> = rest.split('.').map(name).collect();
+    match rest {
+        "" => part.to_owned(),
+        _ => format!("{part}.{}", names.join(".")),
+    }
 }
 
 /// Renames parameters of the program to those of checkpoints.
@@ -35,12 +50,8 @@ pub(crate) fn from_checkpoint() -> KeyRemapper {
     remapper(|(part, field, stored)| (part, stored, field))
 }
 
-/// Renames by the table, of which `order` tells what is renamed to what in a part.
-fn remapper(
-    order: impl Fn(
-        (&'static str, &'static str, &'static str),
-    ) -> (&'static str, &'static str, &'static str),
-) -> KeyRemapper {
+/// Renames as [`renamed`] does.
+fn remapper(order: impl Fn(Row) -> Row) -> KeyRemapper {
     let pattern = |row| {
         let (part, from, to) = order(row);
         (

@@ -12,9 +12,10 @@ use crate::render::Renderer;
 use crate::render::occupancy::Occupancy;
 use crate::train::TrainError;
 use crate::train::frames::order::PersonSteps;
+use crate::train::run::optimiser_file;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
-use burn::tensor::{Bytes, Device};
+use burn::tensor::Device;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -250,15 +251,7 @@ pub(crate) fn save(
     avatar: &Avatar,
     optimiser: &ModuleOptimizer,
 ) -> Result<(), TrainError> {
-    let path = dir.join(files::OPTIMISER);
-    // Burn does not overwrite files.
-    match std::fs::remove_file(&path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            return Err(failed(&path, error));
-        }
-        _ => {}
-    }
-    optimiser.save(&path).map_err(|e| failed(&path, e))?;
+    optimiser_file::save(&dir.join(files::OPTIMISER), avatar, optimiser)?;
     save_model(dir, state, avatar)
 }
 
@@ -339,17 +332,12 @@ fn expect_frozen(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> 
     Ok(())
 }
 
-/// The optimiser in `dir`. The whole file is read: Burn's `load` reads a tensor at its first use,
-/// when the caller's folder may no longer exist.
+/// The optimiser in `dir`, in place of the `fresh` one.
 pub(crate) fn load_optimiser(
     dir: &Path,
     fresh: ModuleOptimizer,
 ) -> Result<ModuleOptimizer, TrainError> {
-    let path = dir.join(files::OPTIMISER);
-    let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
-    fresh
-        .from_bytes(Bytes::from_bytes_vec(bytes))
-        .map_err(|e| failed(&path, e))
+    optimiser_file::load(&dir.join(files::OPTIMISER), fresh)
 }
 
 impl Renderer {

@@ -4,6 +4,7 @@ pub(crate) mod best;
 pub(crate) mod checkpoint;
 pub(crate) mod guard;
 pub(crate) mod optimiser;
+mod optimiser_file;
 pub(crate) mod options;
 pub(crate) mod parts;
 pub(crate) mod progress;
@@ -42,7 +43,7 @@ pub(crate) struct Run {
     previews: Vec<Preview>,
 }
 
-/// Where a run is before a step.
+/// The position of a run before a step.
 #[derive(Clone, Copy)]
 pub(crate) struct Moment {
     /// Steps over the model's life.
@@ -82,7 +83,7 @@ impl Run {
         &self.options
     }
 
-    /// Where the run is.
+    /// The position of the run.
     pub fn moment(&self) -> Moment {
         Moment {
             step: self.step,
@@ -195,7 +196,7 @@ impl Run {
         &self.previews
     }
 
-    /// How the run goes, without what the model tells.
+    /// The progress of the run, without the figures of the model.
     pub fn progress(&self) -> TrainProgress {
         let (total_steps, seconds_left) = match self.options.budget {
             Budget::Seconds(seconds) => (0, (seconds - self.budget_seconds).max(0.0)),
