@@ -38,7 +38,7 @@ impl OneCamera {
     }
 }
 
-/// Which frames of a film are held out.
+/// The frames of a capture that are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeldOut {
     /// One frame of each run of this length, as poses.

@@ -1,4 +1,4 @@
-//! How far the joints of training poses are from those of the exact ones.
+//! The distances of the joints of training poses from those of the exact ones.
 
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::Pose;

@@ -34,7 +34,7 @@ const CURVE_POINTS: f64 = 10.0;
 pub struct QualityOptions {
     /// Captures, one per person.
     pub captures: Vec<CaptureSource>,
-    /// Which frames of a capture of one camera are held out.
+    /// The frames of a capture of one camera that are held out.
     pub held_out: HeldOut,
     /// Longest side of the pictures, pixels.
     pub size: u32,
@@ -62,7 +62,7 @@ pub struct QualityOptions {
     pub seed: u64,
     /// Folder for truth and render of each held-out picture side by side.
     pub pictures: Option<PathBuf>,
-    /// What is known of people before.
+    /// Knowledge of people before the training.
     pub prior: Prior,
     /// Checkpoint of a model that the person of the one capture joins, in place of a new model.
     pub join: Option<PathBuf>,

@@ -168,12 +168,14 @@ impl Form {
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
             InstructionSet::Portable => work.run::<false>(),
-            // SAFETY: forms of these kinds are made only if AVX2 and FMA were detected.
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2
             | InstructionSet::Avx512
             | InstructionSet::Avx512Bf16
-            | InstructionSet::Amx => unsafe { with_avx2(work) },
+            | InstructionSet::Amx => {
+                // SAFETY: these forms are made only if AVX2 and FMA were detected.
+                unsafe { with_avx2(work) }
+            }
         }
     }
 }

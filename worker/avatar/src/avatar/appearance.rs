@@ -43,7 +43,7 @@ pub struct AvatarSplats<'a> {
 }
 
 impl Avatar {
-    /// What the model has in canonical space; `config` is the one that it was made by.
+    /// The representation in canonical space; `model` is the configuration that the model was made by.
     ///
     /// # Panics
     /// If `config` is of another model.
@@ -123,7 +123,7 @@ impl AvatarSplats<'_> {
         self.avatar.splat_values(own)
     }
 
-    /// Which splats of the identity in `slot` have a frozen colour; `None` if nothing was guessed.
+    /// Flags of the splats of the identity in `slot` that have a frozen colour; `None` if nothing was guessed.
     ///
     /// # Errors
     /// If the flags can't be read from their device.

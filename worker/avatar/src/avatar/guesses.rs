@@ -1,4 +1,4 @@
-//! Which splats have a guessed colour, since no training frame shows them. Their flags are part of the model: a training
+//! Flags of splats with a guessed colour, since no training frame shows them. The flags are part of the model: a training
 //! freezes those colours, and everybody who gets the model can tell which they are.
 
 use super::Avatar;
@@ -25,7 +25,7 @@ impl Avatar {
         self.splats.get(slot).is_some_and(|it| it.frozen.is_some())
     }
 
-    /// Which splats of the identity in `slot` have a frozen colour, which is guessed; `None` if nothing was guessed.
+    /// Flags of the splats of the identity in `slot` that have a frozen colour, which is guessed; `None` if nothing was guessed.
     pub(crate) fn frozen_colours(&self, slot: usize) -> Result<Option<Vec<bool>>, ReadError> {
         let frozen = self.splats.get(slot).and_then(|it| it.frozen.as_ref());
         let flags = frozen

@@ -1,4 +1,4 @@
-//! What a model has in canonical space: a field that rays march through, or splats.
+//! The representation in canonical space: a field that rays march through, or splats.
 
 use super::{CanonicalConfig, FieldConfig, MarchConfig, ModelConfig, SplatConfig};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// others. Checkpoints depend on it.
 const BOX_EPSILON: f32 = 1e-3;
 
-/// What a model has in canonical space.
+/// The representation in canonical space.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Parts", into = "Parts")]
 pub enum Appearance {

@@ -1,9 +1,9 @@
-//! What a representation in canonical space can do. Code asks for a capability, not for the representation, so that a further
+//! Capabilities of the representations in canonical space. Code asks for a capability, not for the representation, so that a further
 //! one answers here, once, and the compiler names every other place that has to know it.
 
 use super::{Appearance, Encoding, MarchConfig, PoseShapesConfig};
 
-/// What a representation can do.
+/// Capabilities of a representation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capabilities {
     /// People can be lit otherwise than in their captures.
@@ -39,7 +39,7 @@ const SPLATS: Capabilities = Capabilities {
 };
 
 impl Appearance {
-    /// What the representation can do.
+    /// The capabilities of the representation.
     pub fn capabilities(&self) -> Capabilities {
         match self {
             Self::Field(_) => FIELD,
@@ -47,7 +47,7 @@ impl Appearance {
         }
     }
 
-    /// How rays march; `None` if frames have no rays.
+    /// Settings of the march of rays; `None` if frames have no rays.
     pub fn march(&self) -> Option<&MarchConfig> {
         match self {
             Self::Field(field) => Some(&field.march),
@@ -55,7 +55,7 @@ impl Appearance {
         }
     }
 
-    /// How rays march, to change it; `None` if frames have no rays.
+    /// Settings of the march of rays, to change them; `None` if frames have no rays.
     pub fn march_mut(&mut self) -> Option<&mut MarchConfig> {
         match self {
             Self::Field(field) => Some(&mut field.march),

@@ -18,7 +18,7 @@ pub enum LearnExposure {
 }
 
 impl LearnExposure {
-    /// What an order asks for; `None` leaves the choice to the configuration.
+    /// The choice of an order; `None` leaves the choice to the configuration.
     pub fn ordered(order: ExposureLearning) -> Option<Self> {
         match order {
             ExposureLearning::Unspecified => None,

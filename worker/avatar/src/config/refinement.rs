@@ -31,7 +31,7 @@ pub enum Extent {
 }
 
 impl Refine {
-    /// What an order asks for; `None` leaves the choice to the configuration.
+    /// The choice of an order; `None` leaves the choice to the configuration.
     pub fn ordered(order: PoseRefinement) -> Option<Self> {
         match order {
             PoseRefinement::Unspecified => None,
@@ -122,7 +122,7 @@ impl Default for RefinementConfig {
     }
 }
 
-/// How poses are refined at one point of a run.
+/// The settings of pose refinement at one point of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RefinementStage {
     /// Blur, as a share of the person's longer side in the picture.
@@ -149,7 +149,7 @@ impl RefinementConfig {
         progress >= self.start
     }
 
-    /// How poses are refined to an `extent` after the completed fraction `progress` of a run; `None` where they
+    /// The settings of pose refinement to an `extent` after the completed fraction `progress` of a run; `None` where they
     /// are not.
     pub(crate) fn stage(&self, extent: Extent, progress: f64) -> Option<RefinementStage> {
         let start = match extent {

@@ -20,7 +20,7 @@ fn every_listed_tier_and_variant_exists() {
 #[test]
 fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
     let config = ModelConfig::named("fast", "yoto").expect("named");
-    let march = &config.appearance.march().expect("rays");
+    let march = config.appearance.march().expect("rays");
     assert!(march.min_transmittance > 0.0 && march.occupancy_cells > 0);
     let mut json = serde_json::to_value(&config).expect("serialises");
     let march = json["march"].as_object_mut().expect("an object");
@@ -28,7 +28,7 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
         assert!(march.remove(field).is_some(), "{field}");
     }
     let old: ModelConfig = serde_json::from_value(json).expect("reads");
-    let march = &old.appearance.march().expect("rays");
+    let march = old.appearance.march().expect("rays");
     assert_eq!((march.min_transmittance, march.occupancy_cells), (0.0, 0));
     let mut bad = config.clone();
     bad.appearance

@@ -26,7 +26,7 @@ pub struct Decoder {
     pub(super) basis: Vec<Vec<[f32; 3]>>,
 }
 
-/// What the decoder says of one person.
+/// The colours of one person by the decoder.
 pub(crate) struct Decoded {
     /// `[CELLS]`.
     colours: Vec<[f32; 3]>,

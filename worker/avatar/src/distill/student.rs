@@ -17,7 +17,7 @@ const HELD_OUT: usize = 10;
 /// Fewest pictures of the field, whatever the time.
 pub const FEWEST: usize = 12;
 
-/// How the splats are trained.
+/// Settings of the splats' training.
 #[derive(Clone, Debug)]
 pub struct StudentTraining {
     /// Name of the person.
@@ -31,7 +31,7 @@ pub struct StudentTraining {
     pub scratch: Option<PathBuf>,
 }
 
-/// What a distillation is doing.
+/// The stage of a distillation.
 #[derive(Clone, Debug)]
 pub enum DistillStage {
     /// It renders the teacher's pictures; so far, this number.

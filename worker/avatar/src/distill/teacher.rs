@@ -14,7 +14,7 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// Distance of the cameras, metres.
 const DISTANCE: f64 = 3.5;
-/// What a person reaches beyond their joints, metres.
+/// Reach of a person beyond their joints, metres.
 const REACH: f64 = 0.25;
 /// Most frames of a capture, and most bytes of their pictures.
 const MOST_FILMED: usize = 200;
@@ -27,7 +27,7 @@ const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
 /// (Roberts' R2).
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// What a model can show of a person.
+/// A model as it shows a person, from which another learns.
 pub struct Teacher<'a> {
     /// The model that knows them.
     pub renderer: &'a Renderer,
@@ -49,7 +49,7 @@ pub struct CaptureFrame {
     pub pose: Pose,
     /// The camera that saw it, in the poses' world.
     pub camera: Camera,
-    /// What it saw.
+    /// The picture that it took.
     pub image: FrameImage,
 }
 

@@ -112,7 +112,7 @@ impl PoseFitter<'_> {
         Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1)
     }
 
-    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity of each:
+    /// The values of the rays of `samples`, by the `weights` of red, green, blue and opacity of each:
     /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
     pub(super) fn gradients(
         &self,

@@ -30,7 +30,7 @@ use yoto_capture::camera::{Camera, Pose};
 
 /// Weight of a colour beside the opacity, 1 / √3: the three together count as much.
 const COLOUR: f32 = 0.577;
-/// What a fit compares, as weights of red, green, blue and opacity: the opacity, and the
+/// The channels that a fit compares, as weights of red, green, blue and opacity: the opacity, and the
 /// brightness over black.
 const CHANNELS: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], BRIGHTNESS];
 /// Weights of the brightness.
@@ -91,7 +91,7 @@ pub(crate) struct Fit {
     pub evidence: [Evidence; 2],
 }
 
-/// How well expected errors agree with what a fit finds.
+/// The agreement of expected errors with what a fit finds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Evidence {
     /// Sum of the squared changes of the parameters from their given values, in units of the
@@ -187,7 +187,7 @@ impl PoseFitter<'_> {
         }))
     }
 
-    /// How far what the model shows in `pose` is from `picture`, both blurred as by
+    /// The difference of the model's picture in `pose` from `picture`, both blurred as by
     /// [`Self::step`]: the square of the difference as a share of the picture's square; `None` where
     /// the picture does not show the person. `offset` in [0, 1)² shifts the compared pixels within a
     /// cell.
@@ -305,7 +305,7 @@ impl Misfit {
     }
 }
 
-/// What a pixel shows, by the `weights` of red, green, blue and opacity.
+/// The value of a pixel, by the `weights` of red, green, blue and opacity.
 fn truth(image: &FrameImage, pixel: usize, weights: [f32; 4]) -> f32 {
     let rgb = &image.rgb[3 * pixel..3 * pixel + 3];
     let values = rgb.iter().chain([&image.mask[pixel]]);

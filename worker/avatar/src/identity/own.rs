@@ -138,7 +138,7 @@ mod tests {
         }
     }
 
-    /// What a further person adds to a model is theirs, in every form of its parts.
+    /// A further person owns everything that they add to a model, in every form of its parts.
     #[test]
     fn everything_that_a_further_person_adds_is_theirs() {
         let named = |tier: &str| ModelConfig::named(tier, "yoto").expect("a tier");

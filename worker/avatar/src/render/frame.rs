@@ -99,7 +99,7 @@ impl Rendered {
         }
     }
 
-    /// What a pixel's ray met, over the background.
+    /// Writes the sums of a pixel's ray over the background.
     pub(super) fn put(&mut self, pixel: usize, sums: &RayAccumulator, background: [f32; 3]) {
         for (c, background) in background.iter().enumerate() {
             self.rgb[3 * pixel + c] = sums.rgb[c] + (1.0 - sums.alpha) * background;

@@ -13,7 +13,7 @@ use crate::motion::weights::strongest;
 use yoto_capture::camera::Pose;
 use yoto_ops::warp::inverse::solve::Skinning;
 
-/// What a person looks like by places on the body.
+/// A person's colours and widths by places on the body.
 struct Looks {
     values: SplatValues,
     /// Place of each splat, its distance from the middle line of its part, metres, and the unit vector from there.
@@ -45,7 +45,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// What the person in `slot` looks like; `None` without splats or SMPL's joints.
+    /// The looks of the person in `slot`; `None` without splats or SMPL's joints.
     fn looks(&self, slot: usize) -> Result<Option<Looks>, RenderError> {
         let rest = Pose::rest(self.skeleton(slot).map_or(0, |it| it.joints()));
         let body = self.body_in(slot, &rest)?;

@@ -1,4 +1,4 @@
-//! Where a model finds an observed point in the rest pose: what its skinning and its non-rigid
+//! The rest positions of observed points by a model: what its skinning and its non-rigid
 //! field have learned together.
 
 use super::frame::{RenderError, Renderer};
@@ -17,7 +17,7 @@ pub struct RestPoints {
 }
 
 impl Renderer {
-    /// Where the identity in `slot` finds the `observed` points `[n, 3]`, metres, of the world in
+    /// The rest positions, by the identity in `slot`, of the `observed` points `[n, 3]`, metres, of the world in
     /// `pose`.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What a person of splats keeps from pose to pose: the splats in the rest pose, and the bones that carry each.
+//! The parts of a person of splats that poses do not change: the splats in the rest pose, and the bones that carry each.
 //! A frame then only moves bones.
 
 use super::frame::{RenderError, Renderer};

@@ -1,4 +1,4 @@
-//! What a model of splats knows about one person, for players and files: splats in the rest pose, and the
+//! One person of a model of splats, for players and files: splats in the rest pose, and the
 //! bones that carry them.
 
 use super::frame::{RenderError, Renderer};
@@ -27,7 +27,7 @@ pub struct SkinnedSplats {
     pub splats: Vec<SkinnedSplat>,
     /// Degree of the harmonics by which colours depend on the view.
     pub degree: usize,
-    /// What poses do to splats on top of their bones.
+    /// Offsets of splats by poses, on top of their bones.
     pub shapes: Option<SkinnedShapes>,
     /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`yoto_ops::splat::light`]).
     pub light: [[f32; LIGHTS]; 3],
@@ -63,7 +63,7 @@ pub struct SkinnedSplat {
     pub opacity: f32,
     /// Without light.
     pub colour: [f32; 3],
-    /// What the colour gains by the view, in the rest pose ([`yoto_ops::splat::harmonics`]); zeros above
+    /// View-dependent part of the colour, in the rest pose ([`yoto_ops::splat::harmonics`]); zeros above
     /// [`SkinnedSplats::degree`].
     pub harmonics: [[f32; 3]; harmonics::HARMONICS],
     /// Joints whose bones carry it, most first, and their shares, which sum to 1.

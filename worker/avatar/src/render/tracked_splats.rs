@@ -1,4 +1,4 @@
-//! Where the splats of a person are in a pose: a splat is a material point, which can be followed.
+//! The positions of a person's splats in a pose: a splat is a material point, which can be followed.
 
 use super::frame::{RenderError, Renderer};
 use crate::avatar::AvatarAppearance;
@@ -18,7 +18,7 @@ pub struct TrackedSplats {
 }
 
 impl Renderer {
-    /// Where the splats that show of the identity in `slot` are in `pose`; `None` if the model has a field.
+    /// The positions in `pose` of the splats of the identity in `slot` that are drawn; `None` if the model has a field.
     ///
     /// # Errors
     /// When the slot is empty, or the pose is not of its skeleton.

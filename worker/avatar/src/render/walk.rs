@@ -13,7 +13,7 @@ const BLOCK: usize = 64;
 pub(super) struct Candidate {
     /// Position in the body frame, metres.
     pub point: [f32; 3],
-    /// Where the bones carry it by their weights (paper, eq. 1), metres.
+    /// Its position after the bones have moved it by their weights (paper, eq. 1), metres.
     pub blend: [f32; 3],
     /// Foreground likelihood in [0, 1].
     pub likelihood: f32,

@@ -26,7 +26,7 @@ pub struct SweepView {
     pub view: RenderView,
     /// Picture of a camera with this view, over the view's background.
     pub truth: Option<FrameImage>,
-    /// How that picture is exposed beside others of the person's film.
+    /// Exposure of that picture relative to others of the person's capture.
     pub exposure: FrameExposure,
 }
 

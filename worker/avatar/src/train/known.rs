@@ -1,11 +1,11 @@
-//! What a model knows of its people, by slot, whether they take part in the training or not.
+//! A model's knowledge of its people, by slot, whether they take part in the training or not.
 
 use crate::train::frames::order::PersonSteps;
 use crate::train::run::checkpoint::ModelState;
 use std::collections::{BTreeMap, BTreeSet};
 use yoto_capture::skeleton::Skeleton;
 
-/// What a checkpoint keeps of people.
+/// The state of people that a checkpoint keeps.
 pub(crate) struct Known {
     slots: Vec<Option<Skeleton>>,
     /// Slots of people whose training changed only their own parameters.
@@ -21,7 +21,7 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// What `saved` keeps.
+    /// The people of the checkpoint with the state `saved`.
     pub fn new(saved: &ModelState, kept_tracks: Vec<(usize, Vec<u8>)>) -> Self {
         let mut steps_per_person = saved.steps_per_person.clone();
         steps_per_person.resize(saved.slots.len(), PersonSteps::default());

@@ -28,7 +28,7 @@ pub(crate) struct Model {
     patches: Option<PatchLearning>,
 }
 
-/// How a model with a field learns.
+/// Settings by which a model learns from patches.
 pub(crate) struct PatchLearning {
     pub objective: Box<dyn Objective>,
     /// Side length of a patch, pixels.
@@ -63,7 +63,7 @@ impl Model {
         }
     }
 
-    /// What the model has in canonical space.
+    /// The model's representation in canonical space.
     pub fn appearance(&self) -> AvatarAppearance<'_> {
         self.state.avatar().appearance(&self.config)
     }

@@ -36,7 +36,7 @@ pub struct Trainer {
     pub(super) best: Option<Best>,
 }
 
-/// What a step learns by.
+/// The loss of a step.
 struct StepLoss {
     /// `[1]`: the weighted sum of the terms.
     loss: Tensor<1>,

@@ -84,7 +84,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &CanonicalBody, look: &Loo
     };
     let samples = march(
         &batch.rays,
-        &config.appearance.march().expect("rays"),
+        config.appearance.march().expect("rays"),
         None::<&mut ChaCha8Rng>,
         &volume,
     )

@@ -37,7 +37,7 @@ pub struct RealOptions {
     pub source: PathBuf,
     /// Folder for captures, reports and pictures.
     pub out: PathBuf,
-    /// How the clips are read.
+    /// Settings by which the clips are read.
     pub import: Options,
     /// How a model is trained and measured; captures and held-out frames are those of the clips.
     pub quality: QualityOptions,

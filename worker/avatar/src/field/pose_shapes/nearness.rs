@@ -1,4 +1,4 @@
-//! Which joints can move the clothes at a place: those whose own bones are near, or that are near themselves. A skirt
+//! The joints that can move the clothes at a place: those whose own bones are near, or that are near themselves. A skirt
 //! follows the hip, whose thigh is beside it, and not the knee at the thigh's end.
 
 use rayon::prelude::*;

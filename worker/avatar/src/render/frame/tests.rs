@@ -33,7 +33,7 @@ fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let avatar = Avatar::new(&config, 1, skeleton.parents.len(), 5, &device);
     let body = CanonicalBody::new(skeleton, &config, &device);
-    let occupancy = Occupancy::new(&body.grid, &config.appearance.march().expect("rays"));
+    let occupancy = Occupancy::new(&body.grid, config.appearance.march().expect("rays"));
     let view = RenderView {
         slot: 0,
         pose: person.unseen_motion(4)[2].clone(),
@@ -69,7 +69,7 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
     };
     let samples = march(
         &rays,
-        &config.appearance.march().expect("rays"),
+        config.appearance.march().expect("rays"),
         None::<&mut ChaCha8Rng>,
         &volume,
     )

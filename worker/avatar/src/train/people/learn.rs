@@ -1,10 +1,10 @@
-//! Which parameters a training changes: all, or those of one person in a model whose shared weights are trained.
+//! The parameters that a training changes: all, or those of one person in a model whose shared weights are trained.
 
 use crate::config::Variant;
 use crate::train::run::checkpoint::ModelState;
 use crate::train::{TrainError, TrainPerson};
 
-/// Which parameters a training changes.
+/// The parameters that a training changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Learn {
     /// All.

@@ -1,4 +1,4 @@
-//! How far given poses are off, as fits to the pictures find.
+//! The errors of given poses, as fits to the pictures find them.
 //!
 //! Poses that are held too loosely follow the flaws of a model that is not learned yet, so that exact ones
 //! are spoiled; those that are held too tightly keep their errors. What is expected is therefore

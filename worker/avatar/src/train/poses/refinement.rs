@@ -60,7 +60,7 @@ pub(crate) struct PoseRefinement {
     /// 0 if those of an earlier training stay.
     #[serde(default)]
     placed: u8,
-    /// Where the placement was, as [`Self::stage`] counts progress. In single precision, which a
+    /// Progress at the placement, as [`Self::stage`] counts progress. In single precision, which a
     /// file of JSON gives back exactly.
     #[serde(default)]
     placed_at: f32,
@@ -105,7 +105,7 @@ impl PoseRefinement {
         self.track == fingerprint(track) && self.changes.len() == track.frames.len()
     }
 
-    /// How poses are refined now, after the completed fraction `schedule_progress` of the model's first run
+    /// The settings of refinement now, after the completed fraction `schedule_progress` of the model's first run
     /// and `fraction` of this one; `None` where they are not.
     pub fn stage(
         &mut self,
@@ -203,7 +203,7 @@ impl PoseRefinement {
         self.misfits[position].map_or(1.0, f64::from)
     }
 
-    /// How much the frame at `position` counts in training, 0 to 1: frames that fit far worse than
+    /// The weight of the frame at `position` in training, 0 to 1: frames that fit far worse than
     /// others show something else, or the person elsewhere.
     pub fn weight(&self, position: usize) -> f64 {
         1.0 / (1.0 + (self.misfit(position) / DOUBTFUL).powi(4))
@@ -322,7 +322,7 @@ impl PoseRefinement {
         learned.then_some([rotation * config.rotation, shift * config.shift])
     }
 
-    /// What the frame at `position` should do without its picture: return to its given pose, and be
+    /// The priors of the frame at `position` without its picture: return to its given pose, and be
     /// changed as its neighbours are.
     pub fn priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
         let beside = self.beside(position);
@@ -388,7 +388,7 @@ impl PoseRefinement {
     }
 }
 
-/// What is expected of given poses before fits have found it. Those that are refined finely are within
+/// The expected errors of given poses before fits have found it. Those that are refined finely are within
 /// [`PRECISE`](yoto_capture::check::PRECISE).
 fn expected(extent: Extent) -> ExpectedErrors {
     match extent {

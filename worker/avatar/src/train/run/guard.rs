@@ -64,7 +64,7 @@ impl TrainState {
             .expect("the model is absent only during an update")
     }
 
-    /// How much a `frame` of the person in `slot` counts in training, 0 to 1.
+    /// The weight of a `frame` of the person in `slot` in training, 0 to 1.
     pub fn weight(&self, slot: usize, frame: &TrainFrame) -> f64 {
         let poses = self.poses[slot].as_ref();
         poses.map_or(1.0, |poses| poses.weight(frame.position))
@@ -100,7 +100,7 @@ pub(crate) struct Snapshot {
 }
 
 impl Snapshot {
-    /// What `state` is now. Tensors are shared until the next step changes them.
+    /// A copy of `state`. Tensors are shared until the next step changes them.
     pub fn of(state: &TrainState) -> Self {
         Self {
             avatar: state.avatar().clone(),
@@ -268,7 +268,7 @@ mod tests {
             nodes: [2; 3],
             floor: 0.0,
         };
-        let grid = Occupancy::new(&area, &config.appearance.march().expect("rays"))
+        let grid = Occupancy::new(&area, config.appearance.march().expect("rays"))
             .expect("the tier has grids");
         state.occupancy = vec![Some(grid.clone())];
         assert_eq!(step(&mut state, &mut guard, 1.0, 0), Verdict::Taken);

@@ -1,4 +1,4 @@
-//! How much of the model's error each splat has a part in.
+//! The part of each splat in the model's error.
 
 use crate::avatar::AvatarAppearance;
 use crate::host::read;

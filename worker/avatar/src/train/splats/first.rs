@@ -1,4 +1,4 @@
-//! Where a person's splats start: flat on the shell of the hull, in the mean colour of the frames that face
+//! The initial splats of a person: flat on the shell of the hull, in the mean colour of the frames that face
 //! them.
 
 use crate::field::splats::SplatValues;

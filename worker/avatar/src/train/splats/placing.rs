@@ -1,4 +1,4 @@
-//! Where splats are placed, and when they become more. A training that refines poses widely starts with few, since many small
+//! The placement of splats, and their growth in number. A training that refines poses widely starts with few, since many small
 //! ones learn the mean of wrong poses by heart; once poses are better, they are split until there are all
 //! (docs/research/splats.md).
 

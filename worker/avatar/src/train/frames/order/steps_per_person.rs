@@ -1,4 +1,4 @@
-//! What is known of the steps with one person.
+//! The steps with one person, of which checkpoints keep the number.
 
 use serde::{Deserialize, Serialize};
 

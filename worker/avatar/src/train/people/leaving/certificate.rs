@@ -1,4 +1,4 @@
-//! What a removal says about itself.
+//! The certificate of a removal.
 
 use serde::{Deserialize, Serialize};
 
@@ -56,7 +56,7 @@ pub struct Removed {
 }
 
 impl Certificate {
-    /// What it means, for people.
+    /// Its meaning in words.
     pub fn says(&self) -> String {
         let Self { slot, searched, .. } = self;
         let shared = match self.shared_weights {

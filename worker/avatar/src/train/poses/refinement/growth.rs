@@ -1,4 +1,4 @@
-//! How many splats a person has while their poses are refined: few while poses are wrong, since many small ones learn
+//! The number of splats of a person while their poses are refined: few while poses are wrong, since many small ones learn
 //! the mean of wrong poses by heart (docs/research/splats.md).
 
 use super::PoseRefinement;

@@ -1,4 +1,4 @@
-//! How deep trunk and head are where no frame bounds them. The hull of a person filmed from the front reaches far before
+//! The depth of trunk and head where no frame bounds it. The hull of a person filmed from the front reaches far before
 //! and behind them: two lines of sight at 40 degrees to either side of a ring meet at 1.6 times its radius. Bodies' own measures
 //! say how deep a part is that looks so wide from there (docs/research/splats.md, "Sides that no frame shows").
 

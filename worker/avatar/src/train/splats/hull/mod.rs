@@ -104,7 +104,7 @@ impl<'a> HullFrames<'a> {
         })
     }
 
-    /// Where `points` are in a frame.
+    /// Finds `points` in a frame.
     pub fn sightings(&self, points: &[[f32; 3]], frame: &HullFrame) -> Vec<Sighting> {
         let grid = &self.subject.body.grid;
         let numbers = points.as_flattened();

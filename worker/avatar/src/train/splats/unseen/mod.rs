@@ -118,7 +118,7 @@ fn guess(
 }
 
 impl Guessed {
-    /// What is guessed, which is the share `all` of the surface, for people; `None` if it is hardly anything.
+    /// A note on the guesses, which are the share `all` of the surface, for people; `None` if they are hardly any.
     fn note(&self, name: &str, all: f64) -> Option<String> {
         let all = 100.0 * all;
         let mirrored = 100.0 * self.mirrored as f64 / self.shown.max(1) as f64;

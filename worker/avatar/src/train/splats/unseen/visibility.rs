@@ -1,4 +1,4 @@
-//! How much of each splat the training frames show.
+//! The visibility of splats in the training frames.
 
 use crate::avatar::AvatarSplats;
 use crate::render::splats::{HostSplats, body_view};
@@ -27,7 +27,7 @@ const BEHIND: f32 = 0.03;
 /// Smallest footprint that a part is taken of, pixels.
 const SMALL: f32 = 1.0;
 
-/// What the training frames show of a person's splats.
+/// The visibility of a person's splats in the training frames.
 pub(super) struct SplatVisibility {
     /// Whether any frame shows the splat.
     pub seen: Vec<bool>,
@@ -36,7 +36,7 @@ pub(super) struct SplatVisibility {
     pub evidence: Vec<f32>,
 }
 
-/// What the training frames show of the splats of a person.
+/// Computes the visibility of a person's splats in the training frames.
 pub(super) fn splat_visibility(
     subject: &TrainSubject,
     avatar: AvatarSplats<'_>,
