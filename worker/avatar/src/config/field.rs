@@ -28,7 +28,7 @@ pub struct CanonicalConfig {
 }
 
 /// Activation of the density. Weights are trained with one of them, so it belongs to the model
-/// and not to [`Numerics`].
+/// and not to [`Numerics`](super::Numerics).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DensityActivation {

@@ -158,11 +158,25 @@ fn splats(variant: Variant) -> ModelConfig {
 /// place of 1. The likelihood is an upper bound of a sample's opacity.
 const INVISIBLE: f32 = f32::EPSILON / 2.0;
 
+/// The march of the paper: all samples, without an occupancy grid.
+const ALL_SAMPLES: MarchConfig = MarchConfig {
+    samples: 128,
+    epsilon: INVISIBLE,
+    min_transmittance: 0.0,
+    occupancy_cells: 0,
+    occupancy_alpha: 0.0,
+};
+
 /// The sizes and the training of the paper and of HumanNeRF, on which it builds, with all samples
 /// and all gradients (docs/research/paper.md lists every choice).
 fn paper(variant: Variant) -> ModelConfig {
+    paper_sizes("paper", variant, ALL_SAMPLES)
+}
+
+/// The sizes and the training of the paper with a `march`.
+fn paper_sizes(tier: &str, variant: Variant, march: MarchConfig) -> ModelConfig {
     ModelConfig {
-        tier: "paper".into(),
+        tier: tier.into(),
         variant,
         numerics: Numerics::Sound,
         precision: Precision::F32,
@@ -200,13 +214,7 @@ fn paper(variant: Variant) -> ModelConfig {
                 density_scale: 1.0,
                 activation: DensityActivation::Softplus,
             },
-            march: MarchConfig {
-                samples: 128,
-                epsilon: INVISIBLE,
-                min_transmittance: 0.0,
-                occupancy_cells: 0,
-                occupancy_alpha: 0.0,
-            },
+            march,
         }),
         optimise: OptimiseConfig {
             patches: 6,
@@ -229,18 +237,15 @@ fn paper(variant: Variant) -> ModelConfig {
 /// [`paper`] for slower machines: samples, gradients and ends of rays with little influence are
 /// left out. docs/research/performance.md has the effect.
 fn paper_lean(variant: Variant) -> ModelConfig {
-    let mut config = paper(variant);
-    config.tier = "paper-lean".into();
-    if let Appearance::Field(field) = &mut config.appearance {
-        field.march = MarchConfig {
-            epsilon: 1e-2,
-            min_transmittance: 1e-3,
-            occupancy_cells: 64,
-            // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
-            occupancy_alpha: 2e-3,
-            ..field.march
-        };
-    }
+    let march = MarchConfig {
+        epsilon: 1e-2,
+        min_transmittance: 1e-3,
+        occupancy_cells: 64,
+        // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
+        occupancy_alpha: 2e-3,
+        ..ALL_SAMPLES
+    };
+    let mut config = paper_sizes("paper-lean", variant, march);
     config.optimise.backward_share = 0.05;
     config
 }

@@ -1,7 +1,7 @@
-//! How much of each splat the training frames show.
+//! The visibility of splats in the training frames.
 
 use crate::avatar::AvatarSplats;
-use crate::render::splats::{HostSplats, sight};
+use crate::render::splats::{HostSplats, body_view};
 use crate::train::TrainError;
 use crate::train::people::{TrainFrame, TrainSubject};
 use rayon::prelude::*;
@@ -27,8 +27,8 @@ const BEHIND: f32 = 0.03;
 /// Smallest footprint that a part is taken of, pixels.
 const SMALL: f32 = 1.0;
 
-/// What the training frames show of a person's splats.
-pub(super) struct Sight {
+/// The visibility of a person's splats in the training frames.
+pub(super) struct SplatVisibility {
     /// Whether any frame shows the splat.
     pub seen: Vec<bool>,
     /// In how many frames it is shown, as a multiple of what makes its colour firm: a frame that shows a part of it counts
@@ -36,22 +36,22 @@ pub(super) struct Sight {
     pub evidence: Vec<f32>,
 }
 
-/// What the training frames show of the splats of a person.
-pub(super) fn sighted(
+/// Computes the visibility of a person's splats in the training frames.
+pub(super) fn splat_visibility(
     subject: &TrainSubject,
     avatar: AvatarSplats<'_>,
-    opened: f64,
+    schedule_progress: f64,
     pose: impl Fn(&TrainFrame) -> Pose,
-) -> Result<Sight, TrainError> {
+) -> Result<SplatVisibility, TrainError> {
     let stride = subject.frames.len().div_ceil(FRAMES).max(1);
     let (mut most, mut total): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
     for frame in subject.frames.iter().step_by(stride) {
         let pose = pose(frame);
-        let posed = avatar.pose(&subject.body, subject.slot, &pose, opened);
-        let splats = avatar.posed(&subject.body, &posed)?;
-        let sight = sight(&subject.body.skeleton, &pose, &frame.camera);
-        let splats = HostSplats::read(splats, &sight)?;
-        let probe = Probe::new(splats.numbers(), &sight);
+        let posed = avatar.pose(&subject.body, subject.slot, &pose, schedule_progress);
+        let splats = avatar.posed_splats(&subject.body, &posed)?;
+        let body_view = body_view(&subject.body.skeleton, &pose, &frame.camera);
+        let splats = HostSplats::read(splats, &body_view)?;
+        let probe = Probe::new(splats.as_slices(), &body_view);
         let mut here = vec![0f32; probe.splats()];
         let covered = subject.picture(frame).covered;
         let parts = covered.par_iter();
@@ -69,11 +69,11 @@ pub(super) fn sighted(
             total[splat] += part;
         }
     }
-    Ok(Sight::new(&most, total))
+    Ok(SplatVisibility::new(&most, total))
 }
 
-impl Sight {
-    /// Of the largest part that a frame shows of each splat, and of the sum of these parts.
+impl SplatVisibility {
+    /// The visibility by the largest part that a frame shows of each splat, and the sum of these parts.
     fn new(most: &[f32], total: Vec<f32>) -> Self {
         let mut shown: Vec<f32> = total.iter().copied().filter(|part| *part > 0.0).collect();
         shown.sort_unstable_by(f32::total_cmp);

@@ -1,4 +1,4 @@
-//! Where the splats of a person are in a pose: a splat is a material point, which can be followed.
+//! The positions of a person's splats in a pose: a splat is a material point, which can be followed.
 
 use super::frame::{RenderError, Renderer};
 use crate::avatar::AvatarAppearance;
@@ -10,29 +10,30 @@ use yoto_ops::warp::inverse::solve;
 
 /// Positions of splats, `[N, 3]`, metres, of the world in a pose.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FollowedSplats {
-    /// By skinning alone.
+pub struct TrackedSplats {
+    /// Positions after skinning alone.
     pub skinned: Vec<[f32; 3]>,
-    /// With pose blend shapes.
+    /// Positions after pose blend shapes and skinning.
     pub moved: Vec<[f32; 3]>,
 }
 
 impl Renderer {
-    /// Where the splats that show of the identity in `slot` are in `pose`; `None` if the model has a field.
+    /// The positions in `pose` of the splats of the identity in `slot` that are drawn; `None` if the model has a field.
     ///
     /// # Errors
     /// When the slot is empty, or the pose is not of its skeleton.
-    pub fn followed_splats(
+    pub fn track_splats(
         &self,
         slot: usize,
         pose: &Pose,
-    ) -> Result<Option<FollowedSplats>, RenderError> {
+    ) -> Result<Option<TrackedSplats>, RenderError> {
         let body = self.body_in(slot, pose)?;
-        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
-        let AvatarAppearance::Splats(avatar) = self.avatar.appearance(&self.config) else {
-            return Ok(None);
+        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.schedule_progress);
+        let avatar = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(avatar) => avatar,
+            AvatarAppearance::Field(_) => return Ok(None),
         };
-        let splats = avatar.posed(body, &posed)?;
+        let splats = avatar.posed_splats(body, &posed)?;
         let opacities = read(splats.opacities.detach())?;
         let transforms = read(splats.transforms.detach())?;
         let moved = read(splats.means.detach())?;
@@ -48,7 +49,7 @@ impl Renderer {
             };
             shown.map(place).collect()
         };
-        Ok(Some(FollowedSplats {
+        Ok(Some(TrackedSplats {
             skinned: carried(&still),
             moved: carried(&moved),
         }))

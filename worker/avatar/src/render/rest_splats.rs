@@ -1,4 +1,4 @@
-//! What a person of splats keeps from pose to pose: the splats in the rest pose, and the bones that carry each.
+//! The parts of a person of splats that poses do not change: the splats in the rest pose, and the bones that carry each.
 //! A frame then only moves bones.
 
 use super::frame::{RenderError, Renderer};
@@ -6,28 +6,28 @@ use super::levels::{LevelSplat, count, groups, merged};
 use crate::avatar::AvatarSplats;
 use crate::field::pose_shapes::HostShapes;
 use crate::host::read;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use std::borrow::Cow;
 use std::sync::OnceLock;
 use yoto_capture::camera::Pose;
 use yoto_ops::splat::harmonics::add_view_colours;
-use yoto_ops::splat::{ROW, View};
+use yoto_ops::splat::{ROW, SplatRow, View, means_of_rows, splat_rows};
 use yoto_ops::warp::skin::weights::SkinningWeights;
 
 /// Most levels that are kept at once, including that of all splats.
 const LEVELS: usize = 8;
 
-/// What people keep, by level of detail.
-pub(super) struct Kept {
-    /// Share of the splats, and what is kept by slot. The first is that of all splats.
-    levels: Vec<(f32, Vec<OnceLock<Carried>>)>,
+/// The splats of people in the rest pose, by level of detail.
+pub(super) struct RestSplatsCache {
+    /// Share of the splats, and the cached splats by slot. The first level has all splats.
+    levels: Vec<(f32, Vec<OnceLock<RestSplats>>)>,
     /// Index of the present level.
     chosen: usize,
     slots: usize,
 }
 
-impl Kept {
-    /// Nothing yet, of as many people as there are `slots`; frames have all splats.
+impl RestSplatsCache {
+    /// An empty cache for people in `slots` slots; frames have all splats.
     pub fn new(slots: usize) -> Self {
         Self {
             levels: vec![(1.0, empty(slots))],
@@ -56,18 +56,18 @@ impl Kept {
     }
 
     /// The share, and what the person in `slot` keeps at it.
-    fn of(&self, slot: usize) -> Option<(f32, &OnceLock<Carried>)> {
+    fn of(&self, slot: usize) -> Option<(f32, &OnceLock<RestSplats>)> {
         let (share, slots) = &self.levels[self.chosen];
         Some((*share, slots.get(slot)?))
     }
 }
 
-fn empty(slots: usize) -> Vec<OnceLock<Carried>> {
+fn empty(slots: usize) -> Vec<OnceLock<RestSplats>> {
     (0..slots).map(|_| OnceLock::new()).collect()
 }
 
 /// A person's splats in host memory, in no pose.
-pub(super) struct Carried {
+pub(super) struct RestSplats {
     /// `[N, 14]`: mean, rotation, scales, opacity and colour.
     rows: Vec<f32>,
     /// `[N, K, 3]`, of colours that depend on the view.
@@ -78,63 +78,69 @@ pub(super) struct Carried {
     shapes: Option<HostShapes>,
 }
 
-impl Carried {
+impl RestSplats {
     /// The rows in `pose`, with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
-    pub fn rows_seen_from(&self, sight: &View, pose: &Pose, transforms: &[f32]) -> Cow<'_, [f32]> {
+    pub fn rows_for_view(
+        &self,
+        body_view: &View,
+        pose: &Pose,
+        transforms: &[f32],
+    ) -> Cow<'_, [f32]> {
         let mut rows = Cow::Borrowed(self.rows.as_slice());
         if let Some(shapes) = &self.shapes {
             shapes.add(rows.to_mut().as_chunks_mut::<ROW>().0, pose);
         }
         if let Some(harmonics) = &self.harmonics {
-            add_view_colours(rows.to_mut(), harmonics, transforms, sight);
+            add_view_colours(rows.to_mut(), harmonics, transforms, body_view);
         }
         rows
     }
 
     /// Canonical to posed `[N, 12]` of each splat, from the bones' `transforms` `[K, 12]`.
-    pub fn posed(&self, transforms: &[f32]) -> Vec<f32> {
+    pub fn skin(&self, transforms: &[f32]) -> Vec<f32> {
         self.shares.skin(transforms)
     }
 }
 
 impl Renderer {
-    /// What the identity in `slot` keeps; looked up at the first frame. `None` where the non-rigid field
+    /// The rest splats of the identity in `slot`, which the first frame computes. `None` where the non-rigid field
     /// moves splats.
     ///
     /// # Errors
     /// If the model can't be read from its device.
-    pub(super) fn carried(
+    pub(super) fn rest_splats(
         &self,
         avatar: AvatarSplats<'_>,
         slot: usize,
-        body: &Body,
-    ) -> Result<Option<&Carried>, RenderError> {
-        let moves = self.config.schedule.moves_points(self.progress);
-        let (false, Some((share, kept))) = (moves, self.kept.of(slot)) else {
+        body: &CanonicalBody,
+    ) -> Result<Option<&RestSplats>, RenderError> {
+        let moves = self.config.schedule.moves_points(self.schedule_progress);
+        let (false, Some((share, kept))) = (moves, self.rest_splats_cache.of(slot)) else {
             return Ok(None);
         };
-        if let Some(carried) = kept.get() {
-            return Ok(Some(carried));
+        if let Some(rest) = kept.get() {
+            return Ok(Some(rest));
         }
         let rest = Pose::rest(body.skeleton.joints());
-        let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.progress);
-        let splats = avatar.posed(body, &posed)?;
+        let posed = (self.avatar).pose(&self.config, body, slot, &rest, self.schedule_progress);
+        let splats = avatar.posed_splats(body, &posed)?;
         let mut rows = read(splats.rows().detach())?;
         // Nothing moves in the rest pose, so that the rows have the canonical places.
-        let mut shapes = avatar.host_shapes(body, &posed, &means(&rows))?;
+        let mut shapes = avatar.host_shapes(body, &posed, &means_of_rows(&rows))?;
         let weights = read(posed.weights.detach())?;
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
         let mut harmonics = harmonics.transpose()?;
         let bones = body.skeleton.joints();
-        let shares = |rows: &[f32]| SkinningWeights::new(&weights, bones, &means(rows), &body.grid);
+        let shares =
+            |rows: &[f32]| SkinningWeights::new(&weights, bones, &means_of_rows(rows), &body.grid);
         let mut own = shares(&rows);
         if share < 1.0 {
             let level = level(&rows, harmonics.as_deref(), &own, share);
             (rows, harmonics) = (level.rows, level.harmonics);
             own = shares(&rows);
-            shapes = shapes.map(|it| it.merged(&level.groups, body, &means(&rows)));
+            shapes = shapes.map(|it| it.merged(&level.groups, body, &means_of_rows(&rows)));
         }
-        let carried = Carried {
+        let rest = RestSplats {
             shares: own,
             shapes,
             light: read(splats.light.detach())?,
@@ -142,27 +148,21 @@ impl Renderer {
             rows,
         };
         // Another thread may have been faster, with the same.
-        Ok(Some(kept.get_or_init(|| carried)))
+        Ok(Some(kept.get_or_init(|| rest)))
     }
-}
-
-/// `[N, 3]`: the places of `rows`.
-fn means(rows: &[f32]) -> Vec<f32> {
-    let rows = rows.as_chunks::<ROW>().0.iter();
-    rows.flat_map(|row| &row[..3]).copied().collect()
 }
 
 /// Fewer splats.
 struct Level {
     rows: Vec<f32>,
     harmonics: Option<Vec<f32>>,
-    /// Of each splat, those that it replaces, with their weights in it.
+    /// The splats that each splat replaces, with their weights in it.
     groups: Vec<Vec<(usize, f32)>>,
 }
 
 /// Fewer splats in place of those that can be seen.
 fn level(rows: &[f32], harmonics: Option<&[f32]>, shares: &SkinningWeights, share: f32) -> Level {
-    let rows = rows.as_chunks::<ROW>().0;
+    let rows: Vec<SplatRow> = splat_rows(rows).collect();
     let numbers = harmonics.map_or(0, |it| it.len() / rows.len().max(1));
     let own = |index: usize| &harmonics.unwrap_or_default()[numbers * index..][..numbers];
     let (mut seen, mut splats) = (Vec::new(), Vec::new());
@@ -180,8 +180,8 @@ fn level(rows: &[f32], harmonics: Option<&[f32]>, shares: &SkinningWeights, shar
     for group in groups {
         let (splat, weights) = merged(&splats, &group);
         match *group.as_slice() {
-            [only] => fewer.extend(rows[seen[only]]),
-            _ => fewer.extend(splat.to_row()),
+            [only] => fewer.extend(<[f32; ROW]>::from(rows[seen[only]])),
+            _ => fewer.extend(<[f32; ROW]>::from(splat.to_row())),
         }
         mixed.extend((0..numbers).map(|k| {
             let members = weights.iter().zip(&group);
@@ -203,8 +203,8 @@ mod tests {
     use super::*;
     use crate::avatar::{Avatar, AvatarAppearance};
     use crate::config::ModelConfig;
-    use crate::field::splats::FirstSplats;
-    use crate::render::splats::{HostSplats, sight};
+    use crate::field::splats::SplatValues;
+    use crate::render::splats::{HostSplats, body_view};
     use burn::module::Param;
     use burn::tensor::{Device, Distribution};
     use yoto_capture::camera::Camera;
@@ -222,16 +222,16 @@ mod tests {
         let means: Vec<f32> = skeleton.rest.iter().flat_map(near).collect();
         let joints = skeleton.joints();
         let mut avatar = Avatar::new(&config, 1, joints, 5, &device);
-        let placed = FirstSplats {
+        let placed = SplatValues {
             means,
-            ..FirstSplats::of_nobody(joints)
+            ..SplatValues::at_origin(joints)
         };
         avatar.place_splats(0, &placed);
-        let shine = avatar.splats[0].harmonics.as_ref().expect("degree 2").val();
-        let shine = shine.random_like(Distribution::Normal(0.0, 0.1));
-        avatar.splats[0].harmonics = Some(Param::from_tensor(shine));
+        let sh_coefficients = avatar.splats[0].harmonics.as_ref().expect("degree 2").val();
+        let sh_coefficients = sh_coefficients.random_like(Distribution::Normal(0.0, 0.1));
+        avatar.splats[0].harmonics = Some(Param::from_tensor(sh_coefficients));
         let poses = person.unseen_motion(3);
-        avatar.film(0, poses.iter()).expect("read");
+        avatar.record_pose_range(0, poses.iter()).expect("read");
         let shapes = avatar.pose_shapes.as_mut().expect("the tier has some");
         shapes.basis = Param::from_tensor(
             shapes
@@ -239,7 +239,7 @@ mod tests {
                 .val()
                 .random_like(Distribution::Normal(0.0, 0.05)),
         );
-        let body = Body::new(skeleton, &config, &device);
+        let body = CanonicalBody::new(skeleton, &config, &device);
         let renderer = Renderer::new(config, avatar, vec![Some(body)], vec![None], 1.0);
         let mut seen: Vec<Vec<f32>> = Vec::new();
         let AvatarAppearance::Splats(avatar) = renderer.avatar.appearance(&renderer.config) else {
@@ -247,11 +247,11 @@ mod tests {
         };
         for pose in poses {
             let body = renderer.body_in(0, &pose).expect("a body");
-            let carried = renderer.carried(avatar, 0, body).expect("read");
-            let carried = carried.expect("nothing but bones moves splats of this tier");
+            let rest = renderer.rest_splats(avatar, 0, body).expect("read");
+            let rest = rest.expect("nothing but bones moves splats of this tier");
             let posed = (renderer.avatar).pose(&renderer.config, body, 0, &pose, 1.0);
             let bones = read(posed.transforms.clone()).expect("read");
-            let splats = avatar.posed(body, &posed).expect("read");
+            let splats = avatar.posed_splats(body, &posed).expect("read");
             let camera = Camera::look_at(
                 [0.5, 1.2, 3.0],
                 [0.0, 1.0, 0.0],
@@ -260,14 +260,14 @@ mod tests {
                 64,
                 64,
             );
-            let sight = sight(&body.skeleton, &pose, &camera);
-            let found = carried.posed(&bones);
-            let rows = carried.rows_seen_from(&sight, &pose, &found);
-            let host = HostSplats::read(splats.clone(), &sight).expect("read");
-            for (row, wanted) in rows.iter().zip(host.numbers().rows) {
+            let body_view = body_view(&body.skeleton, &pose, &camera);
+            let found = rest.skin(&bones);
+            let rows = rest.rows_for_view(&body_view, &pose, &found);
+            let host = HostSplats::read(splats.clone(), &body_view).expect("read");
+            for (row, wanted) in rows.iter().zip(host.as_slices().rows) {
                 assert!((row - wanted).abs() < 1e-5, "{row}, not {wanted}");
             }
-            let unlike = (rows.iter().zip(&carried.rows)).filter(|(a, b)| a != b);
+            let unlike = (rows.iter().zip(&rest.rows)).filter(|(a, b)| a != b);
             assert_eq!(
                 unlike.count(),
                 6 * joints,

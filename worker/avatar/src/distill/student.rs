@@ -1,8 +1,10 @@
-//! A training of splats on a film, from the first picture to the comparison at the end.
+//! The training of splats, the student, on a teacher's pictures, from the first picture to the comparison at the end.
 
-use super::{DistillError, Lessons};
+use super::{DistillError, Teacher};
 use crate::config::{LearnExposure, ModelConfig, Refine};
-use crate::train::{Budget, Person, TrainError, TrainOptions, TrainProgress, Trainer, Validation};
+use crate::train::{
+    Budget, TrainError, TrainOptions, TrainPerson, TrainProgress, Trainer, Validation,
+};
 use burn::tensor::Device;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,9 +17,9 @@ const HELD_OUT: usize = 10;
 /// Fewest pictures of the field, whatever the time.
 pub const FEWEST: usize = 12;
 
-/// How splats learn.
+/// Settings of the splats' training.
 #[derive(Clone, Debug)]
-pub struct Course {
+pub struct StudentTraining {
     /// Name of the person.
     pub name: String,
     /// Seconds: a third of rendering, or more of a field that is slow, until there are [`FEWEST`] pictures; and two thirds
@@ -25,90 +27,93 @@ pub struct Course {
     pub seconds: f64,
     /// Seed of the training.
     pub seed: u64,
-    /// The folder for the film, in a file without a name; `None`: it is in memory.
+    /// The folder for the pictures, in a file without a name; `None`: they are in memory.
     pub scratch: Option<PathBuf>,
 }
 
-/// Where a course is.
+/// The stage of a distillation.
 #[derive(Clone, Debug)]
-pub enum Stage {
-    /// So many pictures are rendered.
-    Filming(usize),
-    /// The splats learn from them.
+pub enum DistillStage {
+    /// It renders the teacher's pictures; so far, this number.
+    Rendering(usize),
+    /// It trains the splats on them.
     Training(Box<TrainProgress>),
 }
 
-/// Splats that know a person.
+/// Splats that have learned a person.
 pub struct Distilled {
-    /// A model with the person in slot 0, compared with the film.
+    /// A model with the person in slot 0, compared with the teacher's pictures.
     pub trainer: Trainer,
-    /// Number of pictures that the field rendered, and those that were filmed before.
+    /// Number of pictures that the field rendered, plus the frames of the capture.
     pub pictures: usize,
     /// Time that it took.
     pub time: Duration,
 }
 
-impl Course {
-    /// Makes splats by `lessons` on `device`. `tell` gets each stage and the share of the whole that is done, 0 to 1;
-    /// it ends early unless it `goes_on`.
+impl StudentTraining {
+    /// Trains splats on the pictures of `teacher` on `device`. `tell` gets each stage and the share of the whole that is
+    /// done, 0 to 1. The training ends early when `keep_going` returns false.
     ///
     /// # Errors
     /// Without a person or a pose, if a picture can't be rendered, or if the training fails;
     /// [`DistillError::Stopped`].
     pub fn run(
         &self,
-        lessons: &Lessons<'_>,
+        teacher: &Teacher<'_>,
         device: &Device,
-        tell: &mut dyn FnMut(Stage, f64),
-        goes_on: &mut dyn FnMut() -> bool,
+        tell: &mut dyn FnMut(DistillStage, f64),
+        keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Distilled, DistillError> {
         let began = Instant::now();
         let limit = RENDERING * self.seconds;
         let wanted = |pictures: usize| {
             let spent = began.elapsed().as_secs_f64();
             let done = (spent / limit).min(pictures as f64 / FEWEST as f64);
-            tell(Stage::Filming(pictures), RENDERING * done.min(1.0));
+            tell(DistillStage::Rendering(pictures), RENDERING * done.min(1.0));
             pictures < FEWEST || spent < limit
         };
-        let film = lessons.film_while(wanted, goes_on)?;
-        let pictures = film.frames();
-        let rendered = pictures - lessons.filmed.len();
+        let shard = teacher.render_shard(wanted, keep_going)?;
+        let pictures = shard.frames();
+        let rendered = pictures - teacher.capture_frames.len();
         let budget = (1.0 - RENDERING) * self.seconds;
         let options = TrainOptions {
             budget: Budget::Seconds(budget),
             seed: self.seed,
-            image_size: lessons.size[0].max(lessons.size[1]),
+            image_size: teacher.size[0].max(teacher.size[1]),
             validation: held_out(rendered),
             scratch: self.scratch.clone(),
             // The field was rendered in exactly these poses, and those of frames are as its training left
             // them.
             refine_poses: Some(Refine::Never),
             // The field's pictures are exposed alike; a camera may have adjusted itself.
-            exposure: lessons.filmed.is_empty().then_some(LearnExposure::Never),
+            exposure: teacher
+                .capture_frames
+                .is_empty()
+                .then_some(LearnExposure::Never),
             ..TrainOptions::default()
         };
-        let person = Person {
+        let person = TrainPerson {
             slot: 0,
             name: self.name.clone(),
-            shard: Arc::new(film),
+            shard: Arc::new(shard),
         };
         let config = ModelConfig::named("splat", "yoto")?;
         let mut trainer = Trainer::new(config, options, vec![person], device)
             .map_err(failed("starting the training"))?;
         while !trainer.finished() {
-            if !goes_on() {
+            if !keep_going() {
                 return Err(DistillError::Stopped);
             }
             trainer.step().map_err(failed("a training step"))?;
             let progress = trainer.progress();
             let done = (progress.train_seconds / budget).min(1.0);
             let done = RENDERING + (1.0 - RENDERING) * done;
-            tell(Stage::Training(Box::new(progress)), done);
+            tell(DistillStage::Training(Box::new(progress)), done);
         }
         trainer
             .validate_with(&mut || {
                 // The comparison takes less than a second.
-                goes_on();
+                keep_going();
             })
             .map_err(failed("the comparison with the field"))?;
         Ok(Distilled {

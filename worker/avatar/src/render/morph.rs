@@ -4,20 +4,20 @@
 //! have the same outline and the same colours, but for what is finer than a cell, which fades from one to the other.
 
 use super::frame::{RenderError, Renderer};
-use crate::avatar::{Avatar, AvatarAppearance};
+use crate::avatar::AvatarAppearance;
 use crate::decoder::cells::Means;
-use crate::decoder::parts::{Parts, Place};
-use crate::field::splats::{FirstSplats, SOLID, opaque_area};
+use crate::decoder::parts::{BodyPlace, Parts};
+use crate::field::splats::{SOLID, SplatValues, opaque_area};
 use crate::host::read;
 use crate::motion::weights::strongest;
 use yoto_capture::camera::Pose;
 use yoto_ops::warp::inverse::solve::Skinning;
 
-/// What a person looks like by places on the body.
+/// A person's colours and widths by places on the body.
 struct Looks {
-    values: FirstSplats,
+    values: SplatValues,
     /// Place of each splat, its distance from the middle line of its part, metres, and the unit vector from there.
-    places: Vec<(Place, f32, [f32; 3])>,
+    places: Vec<(BodyPlace, f32, [f32; 3])>,
     colours: Means,
     /// Distances from the middle line, metres, thrice.
     widths: Means,
@@ -26,7 +26,7 @@ struct Looks {
 impl Renderer {
     /// Moves the splats in the slots `first` and `second` to where both are the same: the share `1 − share` of the way
     /// from `second` to `first`. Nothing changes for people without SMPL's joints.
-    pub(super) fn meet(
+    pub(super) fn morph(
         &mut self,
         [first, second]: [usize; 2],
         share: f32,
@@ -45,23 +45,22 @@ impl Renderer {
         Ok(())
     }
 
-    /// What the person in `slot` looks like; `None` without splats or SMPL's joints.
+    /// The looks of the person in `slot`; `None` without splats or SMPL's joints.
     fn looks(&self, slot: usize) -> Result<Option<Looks>, RenderError> {
         let rest = Pose::rest(self.skeleton(slot).map_or(0, |it| it.joints()));
         let body = self.body_in(slot, &rest)?;
-        let AvatarAppearance::Splats(splats) = self.avatar.appearance(&self.config) else {
-            return Ok(None);
+        let splats = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => splats,
+            AvatarAppearance::Field(_) => return Ok(None),
         };
         let Some(parts) = Parts::of(&body.skeleton) else {
             return Ok(None);
         };
-        let posed = splats.pose(body, slot, &rest, self.progress);
+        let posed = splats.pose(body, slot, &rest, self.schedule_progress);
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
         let skinning = Skinning::new(&weights, &transforms, &body.grid);
-        let values = self
-            .avatar
-            .splat_values(Avatar::own_slot(&self.config, slot))?;
-        let places: Vec<(Place, f32, [f32; 3])> = (values.means.as_chunks::<3>().0.iter())
+        let values = splats.values(slot)?;
+        let places: Vec<(BodyPlace, f32, [f32; 3])> = (values.means.as_chunks::<3>().0.iter())
             .map(|at| {
                 let joint = strongest(&skinning, *at);
                 let (width, out) = parts.across(*at, joint);
@@ -93,7 +92,7 @@ impl Renderer {
 
 impl Looks {
     /// These splats, the `share` of the way to what the `other` person looks like.
-    fn towards(&self, other: &Self, share: f32) -> FirstSplats {
+    fn towards(&self, other: &Self, share: f32) -> SplatValues {
         let mut values = self.values.clone();
         for (index, (place, _, out)) in self.places.iter().enumerate() {
             let change = |own: &Means, other: &Means| -> [f32; 3] {
@@ -121,18 +120,18 @@ mod tests {
 
     /// A trunk of points all around a vertical line at the origin, `width` metres from it.
     fn trunk(width: f32, colour: [f32; 3]) -> Looks {
-        let mut values = FirstSplats::of_nobody(0);
+        let mut values = SplatValues::at_origin(0);
         let mut places = Vec::new();
         for index in 0..2400 {
             let (along, around) = ((index / 48) as f32 / 50.0, (index % 48) as f32 / 48.0);
             let (sin, cos) = (around * std::f32::consts::TAU).sin_cos();
             let out = [sin, 0.0, cos];
             values.means.extend([width * sin, along, width * cos]);
-            values.turns.extend([1.0, 0.0, 0.0, 0.0]);
+            values.rotations.extend([1.0, 0.0, 0.0, 0.0]);
             values.scales.extend([-4.0; 3]);
             values.opacities.push(4.0);
             values.colours.extend(colour);
-            let place = Place {
+            let place = BodyPlace {
                 part: 0,
                 along,
                 around,

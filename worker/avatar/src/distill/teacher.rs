@@ -1,5 +1,5 @@
-//! A film of what a model knows about one person. Its poses are those of motions, and its cameras
-//! surround the person. Frames of the person's capture may follow: they have detail that the field has
+//! Pictures of what a model knows about one person, from which another model learns. Their poses are those of motions,
+//! and their cameras surround the person. Frames of the person's capture may follow: they have detail that the field has
 //! lost.
 
 use super::DistillError;
@@ -14,7 +14,7 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// Distance of the cameras, metres.
 const DISTANCE: f64 = 3.5;
-/// What a person reaches beyond their joints, metres.
+/// Reach of a person beyond their joints, metres.
 const REACH: f64 = 0.25;
 /// Most frames of a capture, and most bytes of their pictures.
 const MOST_FILMED: usize = 200;
@@ -27,8 +27,8 @@ const ELEVATIONS: [f64; 4] = [0.0, 25.0, -10.0, 45.0];
 /// (Roberts' R2).
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// What to film of a person.
-pub struct Lessons<'a> {
+/// A model as it shows a person, from which another learns.
+pub struct Teacher<'a> {
     /// The model that knows them.
     pub renderer: &'a Renderer,
     /// Their slot in it.
@@ -39,21 +39,21 @@ pub struct Lessons<'a> {
     pub up: Vec3,
     /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// Frames of the person's capture, which the film includes.
-    pub filmed: &'a [Filmed],
+    /// Frames of the person's capture, which follow the rendered pictures.
+    pub capture_frames: &'a [CaptureFrame],
 }
 
-/// A frame of a capture, of the size of the film.
-pub struct Filmed {
+/// A frame of a capture, of the size of the rendered pictures.
+pub struct CaptureFrame {
     /// The pose of the person's body.
     pub pose: Pose,
     /// The camera that saw it, in the poses' world.
     pub camera: Camera,
-    /// What it saw.
+    /// The picture that it took.
     pub image: FrameImage,
 }
 
-impl Filmed {
+impl CaptureFrame {
     /// Frames of a `shard` with at most `size` pixels along their shorter side, as the field's pictures have, with the `poses`
     /// of the person's body in all frames of the shard: evenly, at most [`MOST_FILMED`] and [`FILMED_BYTES`].
     ///
@@ -70,7 +70,7 @@ impl Filmed {
         let most = (FILMED_BYTES / bytes).clamp(1, MOST_FILMED);
         let step = shard.frames().div_ceil(most).max(1);
         let frames = shard.track.frames.iter().zip(poses).enumerate();
-        let filmed = frames.step_by(step).map(|(index, (frame, pose))| {
+        let capture_frames = frames.step_by(step).map(|(index, (frame, pose))| {
             let camera = Camera::from_frame(frame, shard.track.image_size);
             let camera = camera.map_err(|source| DistillError::View {
                 frame: frame.index,
@@ -82,35 +82,27 @@ impl Filmed {
                 image: shard.image(index).resized(size),
             })
         });
-        filmed.collect()
+        capture_frames.collect()
     }
 
-    /// Width and height of `filmed` pictures, which are alike; `None` without any.
-    pub fn size(filmed: &[Self]) -> Option<[u32; 2]> {
-        let first = filmed.first()?;
+    /// Width and height of the `capture_frames`, which are alike; `None` without any.
+    pub fn size(capture_frames: &[Self]) -> Option<[u32; 2]> {
+        let first = capture_frames.first()?;
         Some([first.camera.width, first.camera.height])
     }
 }
 
-impl Lessons<'_> {
-    /// The film: pictures are rendered while `wanted`, called with the number of pictures so far, returns true, and at
-    /// least one; then what was filmed follows.
+impl Teacher<'_> {
+    /// A shard of pictures: they are rendered while `wanted`, called with the number of pictures so far, returns true, and at
+    /// least one; then the frames of the capture follow. Rendering stops when `keep_going` returns false, which is asked
+    /// before each batch of rays: a picture of the paper's tiers takes a minute.
     ///
     /// # Errors
-    /// Without a person or a pose, or if a picture can't be rendered.
-    pub fn film(&self, wanted: impl FnMut(usize) -> bool) -> Result<Shard, DistillError> {
-        self.film_while(wanted, &mut || true)
-    }
-
-    /// The same, as long as it `goes_on`, which is asked before each batch of rays: a picture of the paper's tiers
-    /// takes a minute.
-    ///
-    /// # Errors
-    /// Also [`DistillError::Stopped`].
-    pub fn film_while(
+    /// Without a person or a pose, or if a picture can't be rendered; [`DistillError::Stopped`].
+    pub fn render_shard(
         &self,
         mut wanted: impl FnMut(usize) -> bool,
-        goes_on: &mut dyn FnMut() -> bool,
+        keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<Shard, DistillError> {
         let body = self.renderer.skeleton(self.slot);
         let body = body.ok_or(DistillError::NoSuchSlot(self.slot))?;
@@ -129,7 +121,7 @@ impl Lessons<'_> {
             };
             let rendered = self
                 .renderer
-                .render_scene(&view.into(), &mut |_| goes_on())
+                .render_scene(&view.into(), &mut |_| keep_going())
                 .map_err(|source| match source {
                     RenderError::Stopped => DistillError::Stopped,
                     source => DistillError::Render { index, source },
@@ -137,7 +129,7 @@ impl Lessons<'_> {
             images.push(picture(&rendered));
             frames.push(camera.to_frame(index as u32, pose));
         }
-        for Filmed { pose, camera, .. } in self.filmed {
+        for CaptureFrame { pose, camera, .. } in self.capture_frames {
             frames.push(camera.to_frame(frames.len() as u32, pose));
         }
         let mut shard = ShardBuilder::new(PoseTrack {
@@ -147,7 +139,10 @@ impl Lessons<'_> {
             distortion: [0.0; 5],
             frames,
         });
-        for image in images.iter().chain(self.filmed.iter().map(|it| &it.image)) {
+        for image in images
+            .iter()
+            .chain(self.capture_frames.iter().map(|it| &it.image))
+        {
             shard.push(image)?;
         }
         Ok(shard.finish()?)
@@ -172,8 +167,8 @@ impl Lessons<'_> {
             [0.0, 0.0, 1.0]
         };
         let level = normalised(cross(self.up, any));
-        let turn = rigid(rodrigues(scale(self.up, TAU * around)), [0.0; 3]);
-        let level = scale(apply(&turn, level), elevation.cos());
+        let rotation = rigid(rodrigues(scale(self.up, TAU * around)), [0.0; 3]);
+        let level = scale(apply(&rotation, level), elevation.cos());
         let direction = add(level, scale(self.up, elevation.sin()));
         let eye = add(middle, scale(direction, DISTANCE.max(2.0 * radius)));
         let distance = length(sub(eye, middle));
