@@ -16,8 +16,7 @@ use yoto_proto::v1::{
     ListObjectsResponse, NamedObject, ObjectRef, SignDownloadRequest, SignDownloadResponse,
     Unsigned, job, job_result,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
+use yoto_request::{RequestError, tenant_of};
 use yoto_store::Tenant;
 
 /// File of a measured trade-off.

@@ -1,10 +1,9 @@
 //! Captures, and the results of their ingest jobs.
 
 use super::capture_objects;
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, integer, sql, state};
 use crate::rules::etag;
-use crate::{Entry, Page, StoreError, UploadedFile};
+use crate::{Entry, Page, StoreError, Tenant, UploadedFile};
 use yoto_proto::keys::{CHECK, THUMBNAIL};
 use yoto_proto::limits;
 use yoto_proto::names::{self, Collection};

@@ -6,8 +6,9 @@ mod autodiff;
 mod cube;
 pub mod reference;
 
+use burn::backend::tensor::FloatTensor;
 #[cfg(feature = "gpu")]
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// The bands that points are encoded in.
