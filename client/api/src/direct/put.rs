@@ -35,7 +35,8 @@ impl Direct {
                 request = request.header(name, value);
             }
             let taken = Arc::clone(&taken);
-            let frames = chunks.to_vec().into_iter().map(move |chunk| {
+            let chunks = chunks.to_vec();
+            let frames = chunks.into_iter().map(move |chunk| {
                 taken.fetch_add(1, Ordering::Relaxed);
                 Ok::<_, Infallible>(Frame::data(chunk))
             });
