@@ -6,6 +6,7 @@ mod autodiff;
 mod cube;
 pub mod reference;
 
+#[cfg(feature = "gpu")]
 use burn::backend::tensor::FloatTensor;
 #[cfg(feature = "gpu")]
 use burn::backend::{Backend, Dispatch, backend_extension};
