@@ -1,11 +1,13 @@
 //! Jobs for their owners, and answers to repeated requests.
 
 use crate::Tenant;
-use crate::scripts::{ended, jobs, metrics, outputs, pauses, requests, versions, workers};
+use crate::scripts::{
+    ended, jobs, metrics, outputs, pauses, requests, service_state, versions, workers,
+};
 use crate::transaction::transaction;
 use crate::{
     EndedJob, Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey,
-    Store, StoreError,
+    ServiceState, Store, StoreError,
 };
 use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
 
@@ -87,9 +89,9 @@ impl Store {
         outputs::list(&mut tx, job_id).await
     }
 
-    /// Numbers of QUEUED and RUNNING jobs.
-    pub async fn open_jobs(&self, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
-        jobs::open(&mut self.db.read().await?, tenant).await
+    /// What keeps jobs of the tenant from being taken, and how many wait and run.
+    pub async fn service_state(&self, tenant: &Tenant) -> Result<ServiceState, StoreError> {
+        service_state::read(&mut self.db.read().await?, tenant).await
     }
 
     /// The open jobs and the workers of all tenants.
