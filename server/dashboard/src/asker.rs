@@ -16,6 +16,7 @@ use tower::ServiceExt;
 use uuid::Uuid;
 use yoto_request::Caller;
 use yoto_request::tenant_of;
+use yoto_store::Tenant;
 
 /// What all pages share.
 pub struct Site {
@@ -57,6 +58,14 @@ impl Asker {
         &*self.site.backend
     }
 
+    /// The asker's tenant, whose rows alone a page reads.
+    ///
+    /// # Errors
+    /// When no layer has told the tenant.
+    pub fn tenant(&self) -> Result<Tenant, Status> {
+        Ok(tenant_of(&self.request(()))?)
+    }
+
     /// The id of the asker's key; none if no key is asked for.
     pub fn key(&self) -> Option<String> {
         let caller = Caller::of(&self.request(())).ok()?;
@@ -86,7 +95,7 @@ impl Asker {
     /// # Errors
     /// When no layer has told the tenant.
     pub fn token(&self) -> Result<String, Status> {
-        let tenant = tenant_of(&self.request(()))?;
+        let tenant = self.tenant()?;
         Ok(token::of(self.site.backend.store_id(), &tenant))
     }
 

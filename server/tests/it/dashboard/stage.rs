@@ -142,7 +142,7 @@ async fn register(service: &Service) -> String {
 }
 
 /// Completes a leased ingest job with a report and a thumbnail.
-async fn ingest(service: &Service, lease: &Lease) {
+pub async fn ingest(service: &Service, lease: &Lease) {
     let job = lease.job.clone().expect("has a job");
     let Some(job_spec::Kind::Ingest(spec)) = job.spec.and_then(|spec| spec.kind) else {
         panic!("{} is no ingest job", job.name);
