@@ -1,4 +1,4 @@
-//! What pages read at once, where a call for each row would ask the database as often as there are rows.
+//! Reads of many rows at once: a call for each row would send as many statements as there are rows.
 
 use std::collections::HashMap;
 use tonic::Status;

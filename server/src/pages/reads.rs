@@ -1,4 +1,4 @@
-//! What pages read at once, from the store and the objects.
+//! Reads of many rows at once for pages, from the store and the objects.
 
 use super::backend::Coordinated;
 use crate::api::explained;
@@ -21,7 +21,7 @@ fn ids<'n>(collection: Collection, names: &[&'n str]) -> Vec<&'n str> {
     ids.collect()
 }
 
-/// The same by the names of resources.
+/// The map with the names of resources in place of their ids.
 fn by_name<T>(collection: Collection, by_id: HashMap<String, T>) -> HashMap<String, T> {
     let named = by_id.into_iter();
     named.map(|(id, it)| (collection.name(&id), it)).collect()

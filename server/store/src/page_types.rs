@@ -1,4 +1,4 @@
-//! What pages ask for at once, and what they get.
+//! Requests and answers of the reads for pages.
 
 use crate::JobFilter;
 use yoto_proto::v1::{Capture, ObjectRef, RenderedFile, Subject};

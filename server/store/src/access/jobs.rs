@@ -89,7 +89,7 @@ impl Store {
         outputs::list(&mut tx, job_id).await
     }
 
-    /// What keeps jobs of the tenant from being taken, and how many wait and run.
+    /// The state of the tenant's queue: how many jobs wait and run, and what keeps workers from taking them.
     pub async fn service_state(&self, tenant: &Tenant) -> Result<ServiceState, StoreError> {
         service_state::read(&mut self.db.read().await?, tenant).await
     }

@@ -1,4 +1,4 @@
-//! What pages read at once.
+//! Reads of many rows at once, for pages.
 
 use crate::scripts::{captures, checkpoints, consents, metrics, models, pages};
 use crate::{CaptureFiles, JobGroup, Membership, Page, Person, Store, StoreError, Tenant};

@@ -1,4 +1,5 @@
-//! What keeps jobs from being taken, and how many wait and run: read at once, since pages and clients ask for all of it.
+//! The state of the queue: how many jobs wait and run, and what keeps workers from taking them. It is one statement, since
+//! pages and clients ask for all of it.
 
 use crate::db::{Row, Tx, sql};
 use crate::{JobKind, StoreError, Tenant};

@@ -21,7 +21,7 @@ const BUSY: usize = 5;
 /// Models with a training that waits or runs.
 const TRAININGS: usize = 15;
 
-/// What there is.
+/// The service, and what it has.
 pub struct Crowd {
     pub stage: Stage,
     pub people: Vec<Subject>,

@@ -1,4 +1,4 @@
-//! What pages read at once is the asker's own, and as good as what calls read one by one.
+//! The reads of pages return rows of the asker's tenant alone, and the same as the calls for each row.
 
 use crate::db::{Tx, sql};
 use crate::stage::{Kind, Staged, on_each_database};
@@ -19,7 +19,7 @@ const ALL: Page = Page {
     after: None,
 };
 
-/// What a tenant has. `@` is the beginning of its ids, `$1` its id, and `$2` an order; the newer capture of the person was
+/// The rows of a tenant. `@` is the beginning of its ids, `$1` its id, and `$2` an order; the newer capture of the person was
 /// rejected.
 const ROWS: [&str; 17] = [
     "INSERT INTO subjects (id, display_name, consent_note, create_time, tenant) VALUES ('@-s', 'Ada of @', '', 1, $1)",
