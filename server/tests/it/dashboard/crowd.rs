@@ -1,7 +1,7 @@
 //! A service with many people, models, jobs and workers.
 
 use super::stage::{Stage, ingest};
-use crate::support::{claim, id, job_name};
+use crate::support::{Service, claim, id, job_name};
 use yoto_proto::keys;
 use yoto_proto::v1::{
     ConsentPurpose, EvaluateResult, EvaluateSpec, GrantConsentRequest, Model, RenderedFile, Scores,
@@ -18,6 +18,8 @@ const TOGETHER: usize = 6;
 const CAPTURES: usize = 3;
 /// Workers with a running training.
 const BUSY: usize = 5;
+/// Time for which a lease lasts without a report, seconds.
+const LEASE_SECONDS: f64 = 3600.0;
 /// Models with a training that waits or runs.
 const TRAININGS: usize = 15;
 
@@ -34,7 +36,9 @@ pub struct Crowd {
 
 impl Crowd {
     pub async fn gathered() -> Self {
-        let stage = Stage::set().await;
+        // All that runs goes on running, however long the others take to come.
+        let service = Service::start_with(|it| it.lease_seconds = LEASE_SECONDS).await;
+        let stage = Stage::set_in(service).await;
         let service = &stage.service;
         let mut people = Vec::new();
         for number in 0..MANY {

@@ -32,7 +32,11 @@ pub struct Stage {
 
 impl Stage {
     pub async fn set() -> Self {
-        let service = Service::start().await;
+        Self::set_in(Service::start().await).await
+    }
+
+    /// The same in a new service.
+    pub async fn set_in(service: Service) -> Self {
         let subject = service.subject(HOSTILE).await;
         service.upload_good(&subject.name).await;
         let worker = register(&service).await;
