@@ -34,7 +34,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         ".yoto.v1.CreateShareResponse",
         ".yoto.v1.CreateWebhookResponse",
     ]);
-    tonic_prost_build::configure().compile_fds_with_config(set, config)?;
+    tonic_prost_build::configure()
+        .client_mod_attribute(".", "#[cfg(feature = \"grpc\")]")
+        .server_mod_attribute(".", "#[cfg(feature = \"grpc\")]")
+        .compile_fds_with_config(set, config)?;
     Ok(())
 }
 

@@ -3,14 +3,14 @@
 //! - [`cli`]: the command line, which runs the command that a user names.
 //! - A folder per noun: `subject`, `model`, `job`, `key`, `render`, `export`, `scene`, `capture`, `service`.
 //! - `args`: options that several commands have; `show`: text that several commands print; `files`: files that
-//!   commands write; `waiting`: the wait for a job.
+//!   commands write; `import_progress`, `upload_files`: what imports report and read, for the terminal and for the service;
+//!   `waiting`: the wait for a job.
 //! - [`allocator`]: the command's allocator.
 //!
 //! With the feature `embedded` (on by default) a process can also contain the service
 //! (`embedded`, `studio`), run the demo (`demo`), and make one person's avatar (`avatar`).
 
-#[cfg_attr(feature = "embedded", macro_use(detail))]
-#[macro_use(say, tell)]
+#[macro_use(detail, say, tell)]
 extern crate yoto_terminal;
 
 pub mod allocator;
@@ -22,6 +22,7 @@ mod audit;
 mod capture;
 mod export;
 mod files;
+mod import_progress;
 mod job;
 mod key;
 mod model;
@@ -33,6 +34,7 @@ mod share;
 mod show;
 mod subject;
 mod tenant;
+mod upload_files;
 mod waiting;
 mod webhook;
 

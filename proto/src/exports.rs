@@ -29,7 +29,7 @@ impl ExportForm {
         matches!(self, Self::MeshGlb | Self::MeshObj | Self::MeshPly)
     }
 
-    /// Extensions of its files, that of the main one first.
+    /// Extensions of its files, the main one first.
     pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Page => &["html"],

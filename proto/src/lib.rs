@@ -4,8 +4,10 @@
 //! workers call. The rest is what both sides must
 //! agree on and messages can't express: limits, resource names, object keys, the pose track with its
 //! checks, the media plan, the joints of SMPL by name, the checkpoint manifest, the people of a render, the
-//! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, pauses between attempts, text that is safe to
+//! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, failures that justify another attempt, pauses between attempts, text that is safe to
 //! print, the names of tiers, variants and evaluation protocols, and the figures of the paper that reports show.
+//!
+//! The feature `grpc`, on by default, adds the clients and servers of the calls, [`key`] and [`reasons`].
 
 pub mod alias;
 pub mod backoff;
@@ -13,7 +15,9 @@ pub mod checks;
 pub mod correction;
 pub mod exports;
 pub mod frame_steps;
+pub mod hex;
 mod job_state;
+#[cfg(feature = "grpc")]
 pub mod key;
 pub mod keys;
 pub mod limits;
@@ -25,8 +29,10 @@ pub mod pose_track;
 pub mod progress;
 pub mod protocols;
 pub mod published;
+#[cfg(feature = "grpc")]
 pub mod reasons;
 pub mod render_needs;
+pub mod retry;
 mod signed;
 pub mod smpl;
 pub mod text;
@@ -35,7 +41,7 @@ pub mod tiers;
 /// Messages, clients and servers of package `yoto.v1`.
 #[allow(missing_docs, clippy::all, clippy::unwrap_used)]
 pub mod v1 {
-    tonic::include_proto!("yoto.v1");
+    include!(concat!(env!("OUT_DIR"), "/yoto.v1.rs"));
 }
 
 /// What only workers call.
@@ -43,7 +49,7 @@ pub mod worker {
     /// Messages, clients and servers of package `yoto.worker.v1`.
     #[allow(missing_docs, clippy::all, clippy::unwrap_used)]
     pub mod v1 {
-        tonic::include_proto!("yoto.worker.v1");
+        include!(concat!(env!("OUT_DIR"), "/yoto.worker.v1.rs"));
     }
 }
 
@@ -61,14 +67,9 @@ pub fn crc32c(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes)
 }
 
-/// Lower-case hex of `bytes`.
+/// Lower-case hex of `bytes`; [`hex::decode`] reads it.
 pub fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write;
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        // Writing to a String can't fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    hex::encode(bytes)
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ const ROOT: &str = ".yoto.v1.JobSpec";
 /// The messages that an order can contain, by full names with a leading dot.
 static CONTRACT: LazyLock<Contract> = LazyLock::new(|| Contract::read(TABLE));
 
-/// The level of an order: that of the newest field or value that it uses.
+/// The level of an order: the highest level of a field or value that it uses.
 pub fn level(spec: &JobSpec) -> u32 {
     CONTRACT.level(ROOT, &spec.encode_to_vec()).unwrap_or(LEVEL)
 }

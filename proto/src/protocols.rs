@@ -21,8 +21,8 @@ pub const PROTOCOLS: &[(&str, &str)] = &[
     ),
 ];
 
-/// The protocol that needs no particular data set, and the only one of the service, which
-/// stores the pictures of one camera: the other protocols need those of further cameras.
+/// The protocol that needs no particular data set. It is the only one of the service, which stores the pictures of
+/// one camera: the other protocols need pictures of further cameras.
 pub const HELD_OUT: &str = "held-out";
 
 /// Whether `name` is a protocol.

@@ -67,6 +67,14 @@ fn escaped(text: impl Iterator<Item = char>, stays: impl Fn(char) -> bool) -> St
     out
 }
 
+/// `1 frame`, `2 frames`: a number with a noun whose plural ends in s.
+pub fn count(number: usize, noun: &str) -> String {
+    match number {
+        1 => format!("1 {noun}"),
+        _ => format!("{number} {noun}s"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

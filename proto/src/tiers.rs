@@ -4,7 +4,7 @@
 use crate::v1::RenderQuality;
 use crate::v1::render_quality::Want;
 
-/// The tier whose people consist of splats; those of all others have fields.
+/// The tier whose people consist of splats. People of all other tiers have fields.
 pub const SPLATS: &str = "splat";
 
 /// The default tier.

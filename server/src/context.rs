@@ -8,7 +8,7 @@ use crate::health::HealthCheck;
 use crate::notify::Notifier;
 use crate::objects::Storage;
 use crate::objects::room::{self, Room};
-use crate::sign_in::Found;
+use crate::sign_in::IssuerCache;
 use crate::uploads::UploadLocks;
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -32,7 +32,7 @@ pub struct Context {
     /// Who may call.
     pub callers: Arc<Callers>,
     /// The issuer of OpenID Connect, once somebody has signed in.
-    pub issuer: Found,
+    pub issuer: IssuerCache,
     /// Writes the audit log.
     pub audit: Arc<Audit>,
     /// Whether database and object store work.

@@ -10,7 +10,7 @@ use crate::error::ServerError;
 use crate::health::HealthCheck;
 use crate::jobs::reaper;
 use crate::notify::{Notifier, hints};
-use crate::objects::place::Place;
+use crate::objects::place::ObjectsPlace;
 use crate::objects::{Storage, collect};
 use crate::otlp;
 use crate::serve;
@@ -51,7 +51,7 @@ impl Coordinator {
         let folder = create_dir(&config.data_dir)?;
         let lock = DataDirLock::take(&folder)?;
         let url = objects_url(&config, &folder)?;
-        let (place, objects) = Place::open(&url, &config).await?;
+        let (place, objects) = ObjectsPlace::open(&url, &config).await?;
         let store = Arc::new(open_store(&config, &folder).await?);
         let id = binding::check(&objects, &url, &store).await?;
         let storage = Arc::new(Storage { url, id, place });
@@ -61,7 +61,7 @@ impl Coordinator {
         let context = Arc::new(Context {
             notifier: Arc::new(notifier),
             callers: Arc::new(Callers::new(&store, config.oidc.is_some())),
-            issuer: sign_in::Found::default(),
+            issuer: sign_in::IssuerCache::default(),
             audit: Arc::default(),
             health: Arc::new(HealthCheck::new(&store, &objects, &storage)),
             upload_locks: UploadLocks::default(),

@@ -253,7 +253,7 @@ fn refusals(stage: &Stage) -> anyhow::Result<()> {
     for (line, cause) in [
         (
             "export solo --subject ada --out x.fbx",
-            "none of .html, .ply, .spz, .glb or .obj",
+            "must be one of .html, .ply, .spz, .glb or .obj",
         ),
         (
             "export solo --subject ada --out x.ply --triangles 500",
@@ -261,7 +261,7 @@ fn refusals(stage: &Stage) -> anyhow::Result<()> {
         ),
         (
             "export solo --subject ada --out x.spz --format mesh",
-            "--out x.spz is .spz, and --format mesh is .glb, .obj or .ply",
+            "--out x.spz ends with .spz, but --format mesh needs .glb, .obj or .ply",
         ),
         (
             "render solo --subject ada --orbit 0 --fps 20 --out x",

@@ -1,5 +1,6 @@
 //! Black-box tests: the real command, service and workers as processes.
 
+mod alias;
 mod avatar;
 mod bad_input;
 mod bad_media;

@@ -8,7 +8,7 @@ use yoto_tests::process::Service;
 const YOTO: &str = env!("CARGO_BIN_EXE_yoto-under-test");
 const TOUR: &str = include_str!("../../docs/use/tour.md");
 
-/// Commands of the tour, in order, but for those of the terminal that serves.
+/// Commands of the tour, in order, without the commands of the terminal that serves.
 fn commands() -> Vec<&'static str> {
     let mut inside = false;
     let mut found = Vec::new();

@@ -11,7 +11,7 @@ const PAGE: &str = include_str!("element.html");
 
 /// What the scripts of [`PAGE`] leave.
 #[derive(Deserialize)]
-struct Found {
+struct ElementFaults {
     /// What the element does wrong, in words.
     faults: Vec<String>,
 }
@@ -28,7 +28,7 @@ pub fn tried(browser: &Browser, page: &str) -> anyhow::Result<()> {
         &yoto_player::ELEMENT,
         1,
     );
-    let Found { faults } = browser.found(&page)?;
+    let ElementFaults { faults } = browser.found(&page)?;
     ensure!(faults.is_empty(), "<yoto-avatar>: {}", faults.join("; "));
     Ok(())
 }

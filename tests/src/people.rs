@@ -24,8 +24,7 @@ pub fn write_capture(
     Ok(track)
 }
 
-/// The same, with `eval/cam00` and `eval_pose/cam00` beside `train/`: views and poses to
-/// measure with.
+/// Writes a capture with `eval/cam00` and `eval_pose/cam00` beside `train/`: views and poses to measure with.
 ///
 /// # Errors
 /// When a file can't be written.

@@ -12,7 +12,7 @@ const SCRIPT: &str = include_str!("phone.js");
 
 /// What [`SCRIPT`] leaves.
 #[derive(Deserialize)]
-struct Found {
+struct PhoneFindings {
     /// What the page does wrong, in words.
     faults: Vec<String>,
     /// The address of a PNG's data.
@@ -64,7 +64,7 @@ fn found(browser: &Browser, page: &str, constants: &str) -> anyhow::Result<RgbaI
     let outer = format!(
         "<!doctype html><body><iframe style='width: 390px; height: 844px; border: 0' srcdoc=\"{inner}\"></iframe></body>"
     );
-    let found: Found = browser.found(&outer)?;
+    let found: PhoneFindings = browser.found(&outer)?;
     let faults = found.faults.join("; ");
     ensure!(faults.is_empty(), "on a phone: {faults}");
     let picture = found.picture.strip_prefix("data:image/png;base64,");

@@ -166,7 +166,7 @@ impl Service {
         Self::start_with(yoto, data, options)
     }
 
-    /// The same with these `options`.
+    /// Starts `yoto serve` on `data` with these `options`.
     ///
     /// # Errors
     /// When it does not start.

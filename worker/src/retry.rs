@@ -2,24 +2,13 @@
 
 use tonic::{Code, Status};
 use yoto_proto::reasons;
+use yoto_proto::retry::{FailureCause, failure_cause};
 use yoto_proto::v1::ErrorReason;
 
-/// Whether the same call may succeed later: for all codes except answers about the call itself.
-///
-/// A broken connection surfaces under several codes (UNAVAILABLE, UNKNOWN, CANCELLED,
-/// INTERNAL), so the list names the definite refusals instead.
+/// Whether the same call may succeed later. Unlike a client, a worker also waits for a service that is full: nobody watches it,
+/// and its job would be lost.
 pub(crate) fn is_transient(code: Code) -> bool {
-    !matches!(
-        code,
-        Code::InvalidArgument
-            | Code::NotFound
-            | Code::AlreadyExists
-            | Code::PermissionDenied
-            | Code::FailedPrecondition
-            | Code::OutOfRange
-            | Code::Unimplemented
-            | Code::Unauthenticated
-    )
+    failure_cause(code) != FailureCause::Call
 }
 
 /// Whether the answer was too long for this program to read. The next answer may be shorter.

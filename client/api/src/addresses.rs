@@ -24,7 +24,8 @@ const ACCEPT: Duration = Duration::from_secs(3);
 /// Interval of pings to the only address, and longest wait for their answers: they detect a lost peer (a sleeping laptop, a
 /// dropped NAT entry). An upload over a slow line may delay an answer.
 const PINGS: (Duration, Duration) = (Duration::from_secs(20), Duration::from_secs(10));
-/// The same to one of several addresses: with the wait for another address, less than a lease of 20 seconds.
+/// Interval and wait of pings to one of several addresses. With the wait for another address, both stay below a lease
+/// of 20 seconds.
 const PINGS_OF_SEVERAL: (Duration, Duration) = (Duration::from_secs(4), Duration::from_secs(8));
 /// The ports of addresses that name none.
 const HTTP_PORT: u16 = 80;
@@ -47,8 +48,8 @@ pub struct Addresses {
 
 impl Addresses {
     /// Parses one address, such as `http://127.0.0.1:50051`, `localhost:50051` or `https://yoto.example`, or several of one
-    /// scheme with commas between them. A name may stand for several machines. Those of `https://` are trusted if the
-    /// system trusts their authorities.
+    /// scheme with commas between them. A name may stand for several machines. Addresses with `https://` are trusted if
+    /// the system trusts their authorities.
     ///
     /// # Errors
     /// When an address is not one of HTTP, the schemes differ, or the list is empty.
@@ -59,7 +60,8 @@ impl Addresses {
             let uri = uri(address)?;
             let encrypted = uri.scheme_str() == Some("https");
             if *schemes.get_or_insert(encrypted) != encrypted {
-                let message = format!("{text}: all addresses have https://, or none has");
+                let message =
+                    format!("{text}: either all addresses begin with https://, or none does");
                 return Err(ClientError::Name(message));
             }
             let host = uri.host().unwrap_or_default();
@@ -81,8 +83,8 @@ impl Addresses {
         })
     }
 
-    /// The same addresses, of which those with a certificate of an authority in the file `ca` are trusted, and to which the client
-    /// shows the certificate in the file `own`, with its key.
+    /// The same addresses. The client trusts certificates of the authorities in the file `ca`, and shows the
+    /// certificate in the file `own`, with its key.
     ///
     /// # Errors
     /// When the addresses are not encrypted, or a file can't be used.
@@ -95,7 +97,10 @@ impl Addresses {
             return Ok(self);
         }
         if self.tls.is_none() {
-            let message = format!("{}: certificates are for https://", self.text);
+            let message = format!(
+                "{}: certificates need an address that begins with https://",
+                self.text
+            );
             return Err(ClientError::Name(message));
         }
         Ok(Self {
@@ -230,7 +235,7 @@ impl Dialer {
                         // A wrong certificate is one at all addresses.
                         Ok(Err(error)) if tls::fault(&error).is_some() => return Err(error),
                         Ok(Err(error)) => faults.push(format!("{address}: {error}")),
-                        Err(_) => faults.push(format!("{address} begins no TLS")),
+                        Err(_) => faults.push(format!("{address} does not answer in TLS")),
                     }
                 }
                 Ok(Err(error)) => faults.push(format!("{address}: {error}")),

@@ -16,7 +16,7 @@ use yoto_proto::v1::{
 pub struct NewConsent {
     /// What the person agrees to, at least one.
     pub purposes: Vec<ConsentPurpose>,
-    /// Who gave it; empty: the person.
+    /// Who gave the consent; empty: the person.
     pub given_by: String,
     /// Anything else.
     pub note: String,

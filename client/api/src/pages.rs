@@ -7,7 +7,7 @@ use tonic::codegen::http::{Request, StatusCode};
 use tonic::{Code, Status};
 use tower::ServiceExt;
 
-/// Longest page that is taken, bytes: those of a service have a few millions.
+/// Longest page that is accepted, bytes. Pages of a service have a few million.
 const LONGEST: usize = 64 << 20;
 
 impl YotoClient {

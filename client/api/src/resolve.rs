@@ -49,8 +49,8 @@ impl YotoClient {
     }
 }
 
-/// Shortest start of an id that stands for it.
-const SHORTEST: usize = 4;
+/// Fewest characters of the beginning of an id that are accepted for the id.
+const SHORTEST_PREFIX: usize = 4;
 
 /// The pair of (resource name, display name) that matches `wanted`: the name, the display name, or
 /// else the start of the name or of its id.
@@ -73,7 +73,7 @@ pub fn pick_name<'a>(
         let start = id_in(collection, wanted).unwrap_or(wanted);
         let begins =
             |&i: &usize| id_in(collection, candidates[i].0).is_some_and(|id| id.starts_with(start));
-        if start.len() >= SHORTEST {
+        if start.len() >= SHORTEST_PREFIX {
             matching = (0..candidates.len()).filter(begins).collect();
         }
     }
@@ -83,8 +83,8 @@ pub fn pick_name<'a>(
         [] => {
             let known = match collection {
                 // Their names say nothing to people.
-                Collection::Jobs if wanted.len() < SHORTEST => {
-                    format!("an id's first {SHORTEST} characters or more stand for it")
+                Collection::Jobs if wanted.len() < SHORTEST_PREFIX => {
+                    format!("name it by at least the first {SHORTEST_PREFIX} characters of its id")
                 }
                 Collection::Jobs => "`yoto job list` lists them".to_owned(),
                 _ => known(&candidates),

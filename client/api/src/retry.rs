@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use tonic::{Code, Response, Status};
 use yoto_proto::backoff::Backoff;
 use yoto_proto::reasons;
+use yoto_proto::retry::{FailureCause, failure_cause};
 use yoto_proto::v1::ErrorReason;
 
 /// How long the service may be out of reach.
@@ -75,17 +76,11 @@ impl Retries {
 ///
 /// # Errors
 /// The service's refusal; the last failure once it can't be reached for too long.
-pub(super) async fn repeat<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+pub(super) async fn repeat<T, F>(call: impl FnMut() -> F) -> Result<T, Status>
 where
     F: Future<Output = Result<Response<T>, Status>>,
 {
-    let mut retries = Retries::new();
-    loop {
-        match call().await {
-            Ok(answer) => return Ok(answer.into_inner()),
-            Err(status) => retries.wait(status).await?,
-        }
-    }
+    repeat_at_most(u32::MAX, call).await
 }
 
 /// Repeats a read when its connection breaks: at once, and a moment later. Then another address of the service has answered,
@@ -93,7 +88,14 @@ where
 ///
 /// # Errors
 /// The service's refusal, or the last failure.
-pub(super) async fn read<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+pub(super) async fn read<T, F>(call: impl FnMut() -> F) -> Result<T, Status>
+where
+    F: Future<Output = Result<Response<T>, Status>>,
+{
+    repeat_at_most(READS_AGAIN, call).await
+}
+
+async fn repeat_at_most<T, F>(times: u32, mut call: impl FnMut() -> F) -> Result<T, Status>
 where
     F: Future<Output = Result<Response<T>, Status>>,
 {
@@ -101,29 +103,20 @@ where
     loop {
         match call().await {
             Ok(answer) => return Ok(answer.into_inner()),
-            Err(status) if retries.failures() == READS_AGAIN => return Err(status),
+            Err(status) if retries.failures() == times => return Err(status),
             Err(status) => retries.wait(status).await?,
         }
     }
 }
 
-/// Whether the connection is at fault rather than the request.
+/// Whether the connection is at fault rather than the request. A user sees at once that the service is full, and decides
+/// whether to wait.
 fn is_transport(status: &Status) -> bool {
     if let Some(reason) = reasons::of(status) {
         // The service itself has answered.
         return status.code() == Code::Unavailable || reason == ErrorReason::CorruptChunk;
     }
-    // A broken connection arrives as any of these, depending on how far the answer came; a silent one
-    // has exceeded the service's time limit.
-    matches!(
-        status.code(),
-        Code::Unavailable
-            | Code::Cancelled
-            | Code::Unknown
-            | Code::Internal
-            | Code::Aborted
-            | Code::DeadlineExceeded
-    )
+    failure_cause(status.code()) == FailureCause::Connection
 }
 
 #[cfg(test)]

@@ -94,7 +94,7 @@ impl YotoClient {
         found.map_err(ClientError::refused(format!("reading {name}")))
     }
 
-    /// Changes the display name or the consent note of a person, whose version must still be that of `subject`.
+    /// Changes the display name or the consent note of a person, if they still have the version in `subject`.
     ///
     /// # Errors
     /// [`ClientError::Refused`], e.g. for an empty name.

@@ -42,6 +42,42 @@ fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, ClientError
     }
 }
 
+/// Trusts the authorities of the system, for any protocol.
+///
+/// # Errors
+/// When TLS can't be set up.
+pub(super) fn system_config() -> Result<ClientConfig, ClientError> {
+    config(None, None)
+}
+
+fn config(ca: Option<&Path>, own: Option<&Path>) -> Result<ClientConfig, ClientError> {
+    let mut roots = RootCertStore::empty();
+    match ca {
+        Some(path) => {
+            for authority in certificates(path)? {
+                roots.add(authority).map_err(|error| refused(path, error))?;
+            }
+        }
+        None => {
+            // Those that can't be read or used are left out, as by other programs.
+            roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
+        }
+    }
+    let unusable = |error: rustls::Error| ClientError::Name(format!("TLS: {error}"));
+    let builder = ClientConfig::builder_with_provider(Arc::new(default_provider()))
+        .with_safe_default_protocol_versions()
+        .map_err(unusable)?
+        .with_root_certificates(roots);
+    match own {
+        None => Ok(builder.with_no_client_auth()),
+        Some(path) => {
+            let key = PrivateKeyDer::from_pem_file(path).map_err(|error| refused(path, error))?;
+            let config = builder.with_client_auth_cert(certificates(path)?, key);
+            config.map_err(|error| refused(path, error))
+        }
+    }
+}
+
 impl Tls {
     /// Trusts the authorities in the file `ca`, or those of the system without one; with the certificate and key in the file
     /// `own`, if the service asks for one.
@@ -49,49 +85,8 @@ impl Tls {
     /// # Errors
     /// When a file can't be read or has no such content.
     pub(super) fn new(ca: Option<&Path>, own: Option<&Path>) -> Result<Self, ClientError> {
-        Self::speaking(b"h2", ca, own)
-    }
-
-    /// Trusts the authorities of the system, and speaks HTTP/1.1.
-    ///
-    /// # Errors
-    /// When TLS can't be set up.
-    pub(super) fn http1() -> Result<Self, ClientError> {
-        Self::speaking(b"http/1.1", None, None)
-    }
-
-    fn speaking(
-        protocol: &[u8],
-        ca: Option<&Path>,
-        own: Option<&Path>,
-    ) -> Result<Self, ClientError> {
-        let mut roots = RootCertStore::empty();
-        match ca {
-            Some(path) => {
-                for authority in certificates(path)? {
-                    roots.add(authority).map_err(|error| refused(path, error))?;
-                }
-            }
-            None => {
-                // Those that can't be read or used are left out, as by other programs.
-                roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
-            }
-        }
-        let unusable = |error: rustls::Error| ClientError::Name(format!("TLS: {error}"));
-        let builder = ClientConfig::builder_with_provider(Arc::new(default_provider()))
-            .with_safe_default_protocol_versions()
-            .map_err(unusable)?
-            .with_root_certificates(roots);
-        let mut config = match own {
-            None => builder.with_no_client_auth(),
-            Some(path) => {
-                let key =
-                    PrivateKeyDer::from_pem_file(path).map_err(|error| refused(path, error))?;
-                let config = builder.with_client_auth_cert(certificates(path)?, key);
-                config.map_err(|error| refused(path, error))?
-            }
-        };
-        config.alpn_protocols = vec![protocol.to_vec()];
+        let mut config = config(ca, own)?;
+        config.alpn_protocols = vec![b"h2".to_vec()];
         Ok(Self(TlsConnector::from(Arc::new(config))))
     }
 
@@ -128,11 +123,11 @@ fn told(host: &str, error: &rustls::Error) -> String {
                     .to_owned()
             }
             Bad::NotValidForName | Bad::NotValidForNameContext { .. } => {
-                "it is of another name".to_owned()
+                "it was made for another name".to_owned()
             }
             // What `openssl req -x509` makes, unless it is told otherwise. The error has no type of rustls.
             Bad::Other(other) if format!("{other:?}").contains("CaUsedAsEndEntity") => {
-                "it is that of an authority, not of a server: make one with basicConstraints=CA:FALSE"
+                "it belongs to an authority, not to a server: make one with basicConstraints=CA:FALSE"
                     .to_owned()
             }
             other => other.to_string(),

@@ -1,7 +1,7 @@
 //! The way of a file's bytes to a client: from the object store if it signs a URL and can be reached, otherwise through the
 //! service. Each way goes on where the other one ended.
 
-use super::direct::Fault;
+use super::direct::DirectError;
 use super::retry::Retries;
 use super::{ClientError, YotoClient};
 use sha2::{Digest, Sha256};
@@ -78,7 +78,7 @@ impl YotoClient {
         }
         if object.bytes > 0 && !transfer.lacks_bytes() && !transfer.is_right() {
             // The service looks at the object and knows what is wrong.
-            self.direct.reads.give_up(&Fault::Altered.to_string());
+            self.direct.reads.give_up(&DirectError::Altered.to_string());
             transfer.restart().await.map_err(file)?;
         }
         self.read_service(&mut transfer, path).await?;
@@ -101,7 +101,7 @@ impl YotoClient {
             let why = match self.url_of(transfer.object).await {
                 Ok(url) => match self.read(&url, transfer).await? {
                     Ok(()) => continue,
-                    Err(fault) => fault.to_string(),
+                    Err(error) => error.to_string(),
                 },
                 Err(None) => return Ok(()),
                 Err(Some(why)) => why.to_owned(),
@@ -115,7 +115,8 @@ impl YotoClient {
         Ok(())
     }
 
-    /// The URL of `object`, or why no file has one. Any other refusal is that of the file, which the service tells again.
+    /// The URL of `object`, or the reason why no file has one. `Err(None)` is a refusal of this file alone, which the
+    /// service repeats when it is asked for the file.
     async fn url_of(&self, object: &NamedObject) -> Result<String, Option<&'static str>> {
         let request = SignDownloadRequest {
             name: object.name.clone(),
@@ -132,30 +133,28 @@ impl YotoClient {
         }
     }
 
-    /// Reads the rest at `url`; the outer error is that of `transfer`.
+    /// Reads the rest at `url`. The outer error comes from `transfer`, which can't be written.
     async fn read<W: AsyncWrite + AsyncSeek + Unpin>(
         &self,
         url: &str,
         transfer: &mut Transfer<'_, W>,
-    ) -> io::Result<Result<(), Fault>> {
+    ) -> io::Result<Result<(), DirectError>> {
         let bytes = transfer.object.bytes;
-        let mut answer = match self.direct.get(url, transfer.offset, bytes).await {
-            Ok(answer) => answer,
-            Err(fault) => return Ok(Err(fault)),
+        let mut content = match self.direct.get(url, transfer.offset, bytes).await {
+            Ok(content) => content,
+            Err(error) => return Ok(Err(error)),
         };
         loop {
-            match answer.chunk().await {
+            match content.chunk().await {
                 Ok(Some(chunk)) if chunk.len() as u64 > bytes - transfer.offset => {
-                    return Ok(Err(Fault::Size));
+                    return Ok(Err(DirectError::Size));
                 }
                 Ok(Some(chunk)) => transfer.take(&chunk).await?,
-                Ok(None) if transfer.lacks_bytes() => return Ok(Err(Fault::Size)),
-                Ok(None) => break,
-                Err(fault) => return Ok(Err(fault)),
+                Ok(None) if transfer.lacks_bytes() => return Ok(Err(DirectError::Size)),
+                Ok(None) => return Ok(Ok(())),
+                Err(error) => return Ok(Err(error)),
             }
         }
-        answer.keep(&self.direct);
-        Ok(Ok(()))
     }
 
     /// Takes the rest from the service.

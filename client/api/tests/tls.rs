@@ -1,7 +1,7 @@
 //! TLS between a client and a service: who is trusted, and a certificate that is replaced while the service runs.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use yoto_client::{Addresses, ClientError, YotoClient};
@@ -10,6 +10,10 @@ use yoto_proto::v1::CreateKeyRequest;
 use yoto_server::{
     Admission, Certificates, Coordinator, KeyStore, ServerConfig, TlsError, TlsFiles,
 };
+
+/// Longest wait for something that has to happen, and the pause between two looks.
+const PATIENCE: Duration = Duration::from_secs(60);
+const PAUSE: Duration = Duration::from_millis(20);
 
 /// A certificate of tests/tls, with its key.
 fn pem(name: &str) -> PathBuf {
@@ -78,18 +82,27 @@ impl Service {
         client.is_ready().await.expect("answers")
     }
 
-    async fn refusal(&self, ca: Option<&str>) -> String {
-        let refused = self.call(ca, None).await.expect_err("is refused");
-        assert!(matches!(refused, ClientError::Tls(_)), "{refused:?}");
-        let told = refused.to_string();
-        assert_eq!(told.lines().count(), 1, "{told}");
-        told
+    /// The refusal of a new connection that has these `words`. The service looks at its files at most once a second.
+    async fn refusal(&self, ca: Option<&str>, words: &str) {
+        let began = Instant::now();
+        loop {
+            let outcome = self.call(ca, None).await;
+            if let Err(refused) = &outcome {
+                assert!(matches!(refused, ClientError::Tls(_)), "{refused:?}");
+                let told = refused.to_string();
+                assert_eq!(told.lines().count(), 1, "{told}");
+                if told.contains(words) {
+                    return;
+                }
+            }
+            assert!(began.elapsed() < PATIENCE, "not {words}: {outcome:?}");
+            tokio::time::sleep(PAUSE).await;
+        }
     }
 
-    /// Replaces the certificate. The files are looked at once a second.
-    async fn replace(&self, write: impl FnOnce(&Path)) {
-        write(&self.dir.path().join("service.pem"));
-        tokio::time::sleep(Duration::from_millis(1100)).await;
+    /// Replaces the certificate.
+    fn replace(&self, name: &str) {
+        std::fs::copy(pem(name), self.dir.path().join("service.pem")).expect("copies");
     }
 }
 
@@ -101,24 +114,17 @@ async fn only_a_service_with_a_good_certificate_is_called() {
         .await
         .expect("answers");
     assert!(service.is_ready().await, "health asks for no key");
-    let unknown = service.refusal(None).await;
-    assert!(unknown.contains("--ca"), "{unknown}");
-    let copy = |name| {
-        move |file: &Path| {
-            std::fs::copy(pem(name), file).expect("copies");
-        }
-    };
-    service.replace(copy("expired")).await;
-    let expired = service.refusal(Some("authority")).await;
-    assert!(expired.contains("has expired"), "{expired}");
-    service.replace(copy("self_signed")).await;
-    let authority = service.refusal(Some("self_signed")).await;
-    assert!(authority.contains("CA:FALSE"), "{authority}");
-    service.replace(copy("second")).await;
-    service
-        .call(Some("authority"), None)
-        .await
-        .expect("answers");
+    service.refusal(None, "--ca").await;
+    service.replace("expired");
+    service.refusal(Some("authority"), "has expired").await;
+    service.replace("self_signed");
+    service.refusal(Some("self_signed"), "CA:FALSE").await;
+    service.replace("second");
+    let began = Instant::now();
+    while let Err(error) = service.call(Some("authority"), None).await {
+        assert!(began.elapsed() < PATIENCE, "{error}");
+        tokio::time::sleep(PAUSE).await;
+    }
 }
 
 #[tokio::test]
@@ -131,15 +137,26 @@ async fn a_call_that_is_not_encrypted_is_told_of_https() {
     assert!(told.contains("https://"), "{told}");
 }
 
+#[cfg(unix)]
 #[tokio::test]
 async fn a_new_certificate_that_can_not_be_used_leaves_the_earlier_one() {
     let service = Service::start(None).await;
-    let torn = |file: &Path| std::fs::write(file, "-----BEGIN").expect("writes");
-    service.replace(torn).await;
-    service
-        .call(Some("authority"), None)
-        .await
-        .expect("answers");
+    let file = service.dir.path().join("service.pem");
+    std::fs::remove_file(&file).expect("is there");
+    let made = std::process::Command::new("mkfifo").arg(&file).status();
+    assert!(made.expect("runs").success());
+    // A pipe takes the text once the service reads it.
+    let torn = std::thread::spawn(move || std::fs::write(file, "-----BEGIN"));
+    let began = Instant::now();
+    while !torn.is_finished() {
+        assert!(began.elapsed() < PATIENCE, "the file is not read again");
+        let called = service.call(Some("authority"), None).await;
+        called.expect("answers");
+        tokio::time::sleep(PAUSE).await;
+    }
+    torn.join().expect("no panic").expect("is read");
+    let called = service.call(Some("authority"), None).await;
+    called.expect("answers");
 }
 
 #[tokio::test]

@@ -2,10 +2,11 @@
 
 use crate::args::MattingArgs;
 use crate::args::frame_range::FrameRange;
+use crate::import_progress;
 use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use yoto_import::{FfmpegArg, Format, Options, PointSet, PointTurn, Told, TrackForm, to_folder};
+use yoto_import::{FfmpegArg, Format, Options, PointRotation, PointSet, TrackForm, to_folder};
 use yoto_media::video::Hdr;
 
 /// Masks of a clip whose poses a pose tool or the pose model found.
@@ -45,11 +46,11 @@ pub(crate) struct ImportOptions {
     /// Camera of a rig, counted from 0 [default: 0].
     #[arg(long, value_name = "N")]
     view: Option<usize>,
-    /// Poses: a file inside the capture if it has several, or what a pose tool wrote.
+    /// File of poses: one of several in the capture, or the output of a pose tool.
     #[arg(long, value_name = "PATH")]
     poses: Option<PathBuf>,
-    /// The person, by the number or name that the files give, or that the picture of people has for a clip alone [default: the one
-    /// that the masks show, or who is seen most often].
+    /// The person, by their number or name in the files, or for a clip alone by their number in the picture of people
+    /// [default: the person whom the masks show, or who is in most frames].
     #[arg(long, value_name = "ID")]
     person: Option<String>,
     /// The set of key points, if the file doesn't tell.
@@ -57,7 +58,7 @@ pub(crate) struct ImportOptions {
     points: Option<PointSet>,
     /// Turn key points back: their detector saw the clip turned clockwise by these degrees.
     #[arg(long, value_name = "DEG")]
-    turn_points: Option<PointTurn>,
+    point_rotation: Option<PointRotation>,
     /// Mirror key points, left for right: their detector saw the clip mirrored.
     #[arg(long)]
     mirror_points: bool,
@@ -67,21 +68,20 @@ pub(crate) struct ImportOptions {
     /// Height of the person, metres, if nothing else gives a scale.
     #[arg(long, value_name = "M", value_parser = height)]
     height: Option<f64>,
-    /// Keep the tool's own tree of joints instead of SMPL's 24: that of SAM 3D Body (MHR), or of a BVH
-    /// file.
+    /// Keep the tool's own skeleton in place of SMPL's 24 joints: for SAM 3D Body (MHR) and BVH files.
     #[arg(long)]
     keep_skeleton: bool,
     /// The pose model: a file, or the folder that deploy/models/get.sh filled.
     #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
     pose_model: Option<PathBuf>,
-    /// Frames per second, if no file has it.
+    /// Frames per second, if no file tells them.
     #[arg(long, value_name = "RATE", value_parser = rate)]
     fps: Option<f64>,
-    /// What the clip's levels are: as its file declares, ordinary video (off), HLG or PQ. All but auto write the capture's pictures
-    /// anew.
+    /// Levels of the clip: as its file declares (auto), ordinary video (off), HLG or PQ. With any value but auto, the
+    /// pictures of the capture are written again.
     #[arg(long, value_enum, value_name = "KIND", default_value = "auto")]
     hdr: HdrArg,
-    /// Keep the N frames that differ most in pose and view, and are sharp; decodes all pictures.
+    /// Keep the N sharp frames that differ most in pose and view. All pictures are decoded for this.
     #[arg(long, value_name = "N", value_parser = frame_count)]
     best: Option<NonZeroUsize>,
     #[command(flatten)]
@@ -133,7 +133,7 @@ impl ImportOptions {
             || self.fps.is_some()
             || self.person.is_some()
             || self.points.is_some()
-            || self.turn_points.is_some()
+            || self.point_rotation.is_some()
             || self.mirror_points
             || self.focal.is_some()
             || self.height.is_some()
@@ -169,7 +169,7 @@ impl ImportOptions {
             matting: self.matting.model(),
             person: self.person.clone(),
             points: self.points,
-            turn_points: self.turn_points,
+            point_rotation: self.point_rotation,
             mirror_points: self.mirror_points,
             focal: self.focal,
             height: self.height,
@@ -183,7 +183,7 @@ impl ImportOptions {
                 HdrArg::Pq => Hdr::Pq,
             },
             ffmpeg: self.ffmpeg.program().map(Path::to_owned),
-            told: Told::default(),
+            progress: import_progress::on_terminal(),
         }
     }
 

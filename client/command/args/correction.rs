@@ -20,13 +20,13 @@ pub(crate) struct CorrectionArgs {
     /// Turn all bodies about the world's x axis, degrees (-90: z-up poses, y-up cameras).
     #[arg(long, value_name = "DEG", default_value = "0", allow_negative_numbers = true, value_parser = degrees)]
     turn_bodies: f64,
-    /// Exchange left and right: of poses, of their limbs only, of labels, or of the images.
+    /// Exchange left and right in the poses, in their limbs only, in the labels, or in the images.
     #[arg(long, value_enum, value_name = "WHAT", num_args = 0..=1, default_value = "none", default_missing_value = "poses")]
     mirror: MirrorArg,
-    /// Factor on K, for intrinsics for another image size.
+    /// Factor for K, where the intrinsics belong to another image size.
     #[arg(long, value_name = "S", default_value = "1", value_parser = scale)]
     k_scale: f64,
-    /// Use the mask of N frames later for each frame (earlier if negative).
+    /// For each frame, use the mask of N frames later (earlier if negative).
     #[arg(
         long,
         value_name = "N",
@@ -34,7 +34,7 @@ pub(crate) struct CorrectionArgs {
         allow_negative_numbers = true
     )]
     mask_shift: i32,
-    /// Use the pose of N frames later for each frame (earlier if negative).
+    /// For each frame, use the pose of N frames later (earlier if negative).
     #[arg(
         long,
         value_name = "N",
@@ -66,7 +66,7 @@ enum MirrorArg {
 }
 
 impl CorrectionArgs {
-    /// The correction of the options.
+    /// The correction that the options describe.
     pub(crate) fn correction(&self) -> Correction {
         Correction {
             extrinsics: match self.extrinsics {
@@ -98,7 +98,7 @@ fn units(text: &str) -> Result<Units, String> {
         "m" => Ok(Unit::Metre),
         "cm" => Ok(Unit::Centimetre),
         "mm" => Ok(Unit::Millimetre),
-        other => Err(format!("'{other}' is no unit: m, cm or mm")),
+        other => Err(format!("'{other}' is not a unit: m, cm or mm")),
     };
     if !text.contains('=') {
         return Ok(Units::all(unit(text)?));

@@ -27,8 +27,8 @@ impl FrameRange {
         }
     }
 
-    /// The part of a capture's motion, of the actor's own until it has a driver: frames by their numbers, of which
-    /// every `step`-th stored one is taken. From 0 on means from the capture's first frame on, whatever its number.
+    /// The frames of a capture's motion with numbers in the range, every `step`-th stored one. The motion is the
+    /// actor's own until a driver is set. A range from 0 on begins at the capture's first frame, whatever its number.
     pub fn of_capture(self) -> CaptureMotion {
         CaptureMotion {
             driver: String::new(),

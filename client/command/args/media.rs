@@ -22,20 +22,21 @@ pub(crate) struct MediaArgs {
     /// Meaning of mask pictures: coverage 0 to 255, the same inverted, or labels, of which all but 0
     /// are the person.
     #[arg(long, value_enum, value_name = "KIND", default_value = "coverage")]
-    mask_kind: Kind,
+    mask_kind: MaskValues,
     /// Background of the images; detected by default.
     #[arg(long, value_enum, value_name = "WHAT", default_value = "auto")]
     background: Around,
     /// Edges of the masks: auto solves them from the pictures' colours if the background is a scene; given keeps them.
     #[arg(long, value_enum, value_name = "HOW", default_value = "auto")]
     edges: Edges,
-    /// Match of poses to frames of a video: by number, or by time (for variable frame rates).
+    /// How poses are matched to frames of a video: by number, or by time (for variable frame rates).
     #[arg(long, value_enum, value_name = "HOW", default_value = "index")]
     timing: By,
     /// Use every n-th pose frame.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Use pose frames A to B, without B, e.g. 100..400 or ..90:3; all three may be left out.
+    /// Use every STEP-th pose frame from A on and below B, e.g. 100..400 or ..90:3. Each of the three may be left
+    /// out.
     #[arg(long, value_name = "A..B:STEP")]
     range: Option<FrameRange>,
 }
@@ -47,7 +48,7 @@ enum Images {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum Kind {
+enum MaskValues {
     Coverage,
     Inverted,
     Labels,
@@ -78,7 +79,7 @@ impl MediaArgs {
         self.masks.as_deref().map(Path::new)
     }
 
-    /// The same for the library, with the correction of the track's numbers.
+    /// The options in the library's type, with the correction of the track's numbers.
     pub(crate) fn options(&self, correction: Correction) -> CaptureOptions {
         let masks = self.masks.as_ref().map(|name| match name.as_str() {
             "alpha" => MaskSource::Alpha,
@@ -93,9 +94,9 @@ impl MediaArgs {
             }),
             masks,
             mask_kind: match self.mask_kind {
-                Kind::Coverage => MaskKind::Coverage,
-                Kind::Inverted => MaskKind::Inverted,
-                Kind::Labels => MaskKind::Labels,
+                MaskValues::Coverage => MaskKind::Coverage,
+                MaskValues::Inverted => MaskKind::Inverted,
+                MaskValues::Labels => MaskKind::Labels,
             },
             background: match self.background {
                 Around::Auto => BackgroundSetting::Auto,

@@ -3,8 +3,6 @@
 pub(crate) mod capture;
 pub(crate) mod correction;
 pub(crate) mod frame_range;
-#[cfg(feature = "embedded")]
-mod lpips;
 pub(crate) mod media;
 pub(crate) mod motion;
 mod parse;
@@ -13,8 +11,6 @@ pub(crate) mod span;
 pub(crate) mod train;
 pub(crate) mod version;
 
-#[cfg(feature = "embedded")]
-pub(crate) use lpips::LpipsArgs;
 pub(crate) use parse::*;
 
 #[cfg(feature = "embedded")]
@@ -35,7 +31,7 @@ use yoto_proto::v1::{JobKind, JobPriority};
 /// The service of a client command.
 #[derive(Debug, Args)]
 pub(crate) struct Server {
-    /// Address of the service, or those of its coordinators with commas between them.
+    /// Address of the service, or the addresses of its coordinators, separated by commas.
     #[arg(
         long,
         visible_alias = "service",
@@ -44,12 +40,12 @@ pub(crate) struct Server {
         value_name = "URL"
     )]
     pub server: String,
-    /// File with the key that the service asks for, if it asks for one; without it, the variable YOTO_KEY may have the
-    /// key.
+    /// File with the key, if the service asks for one. Without this option, the key is read from the variable
+    /// YOTO_KEY.
     #[arg(long, env = "YOTO_KEY_FILE", value_name = "FILE")]
     pub key_file: Option<PathBuf>,
-    /// Certificate of the authority that vouches for an https:// service, in PEM [default: those that the system
-    /// trusts].
+    /// Certificate of the authority that signs for an https:// service, in PEM [default: the authorities that the
+    /// system trusts].
     #[arg(long, env = "YOTO_CA", value_name = "FILE")]
     pub ca: Option<PathBuf>,
     /// Certificate and private key of this client, in PEM, where the service asks for one (`--tls-client-ca`).
@@ -75,7 +71,7 @@ impl Server {
         addresses.with_certificates(self.ca.as_deref(), self.client_cert.as_deref())
     }
 
-    /// The caller's key: that of the file, or of the variable [`KEY`]. No option takes a key, because others can see the
+    /// The caller's key, from the file or the variable [`KEY`]. No option takes a key, because others can see the
     /// arguments of a process.
     pub fn key(&self) -> Result<Option<Key>, ClientError> {
         let (place, text) = match &self.key_file {
@@ -99,10 +95,10 @@ impl Server {
 /// The variable with the caller's key.
 const KEY: &str = "YOTO_KEY";
 
-/// Why something is not done at present.
+/// Why an operator stops something.
 #[derive(Debug, Args)]
 pub(crate) struct Reason {
-    /// Reason, which `yoto status` shows.
+    /// Reason; `yoto status` shows it.
     #[arg(
         long,
         default_value = "",
@@ -112,7 +108,7 @@ pub(crate) struct Reason {
     pub reason: String,
 }
 
-/// Order of a new job in the queue.
+/// Place of a new job in the queue.
 #[derive(Debug, Args)]
 pub(crate) struct QueueArgs {
     /// Jobs of a higher priority are started first.
@@ -174,15 +170,14 @@ impl From<KindName> for JobKind {
     }
 }
 
-/// A network of the user's that makes the masks of a clip.
+/// A network of the user that makes the masks of a clip.
 #[derive(Debug, Args)]
 pub(crate) struct MattingArgs {
-    /// Make the masks of a clip by this network: MODNet, U²-Net, IS-Net, BiRefNet, RVM or the like, in
-    /// ONNX.
+    /// Make the masks of a clip with this network in ONNX: MODNet, U²-Net, IS-Net, BiRefNet, RVM or a similar one.
     #[arg(long, value_name = "FILE", conflicts_with = "masks")]
     matting_model: Option<PathBuf>,
-    /// Levels of the pictures that the matting model was trained with [default: RVM's are unit; those
-    /// whose masks agree best with the pose model's, in a clip alone].
+    /// Levels of the pictures on which the matting model was trained [default: unit for RVM; for a clip alone, the
+    /// levels whose masks agree best with the pose model's].
     #[arg(long, value_enum, value_name = "LEVELS", requires = "matting_model")]
     matting_levels: Option<Levels>,
 }

@@ -14,11 +14,11 @@ pub(crate) struct MotionArgs {
     /// Your copy of SMPL's body model (.npz or .pkl), for the legs' length in .npz motions.
     #[arg(long, value_name = "FILE", env = "YOTO_SMPL")]
     smpl: Option<PathBuf>,
-    /// Up axis of a motion file, such as z or -y [default: the one along which the person is upright in the motion].
+    /// Up axis of a motion file, such as z or -y [default: the axis along which the person stands in the motion].
     #[arg(long, value_name = "AXIS", allow_hyphen_values = true)]
     up: Option<Up>,
-    /// Move the joints that have the names of a BVH file's own, in place of SMPL's: for people whose captures
-    /// keep that skeleton.
+    /// Move the joints with the names of the BVH file, not SMPL's: for people whose captures keep the skeleton of
+    /// that file.
     #[arg(long)]
     keep_skeleton: bool,
 }

@@ -3,35 +3,36 @@
 use clap::{Args, ValueEnum};
 use yoto_proto::v1::{AppearancePrior, ExposureLearning, PoseRefinement, TrainSpec};
 
-/// What a training may learn beside the people themselves.
+/// What a training may learn besides the people.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct TrainArgs {
     /// Random seed; a model with earlier training keeps its own.
     #[arg(long, default_value_t = 7)]
     pub seed: u64,
-    /// Refine the poses of the training frames: always, never, or auto, for people whose bodies
-    /// wander off their masks or jump, as estimated poses do; with splats, auto makes small corrections to all other
-    /// poses [default: as before, or by the tier: auto, or never for the tiers of the paper].
+    /// Refine the poses of the training frames: always, never, or auto. With auto, they are refined for people whose
+    /// bodies wander off their masks or jump, as estimated poses do; with splats, all other poses get small
+    /// corrections [default: as in the model's last training, or auto; never for the tiers of the paper].
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, default_missing_value = "always", require_equals = true)]
     pub refine_poses: Option<RefinePoses>,
-    /// Learn a gain and an offset of each training frame and colour channel: always, never, or auto, for films whose
-    /// frames are exposed differently [default: as before, or by the tier: auto for splat, else never].
+    /// Learn a gain and an offset for each training frame and colour channel: always, never, or auto, which is for
+    /// films with varying exposure [default: as in the model's last training, or auto for splat and never for other
+    /// tiers].
     #[arg(long, value_enum, value_name = "WHEN")]
     pub exposure: Option<Exposure>,
     /// Let the colours of splats depend on the view, by spherical harmonics of this degree, 0 to 2, for shiny
-    /// surfaces [default: as before, or 0].
+    /// surfaces [default: as in the model's last training, or 0].
     #[arg(long, value_name = "DEGREE", value_parser = clap::value_parser!(u32).range(0..=2))]
     pub harmonics: Option<u32>,
     /// Keep the trained colours of parts that no frame shows, instead of guessing them from visible parts.
     #[arg(long)]
     pub leave_unseen: bool,
-    /// What people look like where no frame shows them.
+    /// How people look where no frame shows them.
     #[arg(long, value_enum, value_name = "WHO", default_value = "people")]
     pub init: Init,
 }
 
 impl TrainArgs {
-    /// These options as a training of no model yet, with the service's defaults for everything else.
+    /// The training that these options describe, with the service's defaults for everything else and no model yet.
     pub fn spec(&self) -> TrainSpec {
         TrainSpec {
             seed: self.seed,
@@ -48,11 +49,11 @@ impl TrainArgs {
 /// `--refine-poses`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RefinePoses {
-    /// Everybody's.
+    /// Refine everybody's poses.
     Always,
-    /// Nobody's.
+    /// Refine nobody's poses.
     Never,
-    /// Those of people whose bodies wander off their masks or jump; with splats, small corrections to all others.
+    /// Refine the poses of people whose bodies wander off their masks or jump; with splats, small corrections to all others.
     Auto,
 }
 
@@ -70,9 +71,9 @@ impl RefinePoses {
 /// `--init`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Init {
-    /// Like the people that the program's decoder was learned from.
+    /// Like the people from whom the program's decoder was learned.
     People,
-    /// Like their own visible parts alone.
+    /// Like their own visible parts.
     None,
 }
 
@@ -89,11 +90,11 @@ impl Init {
 /// `--exposure`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Exposure {
-    /// Those whose frames are exposed differently.
+    /// For people whose frames differ in exposure.
     Auto,
-    /// Everybody's.
+    /// For everybody.
     Always,
-    /// Nobody's.
+    /// For nobody.
     Never,
 }
 

@@ -12,8 +12,8 @@ use yoto_server::{AuditEntry, AuditLog, PostgresUrl};
 use yoto_terminal::output::{self, others};
 
 const AFTER_HELP: &str = "\
-Each call that changes something has an entry before it begins and one after it has ended. Nobody changes or
-deletes them: each entry has a hash of itself and of all before it.
+Each call that changes something gets an entry before it begins and one after it has ended. Entries are never
+changed or deleted: each has a hash of itself and of all entries before it.
 
 Examples:
   yoto audit list --data /srv/yoto
@@ -24,8 +24,8 @@ Example:
   yoto audit list --data /srv/yoto --newest 200 --output json";
 
 const VERIFY_HELP: &str = "\
-Prints number and hash of the last entry. Keep them elsewhere: with --noted, a log that was cut off, or
-written anew from some entry on, is found as well.
+Prints number and hash of the last entry. Keep them elsewhere: with --noted, they also reveal a log that was
+cut off, or rewritten from some entry on.
 
 Examples:
   yoto audit verify --data /srv/yoto
@@ -48,11 +48,11 @@ enum Action {
 /// The service's database.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
-struct Place {
-    /// The service's data folder, on its host; the service may run. As the service's user.
+struct AuditLogArgs {
+    /// The service's data folder, on its host. The service may be running. Run this as the service's user.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// The service's database in PostgreSQL, postgres://USER@HOST/NAME; the service may run.
+    /// The service's database in PostgreSQL, postgres://USER@HOST/NAME. The service may be running.
     #[arg(long, value_name = "URL")]
     database: Option<PostgresUrl>,
 }
@@ -61,22 +61,22 @@ struct Place {
 #[derive(Debug, Args)]
 #[command(after_help = LIST_HELP)]
 struct List {
-    /// How many.
+    /// Number of entries.
     #[arg(long, value_name = "N", default_value_t = 50)]
     newest: u32,
     #[command(flatten)]
-    place: Place,
+    place: AuditLogArgs,
 }
 
-/// Check that no entry was changed or taken away.
+/// Check that no entry was changed or removed.
 #[derive(Debug, Args)]
 #[command(after_help = VERIFY_HELP)]
 struct Verify {
-    /// An entry that was printed before, NUMBER:HASH, which the log must still have.
+    /// An entry that this command printed before, as NUMBER:HASH, and that the log must still have.
     #[arg(long, value_name = "ENTRY")]
     noted: Option<Noted>,
     #[command(flatten)]
-    place: Place,
+    place: AuditLogArgs,
 }
 
 impl AuditCommand {
@@ -88,7 +88,7 @@ impl AuditCommand {
     }
 }
 
-impl Place {
+impl AuditLogArgs {
     async fn open(&self) -> anyhow::Result<AuditLog> {
         match (&self.data, &self.database) {
             (_, Some(url)) => Ok(AuditLog::in_postgres(url).await?),

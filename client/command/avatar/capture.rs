@@ -1,16 +1,17 @@
 //! The clip as a capture folder, and its check before anything is trained.
 
 use super::AvatarOptions;
+use crate::import_progress;
 use anyhow::{Context, ensure};
 use image::ImageFormat;
 use std::path::Path;
 use std::time::Instant;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::check::{Grade, Report};
+use yoto_capture::check::{CheckReport, Grade};
 use yoto_capture::skeleton::Skeleton;
 use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
-use yoto_import::{Found, TrackForm, to_folder};
+use yoto_import::{Findings, TrackForm, to_folder};
 use yoto_proto::pose_track::{Frame, PoseTrack};
 use yoto_proto::smpl;
 use yoto_terminal::output;
@@ -18,7 +19,7 @@ use yoto_terminal::output;
 /// An imported clip.
 pub(super) struct Captured {
     pub notes: Vec<String>,
-    pub found: Found,
+    pub found: Findings,
     /// All frames of the source; some may not be used.
     pub available: usize,
     /// Numbers of the frames with the person.
@@ -108,7 +109,7 @@ fn has_smpl_joints(track: &PoseTrack) -> bool {
 
 /// A check with the time that it took.
 pub(super) struct Checked {
-    pub report: Report,
+    pub report: CheckReport,
     pub seconds: f64,
 }
 
@@ -124,7 +125,12 @@ pub(super) fn check(
     despite: bool,
 ) -> anyhow::Result<Checked> {
     let started = Instant::now();
-    let checked = capture_check::check(folder, &CaptureOptions::default(), ffmpeg)?;
+    let checked = capture_check::check(
+        folder,
+        &CaptureOptions::default(),
+        ffmpeg,
+        &import_progress::on_terminal(),
+    )?;
     std::fs::create_dir_all(out).with_context(|| format!("making {}", out.display()))?;
     let report = out.join("report.json");
     let json = serde_json::to_vec_pretty(&checked.report).context("writing the report")?;

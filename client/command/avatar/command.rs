@@ -16,15 +16,15 @@ use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
 Steps, with a service of its own:
-  1. reads the clip, and poses and masks: of a pose tool (--poses), or found by the pose model;
-     the reading is proven by projecting the body onto the masks;
+  1. reads the clip, with poses and masks from a pose tool (--poses) or from the pose model, and
+     tests the reading by projecting the body onto the masks;
   2. checks the capture (check/sheet.png shows it) and stops if a measure fails;
   3. uploads it, trains, renders the person from all around and in a motion; index.html shows the
      training while it goes on;
   4. writes index.html and play.html, for browsers, report.html to send, report.json, and log.txt with all
      notes.
 
-One person in the picture, whole, from head to feet; best is one slow turn with the arms out, then
+The clip shows one person, whole, from head to feet. Best is one slow turn with the arms out, then
 down. Pose tools and their files: docs/use/pose-tools.md. The pose model: deploy/models/README.md.
 
 Examples:
@@ -57,8 +57,8 @@ pub(crate) struct Avatar {
     clip: ClipMasks,
     #[command(flatten)]
     import: ImportOptions,
-    /// Longest side of training images and renders, pixels [default: such that the person is 512 long, at most the
-    /// clip's and 1024].
+    /// Longest side of training images and renders, pixels [default: the side at which the person is 512 pixels long,
+    /// at most the clip's and at most 1024].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=1024))]
     size: Option<u32>,
     /// Seconds of training.

@@ -4,7 +4,7 @@
 
 use super::live_page::html;
 use super::page::{check, put};
-use super::report::Report;
+use super::report::AvatarReport;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -19,7 +19,7 @@ const SELDOM: Duration = Duration::from_secs(10);
 
 /// The picture of a checkpoint, relative to the page.
 #[derive(Clone, Debug)]
-pub(super) struct Shown {
+pub(super) struct CheckpointPicture {
     pub step: u64,
     /// PSNR on held-out frames, dB.
     pub psnr: Option<f64>,
@@ -28,7 +28,7 @@ pub(super) struct Shown {
 
 /// The state of the work, as the page shows it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct State {
+pub(super) struct WorkState {
     /// What is being done.
     pub doing: String,
     /// Share of the training that is done, 0 to 1; absent outside of it.
@@ -36,7 +36,7 @@ pub(super) struct State {
     /// Held-out PSNR of the latest measurement, dB.
     pub psnr: Option<f64>,
     /// The newest last.
-    pub pictures: Vec<Shown>,
+    pub pictures: Vec<CheckpointPicture>,
     /// Why the work has ended without the final page.
     pub stopped: Option<String>,
 }
@@ -44,7 +44,7 @@ pub(super) struct State {
 /// The page of a training under way; it is written until [`end`](Self::end) or [`stop`](Self::stop).
 #[derive(Debug)]
 pub(super) struct Live {
-    state: watch::Sender<State>,
+    state: watch::Sender<WorkState>,
     writing: JoinHandle<()>,
     page: Page,
 }
@@ -71,7 +71,7 @@ impl Live {
     ///
     /// # Errors
     /// When it can't be written.
-    pub(super) fn start(path: &Path, report: &Report) -> anyhow::Result<Self> {
+    pub(super) fn start(path: &Path, report: &AvatarReport) -> anyhow::Result<Self> {
         let rhythm = Rhythm {
             often: OFTEN,
             seldom: SELDOM,
@@ -79,15 +79,15 @@ impl Live {
         Self::start_with(path, report, rhythm)
     }
 
-    fn start_with(path: &Path, report: &Report, rhythm: Rhythm) -> anyhow::Result<Self> {
+    fn start_with(path: &Path, report: &AvatarReport, rhythm: Rhythm) -> anyhow::Result<Self> {
         let page = Page {
             path: path.to_owned(),
             name: report.name.clone(),
             check: check(report),
         };
-        let state = State {
+        let state = WorkState {
             doing: "reading the capture".into(),
-            ..State::default()
+            ..WorkState::default()
         };
         page.write(&state)?;
         let (state, states) = watch::channel(state);
@@ -128,7 +128,7 @@ impl Live {
                 let path = path.display().to_string().replace('\\', "/");
                 state.send_modify(|state| {
                     let psnr = state.psnr;
-                    state.pictures.push(Shown { step, psnr, path });
+                    state.pictures.push(CheckpointPicture { step, psnr, path });
                 });
             }
         }
@@ -157,7 +157,7 @@ impl Live {
 }
 
 /// Writes the page at each change, but not too often, and from time to time without one.
-async fn write_on(page: Page, mut states: watch::Receiver<State>, rhythm: Rhythm) {
+async fn write_on(page: Page, mut states: watch::Receiver<WorkState>, rhythm: Rhythm) {
     loop {
         let ended = tokio::time::timeout(rhythm.seldom, states.changed()).await;
         if matches!(ended, Ok(Err(_))) {
@@ -172,7 +172,7 @@ async fn write_on(page: Page, mut states: watch::Receiver<State>, rhythm: Rhythm
 }
 
 impl Page {
-    fn write(&self, state: &State) -> anyhow::Result<()> {
+    fn write(&self, state: &WorkState) -> anyhow::Result<()> {
         put(&self.path, &html(&self.name, &self.check, state))
     }
 }
@@ -182,8 +182,8 @@ mod tests {
     use super::*;
     use crate::avatar::report::Seconds;
 
-    fn report() -> Report {
-        Report {
+    fn report() -> AvatarReport {
+        AvatarReport {
             name: "<b>Ada</b>".into(),
             frames: 3,
             image_size: [64, 96],

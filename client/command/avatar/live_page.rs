@@ -1,6 +1,6 @@
 //! The HTML of the page while the person is trained.
 
-use super::live::{OFTEN, Shown, State};
+use super::live::{CheckpointPicture, OFTEN, WorkState};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use yoto_player::escaped;
 
@@ -10,7 +10,7 @@ const PAGE: &str = include_str!("live_page.html");
 const STALE: Duration = Duration::from_secs(90);
 
 /// The page about the person called `name`, with the rows of the check of their capture.
-pub(super) fn html(name: &str, check: &str, state: &State) -> String {
+pub(super) fn html(name: &str, check: &str, state: &WorkState) -> String {
     let title = match &state.stopped {
         Some(_) => "stopped",
         None => "training",
@@ -23,7 +23,7 @@ pub(super) fn html(name: &str, check: &str, state: &State) -> String {
         .replace("{refresh}", &refresh(state))
 }
 
-fn words(state: &State) -> String {
+fn words(state: &WorkState) -> String {
     if let Some(why) = &state.stopped {
         return format!(
             "<p class=\"stopped\">There is no avatar: {}.</p>\n<p>It stopped at: {}</p>",
@@ -38,8 +38,8 @@ fn words(state: &State) -> String {
 }
 
 /// The newest picture, and the earlier ones below.
-fn pictures(all: &[Shown]) -> String {
-    let figure = |it: &Shown| {
+fn pictures(all: &[CheckpointPicture]) -> String {
+    let figure = |it: &CheckpointPicture| {
         let quality = it
             .psnr
             .map_or_else(String::new, |psnr| format!(", {psnr:.2} dB"));
@@ -67,7 +67,7 @@ fn pictures(all: &[Shown]) -> String {
 }
 
 /// The script that reloads the page. A page that is older than [`STALE`] is not reloaded, and says so.
-fn refresh(state: &State) -> String {
+fn refresh(state: &WorkState) -> String {
     if state.stopped.is_some() {
         return String::new();
     }

@@ -1,8 +1,8 @@
 //! The work of the service: from a capture to a trained person, their pictures, and the page that plays them.
 
 use super::live::Live;
-use super::motion::Shown;
-use super::report::Report;
+use super::motion::ShownMotion;
+use super::report::AvatarReport;
 use super::{AvatarOptions, PLAYER, REPORT};
 use crate::model::preview::Previews;
 use crate::model::report;
@@ -48,8 +48,8 @@ pub(super) struct Made {
 /// Uploads the capture, trains, renders, and writes the page that plays, with a service of its own.
 pub(super) async fn make(
     options: &AvatarOptions,
-    about: &Report,
-    shown: &Shown<'_>,
+    about: &AvatarReport,
+    shown: &ShownMotion<'_>,
     places: Places<'_>,
     live: &Live,
 ) -> anyhow::Result<Made> {

@@ -16,14 +16,14 @@ mod page;
 mod report;
 mod summary;
 
-pub use report::Report;
+pub use report::AvatarReport;
 
 use crate::show;
 use crate::studio::folder;
 use anyhow::{Context, ensure};
 use live::Live;
 use make::{Places, make};
-use motion::Shown;
+use motion::ShownMotion;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_import::{Format, Options, motion::Motion};
@@ -104,7 +104,7 @@ fn folders(out: &Path) -> anyhow::Result<[PathBuf; 4]> {
 ///
 /// # Errors
 /// The first failure; a capture whose check fails is one, unless the options say otherwise.
-pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
+pub async fn run(options: &AvatarOptions) -> anyhow::Result<AvatarReport> {
     let started = Instant::now();
     let out = &options.out;
     ensure_replaceable(options)?;
@@ -137,11 +137,11 @@ pub async fn run(options: &AvatarOptions) -> anyhow::Result<Report> {
         .for_each(|line| tell!("{line}"));
     // This program's own motion moves SMPL's joints.
     let shown = match &options.motion {
-        Some(motion) => Shown::Given(motion),
-        None if captured.has_smpl_joints => Shown::BuiltIn,
-        None => Shown::Clip(captured.frames.clone()),
+        Some(motion) => ShownMotion::Given(motion),
+        None if captured.has_smpl_joints => ShownMotion::BuiltIn,
+        None => ShownMotion::Clip(captured.frames.clone()),
     };
-    let mut report = Report::new(options, captured, checked);
+    let mut report = AvatarReport::new(options, captured, checked);
     let page = out.join(PAGE);
     let mut live = Live::start(&page, &report)?;
     tell!("the training shows in {}", page.display());

@@ -10,13 +10,13 @@ use yoto_synthetic::SyntheticPerson;
 /// Frames of the program's own motion, and their rate.
 const FRAMES: usize = 30;
 const FPS: f64 = 12.0;
-/// The same motion at each run.
+/// Seed of the program's own motion: each run makes the same one.
 const SEED: u64 = 7;
 /// Most frames of a user's motion that are rendered, and the animation's frame rate for them.
 const MOST_FRAMES: usize = 120;
 
 /// The motion that is shown.
-pub(super) enum Shown<'a> {
+pub(super) enum ShownMotion<'a> {
     /// The user's.
     Given(&'a Motion),
     /// This program's own.
@@ -25,7 +25,7 @@ pub(super) enum Shown<'a> {
     Clip(Vec<u32>),
 }
 
-impl Shown<'_> {
+impl ShownMotion<'_> {
     /// The caption of its pictures.
     pub fn caption(&self) -> &'static str {
         match self {

@@ -1,6 +1,6 @@
 //! The page: the avatar to turn with the mouse, in motion, and what the clip was like.
 
-use super::Report;
+use super::AvatarReport;
 use anyhow::Context;
 use std::fmt::Write;
 use std::path::Path;
@@ -13,7 +13,7 @@ const PAGE: &str = include_str!("page.html");
 
 /// Writes the page about `report` to `path`, beside which the report's pictures are; `caption` says
 /// which motion they show.
-pub(super) fn write(path: &Path, report: &Report, caption: &str) -> anyhow::Result<()> {
+pub(super) fn write(path: &Path, report: &AvatarReport, caption: &str) -> anyhow::Result<()> {
     put(path, &page(report, caption))
 }
 
@@ -25,7 +25,7 @@ pub(super) fn put(path: &Path, page: &str) -> anyhow::Result<()> {
         .with_context(|| format!("writing {}", path.display()))
 }
 
-fn page(report: &Report, caption: &str) -> String {
+fn page(report: &AvatarReport, caption: &str) -> String {
     let pictures: Vec<String> = report
         .orbit
         .iter()
@@ -47,7 +47,7 @@ fn page(report: &Report, caption: &str) -> String {
 }
 
 /// Rows of the table of figures.
-fn figures(report: &Report) -> String {
+fn figures(report: &AvatarReport) -> String {
     let [width, height] = report.image_size;
     let mut rows = vec![(
         "Clip",
@@ -100,7 +100,7 @@ fn figures(report: &Report) -> String {
 }
 
 /// Rows of the check's table.
-pub(super) fn check(report: &Report) -> String {
+pub(super) fn check(report: &AvatarReport) -> String {
     report.check.iter().fold(String::new(), |mut text, it| {
         let cause = it.cause.as_deref().filter(|_| it.grade != Grade::Pass);
         let _ = writeln!(
@@ -115,7 +115,7 @@ pub(super) fn check(report: &Report) -> String {
     })
 }
 
-fn notes(report: &Report) -> String {
+fn notes(report: &AvatarReport) -> String {
     let training = report.training.iter().flat_map(|it| &it.notes);
     report
         .notes
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_page_shows_its_pictures_and_no_text_becomes_markup() {
-        let report = Report {
+        let report = AvatarReport {
             name: "<b>Ada</b> {notes}".into(),
             frames: 3,
             image_size: [64, 96],

@@ -14,7 +14,7 @@ const ORBIT_MOMENT: f64 = 0.4;
 
 /// What was made of a clip.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct AvatarReport {
     /// Name of the person.
     pub name: String,
     /// Frames with the person, and the pictures' width and height in pixels.
@@ -52,7 +52,7 @@ pub struct Training {
     pub steps: u64,
     /// PSNR on held-out frames of the clip within the person's box, dB.
     pub psnr_box: Option<f64>,
-    /// The same over whole pictures, dB.
+    /// PSNR on these frames over whole pictures, dB.
     pub psnr: Option<f64>,
     /// Number of those frames.
     pub held_out: u32,
@@ -88,7 +88,7 @@ fn default_size(longest: u32, person: f64) -> u32 {
     longest.min(wanted).min(LARGEST)
 }
 
-impl Report {
+impl AvatarReport {
     pub(super) fn new(options: &AvatarOptions, captured: Captured, checked: Checked) -> Self {
         let [width, height] = captured.image_size;
         let moment = (ORBIT_MOMENT * captured.frames.len() as f64) as usize;

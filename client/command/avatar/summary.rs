@@ -65,8 +65,8 @@ fn doubt(it: &Measure) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yoto_capture::check::{Checker, Kind};
-    use yoto_import::{Found, PoseFit};
+    use yoto_capture::check::{Checker, MeasureKind};
+    use yoto_import::{Findings, PoseFit};
     use yoto_synthetic::SyntheticPerson;
 
     /// A capture of 24 frames out of 50, checked.
@@ -74,7 +74,7 @@ mod tests {
         let (track, film) = SyntheticPerson::cast(1, 7)[0].capture(24, 64);
         let captured = Captured {
             notes: Vec::new(),
-            found: Found {
+            found: Findings {
                 fit: Some(PoseFit {
                     searched: 25,
                     error_px: 1.82,
@@ -109,7 +109,7 @@ mod tests {
     fn what_was_found_doubtful_and_missing_is_said_once_each() {
         let (captured, mut checked) = checked();
         for measure in &mut checked.report.measures {
-            if measure.kind == Kind::Masks {
+            if measure.kind == MeasureKind::Masks {
                 measure.grade = Grade::Warn;
                 measure.shown = "19.2 % cut off".into();
                 measure.frames = vec![158, 160, 162, 164, 166];
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn a_capture_without_a_fault_is_one_line() {
         let (mut captured, mut checked) = checked();
-        captured.found = Found::default();
+        captured.found = Findings::default();
         checked.report.lacks.clear();
         for measure in &mut checked.report.measures {
             measure.grade = Grade::Pass;

@@ -28,7 +28,7 @@ pub(crate) struct Example {
     /// Random seed.
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// Folder for one folder per person.
+    /// Folder that gets one folder per person.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

@@ -16,7 +16,7 @@ deploy/models/README.md). So are its masks, unless --masks has better ones, or -
 them: a network of yours in ONNX (docs/use/pose-tools.md#masks).
 
 Poses of a video by 4D-Humans, WHAM, GVHMR, TRAM, ROMP, PromptHMR, LHM, ExAvatar or EasyMocap are
-recognised by their contents, and held against masks: see docs/use/pose-tools.md.
+recognised by their contents, and checked against masks: see docs/use/pose-tools.md.
 
 Examples:
   yoto import walk.mp4 --pose-model models --out captures/walk
@@ -41,17 +41,16 @@ fn after_help() -> String {
 #[derive(Debug, Args)]
 #[command(after_help = after_help())]
 pub(crate) struct Import {
-    /// Folder of the capture; or a video, or a folder of pictures, whose poses are in --poses or
-    /// are found by --pose-model.
+    /// The capture: a folder; or a video or a folder of pictures, with poses from --poses or from --pose-model.
     #[arg(value_name = "SRC")]
     source: PathBuf,
-    /// Folder to write: pose track, frames, masks.
+    /// Folder for the pose track, the frames and the masks.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Format of the capture, or the tool that wrote --poses.
     #[arg(long, value_name = "FORMAT", default_value = "auto")]
     from: Format,
-    /// Write the pose track in protocol buffers (poses.pb) in place of JSON.
+    /// Write the pose track as protocol buffers (poses.pb) in place of JSON.
     #[arg(long)]
     binary: bool,
     /// Frames to import, by position, e.g. 0..570:2 or ..100 [default: all].
@@ -81,5 +80,19 @@ impl Import {
         say!("{}", self.out.display());
         output::put("files", output::paths(&[&self.out]));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::AFTER_HELP;
+    use yoto_import::pose_tools;
+
+    #[test]
+    fn the_help_names_every_pose_tool() {
+        for (_, name) in pose_tools() {
+            let short = name.split(' ').next().unwrap_or(name);
+            assert!(AFTER_HELP.contains(short), "{short}");
+        }
     }
 }

@@ -5,13 +5,14 @@ pub(crate) mod import;
 
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
+use crate::import_progress;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use example::Example;
 use image::ImageFormat;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use yoto_capture::check::Report;
+use yoto_capture::check::CheckReport;
 use yoto_import::{FfmpegArg, capture_check};
 use yoto_terminal::output;
 
@@ -51,7 +52,7 @@ struct Check {
     /// Folder for report.json and sheet.png [default: check/ and the capture's name].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write over the report of another capture.
+    /// Overwrite the report of another capture.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -71,7 +72,7 @@ struct Written<'a> {
     /// Path of the capture.
     capture: String,
     #[serde(flatten)]
-    report: &'a Report,
+    report: &'a CheckReport,
 }
 
 impl Check {
@@ -105,7 +106,7 @@ fn ensure_own(report: &Path, capture: &Path) -> anyhow::Result<()> {
     let of = of.unwrap_or("something else");
     anyhow::ensure!(
         of == path(capture)?,
-        "{} is there already, of {of}: choose another folder (--out), or write over it (--force)",
+        "{} is there already, of {of}: choose another folder (--out), or overwrite it (--force)",
         report.display()
     );
     Ok(())
@@ -128,7 +129,12 @@ impl Check {
         if !self.force {
             ensure_own(&report, &self.capture)?;
         }
-        let checked = capture_check::check(&self.capture, &options, self.ffmpeg.program())?;
+        let checked = capture_check::check(
+            &self.capture,
+            &options,
+            self.ffmpeg.program(),
+            &import_progress::on_terminal(),
+        )?;
         let written = Written {
             capture: path(&self.capture)?,
             report: &checked.report,

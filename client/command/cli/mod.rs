@@ -14,9 +14,10 @@ use crate::{
 use anyhow::Context;
 #[cfg(feature = "embedded")]
 use clap::{CommandFactory, FromArgMatches};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use yoto_client::ClientError;
+use yoto_terminal::args::OutputArgs;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -34,32 +35,13 @@ Logs: RUST_LOG=debug, or e.g. RUST_LOG=yoto_server=debug,info.";
 #[derive(Debug, Parser)]
 #[command(name = "yoto", version, after_help = AFTER_HELP, arg_required_else_help = true)]
 pub struct Cli {
-    /// Format of results on stdout: text for people, or one JSON object for programs.
-    #[arg(
-        long,
-        global = true,
-        value_enum,
-        value_name = "FORMAT",
-        default_value = "text"
-    )]
-    output: Format,
-    /// Print results and errors only.
-    #[arg(short, long, global = true)]
-    quiet: bool,
-    /// Show no progress.
-    #[arg(long, global = true)]
-    no_progress: bool,
+    #[command(flatten)]
+    output: OutputArgs,
     /// The earlier position of an option of `serve` and `worker`.
     #[arg(long, hide = true)]
     log_json: bool,
     #[command(subcommand)]
     command: Command,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
-    Text,
-    Json,
 }
 
 #[derive(Debug, Subcommand)]
@@ -100,7 +82,7 @@ enum Command {
     Share(share::ShareCommand),
     Webhook(webhook::WebhookCommand),
     Evaluate(model::evaluate::Evaluate),
-    Report(model::report::Report),
+    Report(model::report::WriteReport),
     #[cfg(feature = "embedded")]
     Tradeoff(model::tradeoff::TradeoffCommand),
     Completions(completions::Completions),
@@ -116,12 +98,7 @@ pub fn main() -> ExitCode {
         Ok(None) => return ExitCode::SUCCESS,
         Err(error) => error.exit(),
     };
-    output::set_style(output::Style {
-        json: cli.output == Format::Json,
-        quiet: cli.quiet,
-        no_progress: cli.no_progress || cli.quiet,
-        brief: is_brief(&cli.command),
-    });
+    cli.output.set_style(is_brief(&cli.command));
     let outcome = run(cli);
     if let Err(error) = &outcome {
         if let Some(ClientError::JobEnded(job)) = error.downcast_ref() {

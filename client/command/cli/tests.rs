@@ -10,26 +10,17 @@ fn the_command_line_is_consistent() {
 
 #[test]
 fn every_command_and_flag_has_help() {
-    fn check(command: &clap::Command, path: &str) {
-        let path = format!("{path} {}", command.get_name());
-        assert!(command.get_about().is_some(), "{path} has no description");
-        for argument in command.get_arguments() {
-            assert!(
-                argument.get_help().is_some(),
-                "{path}: {} has no help",
-                argument.get_id()
-            );
-        }
-        let leaf = command.get_subcommands().next().is_none();
-        assert!(
-            !leaf || command.get_after_help().is_some(),
-            "{path} shows no example"
-        );
-        for sub in command.get_subcommands() {
-            check(sub, &path);
-        }
-    }
-    check(&Cli::command(), "");
+    let lacking = yoto_terminal::args::undocumented(&Cli::command());
+    assert!(lacking.is_empty(), "{lacking:#?}");
+}
+
+#[cfg(feature = "embedded")]
+#[test]
+fn lpips_has_one_pair_of_variables() {
+    use yoto_avatar::loss::lpips;
+    use yoto_terminal::args;
+    assert_eq!(args::VGG16_VARIABLE, lpips::VGG16_VARIABLE);
+    assert_eq!(args::HEADS_VARIABLE, lpips::HEADS_VARIABLE);
 }
 
 #[test]
@@ -43,6 +34,7 @@ fn what_a_newcomer_types_parses() {
         "yoto avatar captures/ada --motion-file m.bvh --joint-map j.json --despite-check",
         "yoto avatar walk.mp4 --pose-model models --verbose --open",
         "yoto model erase-person checkpoints/5 --slot 2 --out checkpoints/6",
+        "yoto subject export ada --out o",
         "yoto export checkpoints/5 --slot 1 --capture a --frame 3 --out ada.ply --force",
         "yoto evaluate duo --table",
         "yoto tradeoff --model duo --size 64 --views 2 --repeats 1 --out o",
@@ -100,7 +92,6 @@ fn what_a_newcomer_types_parses() {
         "yoto job watch jobs/1",
         "yoto job watch",
         "yoto subject fetch ada --out o",
-        "yoto subject export ada --out o",
         "yoto subject edit ada --rename Ada --consent signed",
         "yoto job retry 9f31",
         "yoto job curve 9f31 --output json",

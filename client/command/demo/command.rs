@@ -5,6 +5,7 @@ use crate::demo::{DemoOptions, run};
 use crate::show;
 use clap::Args;
 use std::path::PathBuf;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -47,7 +48,7 @@ pub(crate) struct Demo {
     #[arg(long)]
     open: bool,
     #[command(flatten)]
-    lpips: crate::args::LpipsArgs,
+    lpips: yoto_terminal::args::LpipsArgs,
 }
 
 impl Demo {
@@ -58,7 +59,7 @@ impl Demo {
             size: self.size,
             seconds: self.seconds,
             seed: self.seed,
-            lpips: self.lpips.weights()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
         };
         let report = run(&options).await?;
         output::put("report", serde_json::to_value(&report)?);

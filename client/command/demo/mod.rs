@@ -19,7 +19,7 @@ use crate::studio::training::train;
 use crate::studio::{folder, person};
 use anyhow::Context;
 use people::Actor;
-use report::{Report, Settings};
+use report::{DemoReport, Settings};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_avatar::loss::lpips::LpipsWeights;
@@ -108,7 +108,7 @@ pub fn index(options: &DemoOptions) -> PathBuf {
 ///
 /// # Errors
 /// The first failure.
-pub async fn run(options: &DemoOptions) -> anyhow::Result<Report> {
+pub async fn run(options: &DemoOptions) -> anyhow::Result<DemoReport> {
     let started = Instant::now();
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
     let data = folder::fresh(&options.out, "service", "demo")?;
@@ -140,7 +140,7 @@ async fn drive(
     client: &YotoClient,
     options: &DemoOptions,
     actors: &[Actor],
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<DemoReport> {
     let mut subjects = Vec::new();
     for actor in actors {
         let folder = capture_folder(&options.out, &actor.name);

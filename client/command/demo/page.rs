@@ -1,6 +1,6 @@
 //! The page of a demo, from which everything else is reached.
 
-use super::report::Report;
+use super::report::DemoReport;
 use anyhow::Context;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -15,13 +15,13 @@ pub(super) fn path(out: &Path) -> PathBuf {
 }
 
 /// Writes the page about the people with these `names`.
-pub(super) fn write(out: &Path, names: &[&str], report: &Report) -> anyhow::Result<()> {
+pub(super) fn write(out: &Path, names: &[&str], report: &DemoReport) -> anyhow::Result<()> {
     let path = path(out);
     std::fs::write(&path, page(names, report))
         .with_context(|| format!("writing {}", path.display()))
 }
 
-fn page(names: &[&str], report: &Report) -> String {
+fn page(names: &[&str], report: &DemoReport) -> String {
     let people = names.iter().fold(String::new(), |mut text, name| {
         let name = escaped(name);
         let _ = writeln!(

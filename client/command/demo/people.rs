@@ -4,8 +4,7 @@
 use std::path::Path;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
-use yoto_client::ClientError;
-use yoto_import::write_images;
+use yoto_import::{ImportError, write_images};
 use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::SyntheticPerson;
 
@@ -90,7 +89,7 @@ impl Actor {
     }
 
     /// Writes the video as a capture folder: `poses.json`, `frames/`, `masks/`.
-    pub(super) fn write_capture(&self, folder: &Path) -> Result<(), ClientError> {
+    pub(super) fn write_capture(&self, folder: &Path) -> Result<(), ImportError> {
         write_images(&self.track, &self.film, folder).map(drop)
     }
 }

@@ -8,7 +8,7 @@ use yoto_avatar::evaluate::{SplitScores, SubjectScore, split_table};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct DemoReport {
     /// One entry per person.
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
@@ -30,7 +30,7 @@ pub struct Report {
     /// Parts of the model that become active during a run, and were at its end.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
-    /// Whose poses are refined and why, and what became of single frames.
+    /// Notes on refined poses with the reason, and on single frames.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// Seconds to render a frame at the evaluated size.
@@ -52,7 +52,7 @@ pub struct Settings {
     pub seed: u64,
 }
 
-impl Report {
+impl DemoReport {
     /// Writes `report.json`, and creates its folder.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use super::people::{Actor, HeldOut};
 use super::render::HeldOutRenders;
-use super::report::{Report, Settings};
+use super::report::{DemoReport, Settings};
 use anyhow::Context;
 use image::RgbImage;
 use yoto_avatar::evaluate::{Mean, Score, SplitScores, SubjectScore, compare};
@@ -45,9 +45,9 @@ pub(super) fn report(
     renders: &[HeldOutRenders],
     trained: TrainResult,
     settings: Settings,
-) -> Report {
+) -> DemoReport {
     let seconds: f64 = renders.iter().map(|render| render.seconds_per_frame).sum();
-    Report {
+    DemoReport {
         mean: SplitScores::mean(&subjects),
         subjects,
         steps: trained.steps,

@@ -26,8 +26,8 @@ use yoto_device::PickedDevice;
 use yoto_ingest::IngestSettings;
 use yoto_proto::v1::JobKind;
 use yoto_server::{
-    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, OidcConfig,
-    OtlpConfig, PostgresUrl, ServerConfig, ServerError, StorageLimits, TlsFiles, in_memory,
+    Admission, Certificates, Coordinator, InMemoryConnector, InMemoryIncoming, ServerConfig,
+    ServerError, TlsFiles, in_memory,
 };
 use yoto_worker::{Worker, WorkerConfig, WorkerError};
 
@@ -43,15 +43,11 @@ const SLACK: Duration = Duration::from_secs(5);
 /// Settings of the embedded service.
 #[derive(Debug, Clone)]
 pub struct EmbeddedOptions {
-    /// Folder of objects, and of the database unless another one is named.
-    pub data: PathBuf,
-    /// A database of PostgreSQL.
-    pub database: Option<PostgresUrl>,
-    /// Where objects are stored; by default a folder in `data`.
-    pub objects: Option<Url>,
+    /// The coordinator's settings. Its limit of a shutdown is always 3 seconds, since the process waits for it.
+    pub server: ServerConfig,
     /// Address for clients of other processes, if any.
     pub listen: Option<SocketAddr>,
-    /// Whom the address admits without a key.
+    /// Callers whom the address admits without a key.
     pub admission: Admission,
     /// Certificates of the address, which is encrypted with them.
     pub tls: Option<TlsFiles>,
@@ -62,24 +58,27 @@ pub struct EmbeddedOptions {
     pub ingest: IngestSettings,
     /// Weights of the networks of LPIPS, if present.
     pub lpips: Option<LpipsWeights>,
-    /// What is stored, and for how long.
-    pub storage: StorageLimits,
-    /// Whether nobody is in a job without a valid consent to its purpose.
-    pub require_consent: bool,
-    /// Sites whose pages may make calls with a key.
-    pub allow_origins: Vec<String>,
-    /// Whether webhooks may lead to this machine and to private networks.
-    pub private_webhooks: bool,
-    /// An issuer by which people sign in.
-    pub oidc: Option<OidcConfig>,
-    /// How long clients can read an object of a remote store by a signed URL, if they get URLs at all.
-    pub signed_urls: Option<Duration>,
-    /// Where the files of a running job are; by default a folder in `data`, which is emptied first.
+    /// Where the files of a running job are; by default a folder in the data folder, which is emptied first.
     pub scratch: Option<PathBuf>,
-    /// Where figures and traces are sent, if anywhere.
-    pub otlp: Option<OtlpConfig>,
     /// Time from the start of a shutdown until calls are refused. Health says meanwhile that nobody should come.
     pub drain: Duration,
+}
+
+impl EmbeddedOptions {
+    /// A coordinator with these settings and a worker, for the clients of this process alone.
+    pub fn new(server: ServerConfig) -> Self {
+        Self {
+            server,
+            listen: None,
+            admission: Admission::Machine,
+            tls: None,
+            worker: true,
+            ingest: IngestSettings::default(),
+            lpips: None,
+            scratch: None,
+            drain: Duration::ZERO,
+        }
+    }
 }
 
 /// A running service.
@@ -121,18 +120,10 @@ impl Embedded {
         let address = listener
             .as_ref()
             .and_then(|listener| listener.local_addr().ok());
+        let data = options.server.data_dir.clone();
         let config = ServerConfig {
             shutdown_grace: SERVER_GRACE,
-            database: options.database,
-            objects: options.objects,
-            storage: options.storage,
-            otlp: options.otlp,
-            require_consent: options.require_consent,
-            allow_origins: options.allow_origins,
-            private_webhooks: options.private_webhooks,
-            oidc: options.oidc,
-            signed_urls: options.signed_urls,
-            ..ServerConfig::new(&options.data)
+            ..options.server
         };
         let coordinator = Coordinator::open(config).await?;
         let objects = coordinator.objects_url().clone();
@@ -162,7 +153,7 @@ impl Embedded {
             embedded.device.clone_from(&picked.info.adapter);
             let scratch = match options.scratch {
                 Some(folder) => folder,
-                None => emptied(options.data.join(SCRATCH_FOLDER))?,
+                None => emptied(data.join(SCRATCH_FOLDER))?,
             };
             let config = |name: &str, kinds: &[JobKind]| WorkerConfig {
                 display_name: name.into(),
@@ -326,36 +317,19 @@ async fn pick_device() -> Result<PickedDevice, EmbeddedError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
-    fn options(data: PathBuf) -> EmbeddedOptions {
+    fn options(data: &Path) -> EmbeddedOptions {
         EmbeddedOptions {
-            data,
-            database: None,
-            objects: None,
             listen: Some(SocketAddr::from(([127, 0, 0, 1], 0))),
-            admission: Admission::Machine,
-            tls: None,
-            worker: true,
-            ingest: IngestSettings::default(),
-            lpips: None,
-            storage: StorageLimits::default(),
-            require_consent: false,
-            allow_origins: Vec::new(),
-            private_webhooks: false,
-            oidc: None,
-            signed_urls: None,
-            scratch: None,
-            drain: Duration::ZERO,
-            otlp: None,
+            ..EmbeddedOptions::new(ServerConfig::new(data))
         }
     }
 
     #[tokio::test]
     async fn clients_in_memory_and_over_tcp_see_the_same_service() {
         let dir = tempfile::tempdir().expect("temporary folder");
-        let service = Embedded::start(options(dir.path().to_owned()))
-            .await
-            .expect("starts");
+        let service = Embedded::start(options(dir.path())).await.expect("starts");
         let subject = service
             .client()
             .create_subject("ada", "signed")
@@ -373,7 +347,7 @@ mod tests {
 
         let left = dir.path().join(SCRATCH_FOLDER).join("left by a kill");
         std::fs::create_dir_all(&left).expect("writes");
-        let again = Embedded::start(options(dir.path().to_owned()))
+        let again = Embedded::start(options(dir.path()))
             .await
             .expect("the folder is free again");
         assert!(!left.exists(), "nobody needs it any more");
@@ -387,10 +361,8 @@ mod tests {
     #[tokio::test]
     async fn a_second_service_on_the_same_folder_is_refused() {
         let dir = tempfile::tempdir().expect("temporary folder");
-        let service = Embedded::start(options(dir.path().to_owned()))
-            .await
-            .expect("starts");
-        let second = Embedded::start(options(dir.path().to_owned())).await;
+        let service = Embedded::start(options(dir.path())).await.expect("starts");
+        let second = Embedded::start(options(dir.path())).await;
         let error = second.expect_err("the folder is taken");
         assert!(
             matches!(

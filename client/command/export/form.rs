@@ -67,7 +67,12 @@ pub(crate) fn form(out: &Path, format: Option<Format>) -> anyhow::Result<ExportF
     let extension = extension.unwrap_or_default().to_ascii_lowercase();
     let in_file = |form: &&ExportForm| main_extension(**form) == Some(extension.as_str());
     let usual = USUAL.iter().find(in_file);
-    let usual = usual.with_context(|| format!("--out {name}: none of {}", listed(&USUAL)))?;
+    let usual = usual.with_context(|| {
+        format!(
+            "--out {name}: its extension must be one of {}",
+            listed(&USUAL)
+        )
+    })?;
     let Some(format) = format else {
         return Ok(*usual);
     };
@@ -75,7 +80,7 @@ pub(crate) fn form(out: &Path, format: Option<Format>) -> anyhow::Result<ExportF
     match forms.iter().find(in_file) {
         Some(form) => Ok(*form),
         None => bail!(
-            "--out {name} is .{extension}, and --format {} is {}",
+            "--out {name} ends with .{extension}, but --format {} needs {}",
             word(format),
             listed(forms)
         ),
@@ -151,17 +156,17 @@ mod tests {
         let error = form(Path::new("x/a.OBJ"), Some(Format::Splats)).expect_err("no splats");
         assert_eq!(
             error.to_string(),
-            "--out x/a.OBJ is .obj, and --format splats is .ply, .spz or .glb"
+            "--out x/a.OBJ ends with .obj, but --format splats needs .ply, .spz or .glb"
         );
         let error = form(Path::new("a.glb"), Some(Format::PlyMesh)).expect_err("no glb");
         assert_eq!(
             error.to_string(),
-            "--out a.glb is .glb, and --format ply-mesh is .ply"
+            "--out a.glb ends with .glb, but --format ply-mesh needs .ply"
         );
         let error = form(Path::new("a"), None).expect_err("no extension");
         assert_eq!(
             error.to_string(),
-            "--out a: none of .html, .ply, .spz, .glb or .obj"
+            "--out a: its extension must be one of .html, .ply, .spz, .glb or .obj"
         );
     }
 }

@@ -20,7 +20,7 @@ use written::Written;
 use yoto_proto::v1::{ExportForm, ExportMotion};
 
 const AFTER_HELP: &str = "\
-The name of the file says its form:
+The extension of the file tells its format:
   .html  a page that plays the person in any browser with WebGL2, in one file: drag to
          turn, play motions, bend joints
   .ply   Gaussian splats of one pose (the rest pose, or --frame of a motion), for
@@ -31,12 +31,12 @@ The name of the file says its form:
          glTF; with --format splats, the splats of one pose
   .obj   the mesh in one pose, with a material (.mtl) and a texture (.png) beside it;
          with --format ply-mesh, a .ply is the mesh with a colour per vertex
-A worker of the service makes the files of its models. Motions are those of captures on this
-disk, of people in the service, and of files, in this order; without any, that of the person's
-own capture. Of a capture on this disk only poses.json is read; `yoto subject poses --refined`
-writes one with refined poses. A model of another tier than splat is a field, of which splats
-are made first, as `yoto-lab distill --frames` does, in --seconds. The folder of a checkpoint is read on this
-machine; it needs splats, and its people move only as --capture and --motion-file say.
+A worker of the service makes the files for a model of the service. Motions come from captures on
+this disk, from people in the service, and from files, in this order; without any, from the
+person's own capture. Only poses.json of a capture on this disk is read; `yoto subject poses
+--refined` writes one with refined poses. A model of another tier than splat is a field: splats are
+made from it first, in --seconds, as `yoto-lab distill --frames` does. The folder of a checkpoint is
+read on this machine; it needs splats, and its people move only as --capture and --motion-file say.
 
 Examples:
   yoto export duo --subject ada --out ada.html
@@ -57,56 +57,56 @@ Examples:
 pub(crate) struct Export {
     #[command(flatten)]
     person: PersonArgs,
-    /// Folder of a capture whose motion the person takes; may be given several times.
+    /// Folder of a capture whose motion is used; may be given several times.
     #[arg(long = "capture", value_name = "DIR")]
     captures: Vec<PathBuf>,
-    /// Person of the service whose capture's motion the person takes, by name; may be given several times.
+    /// Person of the service whose captured motion is used, by name; may be given several times.
     #[arg(long = "motion", value_name = "DRIVER")]
     drivers: Vec<String>,
-    /// Motion file that the person takes: BVH, AMASS-style .npz, or a pose track (.json, .pb); may be given
-    /// several times. `yoto motion` shows what is in it.
+    /// Motion file to use: BVH, AMASS-style .npz, or a pose track (.json, .pb); may be given several times. `yoto
+    /// motion` shows its contents.
     #[arg(long = "motion-file", value_name = "FILE")]
     motion_files: Vec<PathBuf>,
-    /// Stand in the rest pose in place of the motion of the person's own capture.
+    /// Export the rest pose, without the motion of the person's own capture.
     #[arg(long, conflicts_with_all = ["captures", "drivers", "motion_files", "frame"])]
     no_motion: bool,
     #[command(flatten)]
     reading: MotionArgs,
-    /// Frames of --motion by their numbers and of --motion-file counted from 0, of which every STEP-th stored one is taken,
-    /// e.g. 0..240:4 [default: all].
+    /// Frames to use, every STEP-th stored one: of --motion by their numbers, of --motion-file counted from 0, e.g.
+    /// 0..240:4 [default: all].
     #[arg(long, value_name = "A..B:STEP")]
     range: Option<FrameRange>,
-    /// Frame whose pose a file without motion has, by its number in the capture or motion file, or else
-    /// in the person's own capture.
+    /// Frame whose pose a file without motion gets, by its number in the capture or motion file, or, without one, in
+    /// the person's own capture.
     #[arg(long, value_name = "N")]
     frame: Option<u32>,
     /// File to write: .html, .ply, .spz, .glb or .obj.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Contents of the file, or its exact form, as far as the extension of --out allows [default: mesh in .glb
+    /// Content of the file, or its exact format, where the extension of --out allows several [default: mesh in .glb
     /// and .obj, splats in .ply and .spz].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Most triangles of a mesh, as far as its holes and handles allow [default: 20000].
+    /// Largest number of triangles in a mesh, as far as its holes and handles allow [default: 20000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     triangles: Option<u32>,
-    /// Pixels along a side of a mesh's texture [default: 1024].
+    /// Side of a mesh's texture, pixels [default: 1024].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=8192))]
     texture: Option<u32>,
-    /// Most bytes of a page or a file of splats: near splats are merged until it fits [default: no limit].
+    /// Largest size of a page or a file of splats, bytes: nearby splats are merged until it fits [default: no limit].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1000..))]
     max_bytes: Option<u64>,
-    /// Seconds in which splats are made of a field [default: 60].
+    /// Time to make splats from a field, seconds [default: 60].
     #[arg(long, value_name = "S", value_parser = distillation_seconds)]
     seconds: Option<f64>,
-    /// Shorter side of the pictures from which the splats learn, pixels, at most that of the capture's frames
-    /// [default: 256].
+    /// Shorter side of the pictures from which splats of a field learn, pixels, at most the side of the capture's
+    /// frames [default: 256].
     #[arg(long, value_name = "PX", value_parser = distillation_sizes())]
     size: Option<u32>,
     /// Learn splats of a field from its pictures alone, without the frames of the person's capture.
     #[arg(long)]
     field_only: bool,
-    /// Write over a file that is there already.
+    /// Overwrite an existing file.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -114,9 +114,9 @@ pub(crate) struct Export {
 }
 
 /// The motions of an export.
-pub(crate) struct Chosen {
+pub(crate) struct ChosenMotions {
     motions: Vec<ExportMotion>,
-    /// The frame whose pose a still form has, of the one motion or else of the person's own capture.
+    /// The frame whose pose a still form gets, of the one motion or else of the person's own capture.
     frame: Option<u32>,
 }
 
@@ -128,7 +128,7 @@ impl Export {
         for file in written.files() {
             ensure!(
                 self.force || !file.exists(),
-                "{} is there already: choose another file (--out), or write over it (--force)",
+                "{} is there already: choose another file (--out), or overwrite it (--force)",
                 file.display()
             );
         }
@@ -202,7 +202,7 @@ impl Export {
     }
 
     /// The motions of captures, of `drivers`, and of files.
-    fn chosen(&self, drivers: Vec<Numbered>, form: ExportForm) -> anyhow::Result<Chosen> {
+    fn chosen(&self, drivers: Vec<Numbered>, form: ExportForm) -> anyhow::Result<ChosenMotions> {
         let range = self.range.unwrap_or(FrameRange::ALL);
         let captures = self.captures.iter().map(|dir| Numbered::capture(dir));
         let files = self.motion_files.iter();
@@ -211,18 +211,18 @@ impl Export {
         let all: Vec<Numbered> = all.collect::<anyhow::Result<_>>()?;
         let Some(number) = self.frame.filter(|_| form.is_still()) else {
             let motions = all.into_iter().map(|it| it.motion).collect();
-            return Ok(Chosen {
+            return Ok(ChosenMotions {
                 motions,
                 frame: None,
             });
         };
         let one = all.into_iter().next().map(|motion| motion.still(number));
         Ok(match one.transpose()? {
-            Some((motion, frame)) => Chosen {
+            Some((motion, frame)) => ChosenMotions {
                 motions: vec![motion],
                 frame: Some(frame),
             },
-            None => Chosen {
+            None => ChosenMotions {
                 motions: Vec::new(),
                 frame: Some(number),
             },
@@ -235,7 +235,7 @@ impl Export {
         &self,
         folder: PathBuf,
         _: ExportForm,
-        _: Chosen,
+        _: ChosenMotions,
         _: &Written,
     ) -> anyhow::Result<()> {
         anyhow::bail!(

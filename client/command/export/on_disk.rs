@@ -1,6 +1,6 @@
 //! An export from the folder of a checkpoint, on this machine.
 
-use crate::export::Chosen;
+use crate::export::ChosenMotions;
 use crate::export::Export;
 use crate::export::written::Written;
 use crate::studio::trained;
@@ -17,7 +17,7 @@ impl Export {
         &self,
         folder: PathBuf,
         form: ExportForm,
-        chosen: Chosen,
+        chosen: ChosenMotions,
         written: &Written,
     ) -> anyhow::Result<()> {
         ensure!(

@@ -32,7 +32,7 @@ impl Written {
         }
     }
 
-    /// Their paths, that of the main one first.
+    /// Their paths, the main one first.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }

@@ -6,7 +6,7 @@ use yoto_client::YotoClient;
 use yoto_proto::v1::NamedObject;
 use yoto_terminal::progress::{ProgressDisplay, count};
 
-/// Writes the files of a job or a checkpoint, with the bytes on display.
+/// Writes the files of a job or a checkpoint, and shows how many bytes have arrived.
 pub(crate) async fn download(
     client: &YotoClient,
     parent: &str,
@@ -15,7 +15,7 @@ pub(crate) async fn download(
     download_some(client, parent, folder, |_| true).await
 }
 
-/// The same with those that are `wanted` alone.
+/// As [`download`], for the `wanted` files alone.
 pub(crate) async fn download_some(
     client: &YotoClient,
     parent: &str,

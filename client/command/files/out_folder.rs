@@ -16,7 +16,7 @@ pub(crate) struct OutFolder {
     /// Folder for the files.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Write over files that are there already; pictures of another render are removed.
+    /// Overwrite existing files; pictures of another render are removed.
     #[arg(long)]
     pub force: bool,
 }
@@ -33,7 +33,7 @@ impl OutFolder {
         match names(&self.out, is_ours)?.into_iter().min() {
             None => Ok(()),
             Some(name) => anyhow::bail!(
-                "{} is there already: choose another folder (--out), or write over it (--force)",
+                "{} is there already: choose another folder (--out), or overwrite it (--force)",
                 self.out.join(name).display()
             ),
         }

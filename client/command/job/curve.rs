@@ -1,6 +1,6 @@
 //! `yoto job curve`: loss and held-out quality of a training over its steps.
 
-use super::Which;
+use super::JobArgs;
 use yoto_client::YotoClient;
 use yoto_proto::v1::MetricPoint;
 use yoto_terminal::chart::chart;
@@ -8,14 +8,14 @@ use yoto_terminal::output;
 use yoto_terminal::progress::duration;
 
 pub(crate) const AFTER_HELP: &str = "\
-The service keeps about a thousand points of a training, closer together at its beginning. With --output json, all
+The service keeps about a thousand points of a training, closer together at its beginning. --output json prints all
 of them: step, seconds, loss, and PSNR and SSIM on held-out frames where they were measured.
 
 Examples:
   yoto job curve 9f31c2aa
   yoto job curve 9f31c2aa --output json > curve.json";
 
-pub(crate) async fn show(which: &Which) -> anyhow::Result<()> {
+pub(crate) async fn show(which: &JobArgs) -> anyhow::Result<()> {
     let (client, job): (YotoClient, _) = which.find().await?;
     let points = client.job_metrics(&job.name).await?;
     output::put("points", output::messages(&points));

@@ -8,8 +8,8 @@ use yoto_proto::v1::{Job, job};
 use yoto_terminal::output;
 
 pub(crate) const AFTER_HELP: &str = "\
-AGE is the time since a job was queued, TIME how long it ran. An id's first characters stand for it in
-all commands.
+AGE is the time since a job was queued, TIME how long it ran. All commands take the first characters of an id
+in its place.
 
 Examples:
   yoto job list

@@ -20,14 +20,14 @@ use yoto_proto::v1::{Job, job};
 use yoto_terminal::output::{self, others};
 
 const SHOW_HELP: &str = "\
-Each attempt is a line: its worker, how long it ran, and how it ended. With --output json, the whole job:
+Each attempt is a line: its worker, how long it ran, and how it ended. --output json prints the whole job:
 its order, progress, attempts, faults and result.
 
 Example:
   yoto job show 9f31c2aa";
 const FETCH_HELP: &str = "\
-A render has its pictures, an export its page, splats or mesh, an evaluation scores.json and the plots of a
-trade-off, a training its last checkpoint (`yoto model export` writes the best one).
+The files of a render are its pictures; of an export, its page, splats or mesh; of an evaluation, scores.json and
+the plots of a trade-off; of a training, its last checkpoint (`yoto model export` writes the best one).
 
 Example:
   yoto job fetch 9f31c2aa --out out/ada";
@@ -38,8 +38,8 @@ Example:
   yoto job cancel 9f31c2aa";
 
 const RETRY_HELP: &str = "\
-The order is queued as a new job, with the same priority and owner. A training continues from the newest
-checkpoint of its model, with its whole budget; files of a capture are read again.
+The same order becomes a new job, with the same priority and owner. A training continues from the newest
+checkpoint of its model, with its whole budget; an ingest job reads the files of its capture again.
 
 Example:
   yoto job retry 9f31c2aa";
@@ -55,7 +55,7 @@ Example:
   yoto job resume train";
 
 const DELETE_HELP: &str = "\
-Its pictures, figures and exported files go with it. The checkpoints of a training stay with their model, and the capture
+Its pictures, figures and exported files are deleted with it. The checkpoints of a training stay with their model, and the capture
 of an ingest job with its person.
 
 Example:
@@ -75,36 +75,36 @@ enum Action {
     List(JobList),
     /// Show one job with its faults.
     #[command(after_help = SHOW_HELP)]
-    Show(Which),
+    Show(JobArgs),
     /// Follow a job to its end, or all open jobs.
     #[command(after_help = watch::AFTER_HELP)]
     Watch(JobWatch),
     /// Draw loss and held-out quality of a training over its steps.
     #[command(after_help = curve::AFTER_HELP)]
-    Curve(Which),
+    Curve(JobArgs),
     /// Wait for a job and write its files: pictures, an exported person, figures, or the checkpoint of a training.
     #[command(after_help = FETCH_HELP)]
     Fetch {
         #[command(flatten)]
-        which: Which,
+        which: JobArgs,
         #[command(flatten)]
         folder: OutFolder,
     },
     /// Cancel a job.
     #[command(after_help = CANCEL_HELP)]
-    Cancel(Which),
-    /// Queue a job that failed or was cancelled again.
+    Cancel(JobArgs),
+    /// Queue again a job that failed or was cancelled.
     #[command(after_help = RETRY_HELP)]
-    Retry(Which),
+    Retry(JobArgs),
     /// Delete a job that has ended, with its pictures, figures and exported files.
     #[command(after_help = DELETE_HELP)]
-    Delete(Which),
+    Delete(JobArgs),
     /// Start no more jobs of a kind.
     #[command(after_help = PAUSE_HELP)]
     Pause {
         /// The kind of jobs.
         kind: KindName,
-        /// Reason, which `yoto status` shows.
+        /// Reason; `yoto status` shows it.
         #[arg(
             long,
             default_value = "",
@@ -126,14 +126,14 @@ enum Action {
 }
 
 #[derive(Debug, Args)]
-struct Which {
-    /// The job: its id, or at least the first four characters of it.
+struct JobArgs {
+    /// The job, by its id or at least the first four characters of it.
     job: String,
     #[command(flatten)]
     server: Server,
 }
 
-impl Which {
+impl JobArgs {
     /// A connection to the service, and the job as it is now.
     async fn find(&self) -> Result<(YotoClient, Job), ClientError> {
         let client = self.server.connect().await?;
@@ -205,7 +205,7 @@ impl JobCommand {
     }
 }
 
-async fn show(which: &Which) -> anyhow::Result<()> {
+async fn show(which: &JobArgs) -> anyhow::Result<()> {
     let (client, found) = which.find().await?;
     // Only this call tells the attempts.
     let job = client.get_job(&found.name).await?;

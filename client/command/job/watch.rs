@@ -13,8 +13,8 @@ use yoto_terminal::progress::ProgressDisplay;
 
 pub(crate) const AFTER_HELP: &str = "\
 Interrupting the watch does not stop the job. The exit status is non-zero unless the job
-succeeds. Without a job, all open jobs are followed until none is left, those that are queued meanwhile
-included, with a line for each change of state; the exit status then does not depend on them.
+succeeds. Without a job, all open jobs are followed until none is left, including those that are queued
+meanwhile, with a line for each change of state; the exit status then does not depend on them.
 
 Examples:
   yoto job watch 9f31c2aa
@@ -22,7 +22,7 @@ Examples:
 
 #[derive(Debug, Args)]
 pub(crate) struct JobWatch {
-    /// The job: its id, or at least the first four characters of it. Without one, all open jobs.
+    /// The job, by its id or at least the first four characters of it [default: all open jobs].
     job: Option<String>,
     #[command(flatten)]
     server: Server,

@@ -1,6 +1,6 @@
 //! `yoto key create`.
 
-use super::place::Place;
+use super::place::KeyStoreArgs;
 use super::scope_names;
 use crate::args::span::span;
 use crate::show::now;
@@ -27,9 +27,9 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct Create {
-    /// Name of the key: who or what has it.
+    /// Name of the key, such as the name of its holder.
     name: String,
-    /// What it allows, separated by commas.
+    /// Scopes: what the key allows, separated by commas.
     #[arg(
         long,
         value_enum,
@@ -38,14 +38,15 @@ pub(super) struct Create {
         default_values = ["read", "write"]
     )]
     scopes: Vec<ScopeName>,
-    /// Time until it ends, such as 90d, 12h or 30m [default: never].
+    /// Time until the key expires, such as 90d, 12h or 30m [default: never].
     #[arg(long, value_name = "TIME", value_parser = span)]
     expires: Option<Duration>,
-    /// Whose calls it makes [default: the caller's tenant]. Tenants share a service without seeing each other.
+    /// Tenant whose calls the key makes [default: the caller's tenant]. Tenants share a service without seeing each
+    /// other.
     #[arg(long, value_name = "TENANT")]
     tenant: Option<String>,
     #[command(flatten)]
-    place: Place,
+    place: KeyStoreArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]

@@ -7,16 +7,16 @@ use crate::show;
 use crate::show::{ID, now, span};
 use clap::{Args, Subcommand};
 use create::Create;
-use place::Place;
+use place::KeyStoreArgs;
 use yoto_client::pick_name;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Key, Scope};
 use yoto_terminal::output::{self, others};
 
 const AFTER_HELP: &str = "\
-From the first key on, the service asks every caller for one. Callers have their key in YOTO_KEY or in
+From the first key on, the service asks every caller for one. Callers put their key into YOTO_KEY or into
 the file of --key-file. --data or --database opens the service's database on its own host, without a key:
-so the first key is made, and a lost one replaced.
+to make the first key, or to replace a lost one.
 
 Examples:
   yoto key create admin --scopes read,write,operate --data /srv/yoto
@@ -29,13 +29,13 @@ Example:
   yoto key list --tenant lab";
 
 const REVOKE_HELP: &str = "\
-No call is answered to the key any more, and its streams end: at once at the coordinator that is asked,
-within a second at others.
+Calls with the key are refused, and its streams end: at once at the coordinator that revokes it, and within a
+second at others.
 
 Example:
   yoto key revoke gpu-1";
 
-/// Create, list and revoke the keys of those who call a service.
+/// Create, list and revoke the keys with which people, programs and workers call a service.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct KeyCommand {
@@ -54,11 +54,11 @@ enum Action {
 #[derive(Debug, Args)]
 #[command(after_help = LIST_HELP)]
 struct List {
-    /// Whose keys [default: the caller's tenant].
+    /// Tenant whose keys are shown [default: the caller's tenant].
     #[arg(long, value_name = "TENANT")]
     tenant: Option<String>,
     #[command(flatten)]
-    place: Place,
+    place: KeyStoreArgs,
 }
 
 /// Revoke a key at once and for ever.
@@ -67,11 +67,11 @@ struct List {
 struct Revoke {
     /// The key, by name or id.
     key: String,
-    /// Whose key [default: the caller's tenant].
+    /// Tenant that has the key [default: the caller's tenant].
     #[arg(long, value_name = "TENANT")]
     tenant: Option<String>,
     #[command(flatten)]
-    place: Place,
+    place: KeyStoreArgs,
 }
 
 impl KeyCommand {

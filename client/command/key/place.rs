@@ -11,12 +11,13 @@ use yoto_server::{KeyStore, PostgresUrl};
 
 /// The service whose keys are managed.
 #[derive(Debug, Args)]
-pub(super) struct Place {
-    /// Open the database in the service's data folder, on its host; the service may run. As the service's user.
+pub(super) struct KeyStoreArgs {
+    /// Open the database in the service's data folder, on its host. The service may be running. Run this as the
+    /// service's user.
     #[cfg(feature = "embedded")]
     #[arg(long, value_name = "DIR", conflicts_with = "database")]
     data: Option<PathBuf>,
-    /// Open the service's database in PostgreSQL, postgres://USER@HOST/NAME; the service may run.
+    /// Open the service's database in PostgreSQL, postgres://USER@HOST/NAME. The service may be running.
     #[cfg(feature = "embedded")]
     #[arg(long, value_name = "URL")]
     database: Option<PostgresUrl>,
@@ -31,7 +32,7 @@ pub(super) enum Keys {
     Database(KeyStore),
 }
 
-impl Place {
+impl KeyStoreArgs {
     pub(super) async fn open(&self) -> anyhow::Result<Keys> {
         #[cfg(feature = "embedded")]
         match (&self.data, &self.database) {

@@ -20,7 +20,7 @@ Examples:
 pub(super) struct Create {
     /// Name of the model.
     name: String,
-    /// People to add to it, by name, separated by commas.
+    /// People in the model, by name, separated by commas.
     #[arg(long, value_delimiter = ',', required = true, value_name = "A,B,…")]
     subjects: Vec<String>,
     #[command(flatten)]

@@ -7,9 +7,9 @@ use yoto_avatar::train::leaving::remove_person;
 use yoto_terminal::output;
 
 pub(crate) const AFTER_HELP: &str = "\
-The new folder has nothing of the person: no parameters, moments of the optimiser, occupancy, poses,
+Nothing of the person is in the new folder: no parameters, moments of the optimiser, occupancy, poses,
 skeleton or pictures; everybody else's part is the same bit for bit. The files are then searched for what
-was theirs. OUT/removed-SLOT.json is a certificate: private_only if the person joined a trained model
+was the person's. OUT/removed-SLOT.json is a certificate: private_only if the person joined a trained model
 alone, or trunk_saw_them if the shared part learned from their frames, which no removal can undo.
 Slots are counted from 0 in the order in which people came into the model: `yoto model show`.
 
@@ -25,7 +25,7 @@ pub(crate) struct Erase {
     /// The person's slot.
     #[arg(long, value_name = "N")]
     slot: usize,
-    /// New folder for the checkpoint without them.
+    /// New folder for the checkpoint without the person.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

@@ -28,13 +28,13 @@ pub(crate) struct Evaluate {
     /// People to measure, by name, separated by commas [default: all people in the model].
     #[arg(long, value_delimiter = ',', value_name = "A,B,…")]
     subjects: Vec<String>,
-    /// Pictures to compare, and the method.
+    /// Protocol: which pictures are compared, and how.
     #[arg(long, default_value = HELD_OUT, value_parser = args::protocol, long_help = protocol_help())]
     protocol: String,
     /// Step or alias of the checkpoint to measure [default: the best one by held-out PSNR].
     #[arg(long, value_name = "STEP|ALIAS")]
     checkpoint: Option<Version>,
-    /// Longest side of compared pictures, pixels [default: that of the training images].
+    /// Longest side of compared pictures, pixels [default: the side of the training images].
     #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true, value_parser = size)]
     size: u32,
     /// Also print the paper's table with these figures.

@@ -14,14 +14,14 @@ pub(crate) const CHECKPOINTS_HELP: &str = "\
 Example:
   yoto model checkpoints duo";
 pub(crate) const KEEP_HELP: &str = "\
-The best ones by held-out PSNR are kept besides, and those that a job uses. Checkpoints that are no longer
+The best checkpoints by held-out PSNR are also kept, and those that a job uses. Checkpoints that are no longer
 kept are removed at once.
 
 Example:
   yoto model keep duo --newest 5 --every 20";
 pub(crate) const ALIAS_HELP: &str = "\
-Commands with --checkpoint know the checkpoint by its alias, and so do orders over gRPC and HTTP. It is kept as long as it
-has one. An order keeps the checkpoint that had the alias when it was queued.
+An alias stands for the checkpoint in --checkpoint, and in requests over gRPC and HTTP. A checkpoint is kept as long as
+it has one. A job uses the checkpoint that had the alias when the job was queued.
 
 Examples:
   yoto model alias duo prod                     the best checkpoint becomes prod
@@ -32,30 +32,30 @@ pub(crate) const DELETE_CHECKPOINT_HELP: &str = "\
 Example:
   yoto model delete-checkpoint duo 4000";
 pub(crate) const DELETE_HELP: &str = "\
-Its checkpoints go with it, its jobs, and the pictures that were rendered with it. The people stay.
+Its checkpoints and jobs, and the pictures that were rendered with it, are deleted with it. The people stay.
 
 Example:
   yoto model delete duo";
 
 /// A model of a service.
 #[derive(Debug, Args)]
-pub(crate) struct Which {
+pub(crate) struct ModelArgs {
     /// The model, by name.
     model: String,
     #[command(flatten)]
     server: Server,
 }
 
-/// Which checkpoints a model keeps.
+/// ModelArgs checkpoints a model keeps.
 #[derive(Debug, Args)]
 pub(crate) struct Keep {
     #[command(flatten)]
-    which: Which,
-    /// Newest checkpoints to keep [default: that of the service].
+    which: ModelArgs,
+    /// Number of newest checkpoints to keep [default: the service's].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..),
           required_unless_present = "every")]
     newest: Option<u32>,
-    /// Also keep every N-th checkpoint; 0: none for this reason [default: that of the service].
+    /// Also keep every N-th checkpoint; 0 keeps none for this reason [default: the service's].
     #[arg(long, value_name = "N")]
     every: Option<u32>,
 }
@@ -64,8 +64,8 @@ pub(crate) struct Keep {
 #[derive(Debug, Args)]
 pub(crate) struct DeleteCheckpoint {
     #[command(flatten)]
-    which: Which,
-    /// Its step.
+    which: ModelArgs,
+    /// Step of the checkpoint.
     step: u64,
 }
 
@@ -79,7 +79,7 @@ pub(crate) struct Alias {
     /// Step, or another alias, of the checkpoint [default: the best one by held-out PSNR].
     #[arg(long, value_name = "STEP|ALIAS", conflicts_with = "remove")]
     checkpoint: Option<Version>,
-    /// Take the alias away.
+    /// Remove the alias.
     #[arg(long)]
     remove: bool,
     #[command(flatten)]
@@ -103,7 +103,7 @@ impl Alias {
     }
 }
 
-impl Which {
+impl ModelArgs {
     /// Lists the checkpoints, with the reasons for which they are kept.
     pub(crate) async fn checkpoints(&self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;

@@ -22,7 +22,7 @@ use yoto_proto::v1::Checkpoint;
 use yoto_terminal::output;
 
 const SHOW_HELP: &str = "\
-With --output json, every field of the model and of its checkpoints.
+--output json prints every field of the model and of its checkpoints.
 
 Example:
   yoto model show duo";
@@ -60,20 +60,20 @@ enum Action {
     /// Add a person to a model, and train them in it if it is trained.
     #[command(name = "add-person", after_help = person::ADD_HELP)]
     AddPerson(person::Add),
-    /// Remove a person that a model was not trained with yet.
+    /// Remove a person with whom a model was not trained yet.
     #[command(name = "remove-person", after_help = person::REMOVE_HELP)]
     RemovePerson(person::Remove),
-    /// Write a checkpoint's folder anew without one of its people.
+    /// Copy the folder of a checkpoint without one of its people.
     #[cfg(feature = "embedded")]
     #[command(name = "erase-person", after_help = erase::AFTER_HELP)]
     ErasePerson(erase::Erase),
     /// List the checkpoints of a model, and why each is kept.
     #[command(after_help = keep::CHECKPOINTS_HELP)]
-    Checkpoints(keep::Which),
+    Checkpoints(keep::ModelArgs),
     /// Choose which checkpoints a model keeps.
     #[command(after_help = keep::KEEP_HELP)]
     Keep(keep::Keep),
-    /// Give a checkpoint a name, such as prod, or take it away.
+    /// Give a checkpoint an alias, such as prod, or remove the alias.
     #[command(after_help = keep::ALIAS_HELP)]
     Alias(keep::Alias),
     /// Delete a checkpoint.
@@ -81,7 +81,7 @@ enum Action {
     DeleteCheckpoint(keep::DeleteCheckpoint),
     /// Delete a model with its checkpoints, its jobs and their pictures.
     #[command(after_help = keep::DELETE_HELP)]
-    Delete(keep::Which),
+    Delete(keep::ModelArgs),
     /// Write the files of a checkpoint to a folder.
     #[command(after_help = export::AFTER_HELP)]
     Export(export::Export),

@@ -62,7 +62,7 @@ pub(crate) struct Add {
     /// parameters. The others change too; earlier checkpoints still show them as they were.
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     refine: Option<f64>,
-    /// Only give them a slot.
+    /// Only give the person a slot.
     #[arg(long, conflicts_with_all = ["seconds", "steps", "preview", "no_wait", "refine"])]
     no_train: bool,
     /// Queue the training and return.

@@ -84,7 +84,7 @@ async fn fetch(
     Ok(paths)
 }
 
-/// The preview of a checkpoint; that of an interrupted training has none.
+/// The preview of a checkpoint; a checkpoint of an interrupted training has none.
 async fn fetch_one(
     client: &YotoClient,
     checkpoint: &str,

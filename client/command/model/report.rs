@@ -11,22 +11,22 @@ use yoto_client::YotoClient;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
-The report is one page that needs no service and runs no script: the people with what the check of
-their captures has found, held-out frames beside their renders, trainings with curves, the newest
+The report is one page that needs no service and runs no script: the people with the check of
+their captures, held-out frames beside their renders, trainings with curves, the newest
 evaluation beside the paper's figures, pictures of the newest render (with the filmed frames, if it
 was made with --compare truth), the measured trade-off, checkpoints, and how long jobs ran. It
-shows people: send it only to whom they allow.
+shows people: send it only to those whom they have allowed to see it.
 
 Example:
   yoto report duo --out duo.html";
 
-/// Write what a model is, how it was trained and what it is worth as one page.
+/// Write a page about a model: its people, its trainings and its quality.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
-pub(crate) struct Report {
+pub(crate) struct WriteReport {
     /// The model, by name.
     model: String,
-    /// The page to write; a file of this name is replaced.
+    /// File for the page; a file of this name is replaced.
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
     #[command(flatten)]
@@ -45,7 +45,7 @@ pub(crate) async fn write(client: &YotoClient, model: &str, out: &Path) -> anyho
     keep(part, out).with_context(writing)
 }
 
-impl Report {
+impl WriteReport {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
         let model = client.find_model(&self.model).await?;

@@ -63,8 +63,8 @@ pub(crate) struct Train {
         value_name = "PX"
     )]
     size: u32,
-    /// Most seconds between checkpoints; one comes after half of them if its step was just measured [default: chosen so
-    /// that checkpoints take below 3 % of the time, at least 30].
+    /// Longest time between checkpoints, seconds; after half of it, a step that was just measured gets one [default:
+    /// such that checkpoints take less than 3 % of the time, at least 30].
     #[arg(long, value_parser = args::seconds, value_name = "S")]
     checkpoint_seconds: Option<f64>,
     #[command(flatten)]

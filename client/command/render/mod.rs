@@ -59,8 +59,7 @@ fn quality_help() -> String {
     )
 }
 
-/// Render a person (one pose from all around, with a person's or a file's motion, or given views), or a
-/// scene of several people.
+/// Render a person from all around, in motion or from given views, or a scene of several people.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 #[command(group = ArgGroup::new("what").required(true).args(["orbit", "motion", "motion_file", "view_list", "turntable", "scene"]))]
@@ -79,7 +78,7 @@ pub(crate) struct Render {
     /// mixtures, from A to B.
     #[arg(long, value_name = "A,B:SHARE", conflicts_with_all = ["scene", "turntable", "compare", "light"])]
     between: Option<BetweenTwo>,
-    /// Show the person with the bone lengths of this one, by name.
+    /// Show the person with the bone lengths of another one, by name.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["scene", "between", "turntable", "compare"])]
     bones: Option<String>,
     /// Render this frame of the person's own capture from all around.
@@ -96,12 +95,11 @@ pub(crate) struct Render {
     motion_file: Option<PathBuf>,
     #[command(flatten)]
     reading: MotionArgs,
-    /// Frame of the person's own capture whose position and camera the motion file uses
-    /// [default: the first].
+    /// Frame of the person's own capture that gives the motion file its position and camera [default: the first].
     #[arg(long, requires = "motion_file", value_name = "FRAME")]
     start: Option<u32>,
-    /// Frames of the motion by their numbers, of which every STEP-th stored one is taken, e.g. 0..60:2 or 100..; of a
-    /// motion file its frames, and of a scene or turntable the film's pictures, counted from 0 [default: all].
+    /// Frames to render, every STEP-th stored one, e.g. 0..60:2 or 100..: frames of a capture's motion by their
+    /// numbers; frames of a motion file, and pictures of a scene or turntable, counted from 0 [default: all].
     #[arg(long = "range", alias = "frames", conflicts_with_all = ["orbit", "view_list"], value_name = "A..B:STEP")]
     frames: Option<FrameRange>,
     /// Move the camera with the person, who otherwise may walk out of the picture.
@@ -113,14 +111,14 @@ pub(crate) struct Render {
     /// Go around the person once while they move as in their capture.
     #[arg(long)]
     turntable: bool,
-    /// JSON file of a scene: several people in one picture, of this model or others, with size and background.
-    /// It may have --fps, --range and --quality, which these options override. `yoto scene example` writes one
-    /// to start from.
+    /// JSON file of a scene: several people in one picture, of this model or others, with size and background. The
+    /// file may set --fps, --range and --quality; the options override it. `yoto scene example` writes one to start
+    /// from.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
-    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade, of which spherical
-    /// harmonics still depend on the view; or that of the capture of another person of the model, by name. Only
-    /// models of splats have a light.
+    /// Light on the person: `own`, as filmed; `none`, for colours without light and shade (spherical harmonics still
+    /// depend on the view); or the name of another person of the model, for the light of their capture. Only models
+    /// of splats have a light.
     #[arg(
         long,
         default_value = "own",
@@ -142,8 +140,8 @@ pub(crate) struct Render {
     /// Also write one animated PNG, for browsers.
     #[arg(long)]
     animate: bool,
-    /// Frames per second of the animation or the film; of a scene or turntable, before --range leaves pictures out [default: the
-    /// speed of the motion; 15 for others].
+    /// Frames per second of the animation or the film; for a scene or turntable, before --range leaves pictures out
+    /// [default: the rate of the motion, or 15 without one].
     #[arg(long, value_name = "N", value_parser = fps)]
     fps: Option<f32>,
     /// Background colour as red, green, blue from 0 to 1.
@@ -165,10 +163,11 @@ pub(crate) struct Render {
     /// with their own name).
     #[arg(long, value_name = "WITH", value_parser = ["truth"], requires = "motion")]
     compare: Option<String>,
-    /// Choose the best fidelity within this many seconds per frame, as measured by `yoto tradeoff`.
+    /// Choose the settings of best quality that take at most this many seconds per frame, as measured by `yoto
+    /// tradeoff`.
     #[arg(long, value_name = "S", value_parser = args::seconds, group = "wish")]
     max_seconds_per_frame: Option<f64>,
-    /// Choose the fastest with at least this held-out PSNR, dB, as measured by `yoto tradeoff`.
+    /// Choose the fastest settings with at least this held-out PSNR, dB, as measured by `yoto tradeoff`.
     #[arg(long, value_name = "DB", value_parser = args::decibels, group = "wish")]
     min_psnr: Option<f64>,
     /// Choose a named point on the curve measured by `yoto tradeoff`.
@@ -262,7 +261,7 @@ impl Render {
         );
         anyhow::ensure!(
             !transparent || film::may_be_transparent(out),
-            "{}: an .mp4 or .gif has no transparency; an .webp or a folder of pictures has",
+            "{}: an .mp4 or .gif has no transparency; a .webp or a folder of pictures can have it",
             out.display()
         );
         Ok(())

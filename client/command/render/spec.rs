@@ -89,7 +89,7 @@ impl Render {
         }
     }
 
-    /// The scene of the options: that of a file, or a turntable.
+    /// The scene of the options: from a file, or a turntable.
     pub(super) fn scene_file(&self) -> anyhow::Result<Option<SceneFile>> {
         let (true, Some(subject)) = (self.turntable, &self.subject) else {
             return self.scene.as_deref().map(SceneFile::read).transpose();

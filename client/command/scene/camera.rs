@@ -58,7 +58,7 @@ pub(crate) struct FileTurntable {
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FileKey {
-    /// Since the beginning of the scene.
+    /// Time since the beginning of the scene, seconds.
     pub seconds: f64,
     /// Position, metres.
     pub eye: [f64; 3],
@@ -81,8 +81,8 @@ pub(crate) struct FileDolly {
     /// positions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<[f64; 3]>,
-    /// Time at which the camera arrives, and stays; left out: the `seconds` of the scene, which must then have
-    /// them.
+    /// Time at which the camera arrives and stays, seconds; left out: the `seconds` of the scene, which must then be
+    /// set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
     /// Vertical field of view, degrees; left out: 35.
@@ -104,8 +104,8 @@ pub(crate) struct FileMatrices {
     pub image_size: [u32; 2],
 }
 
-/// A camera of a capture folder whose pictures are held out from training; it stays where it is relative to the
-/// actor's motion.
+/// A camera of a capture folder whose pictures are held out from training. It keeps its place relative to the actor's
+/// motion.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FileHeldOut {
@@ -113,8 +113,8 @@ pub(crate) struct FileHeldOut {
     pub actor: u32,
     /// The camera's name, or its index among the sorted names, from 0.
     pub camera: CameraName,
-    /// Folder of the capture that the motion is of, relative to the scene file: the service does not keep its
-    /// held-out cameras, so they are read from its poses.json.
+    /// Folder of the capture that has the motion, relative to the scene file: the service does not keep held-out
+    /// cameras, so they are read from poses.json in this folder.
     pub folder: PathBuf,
 }
 

@@ -17,13 +17,14 @@ pub(crate) struct SceneFile {
     /// Length of the film; left out: until the last motion ends.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// Frames per second; left out: those of the first actor who moves.
+    /// Frames per second; left out: the rate of the first actor who moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fps: Option<f32>,
     /// Pictures of the film that are rendered, counted from 0, e.g. "50..100" or "..:5" for every fifth; left out: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<String>,
-    /// As `yoto render --quality`: full, balanced, fast, draft or realtime; left out: the model's own settings.
+    /// Quality, as of `yoto render --quality`: full, balanced, fast, draft or realtime; left out: the model's own
+    /// settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quality: Option<String>,
     /// Red, green and blue from 0 to 1; left out: black.
@@ -52,7 +53,7 @@ pub(crate) struct SceneFile {
 pub(crate) struct FileActor {
     /// Name of the person.
     pub subject: String,
-    /// Name of a model that has the person; left out: the one that the command names.
+    /// Name of a model that has the person; left out: the model that the command names.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
     /// How they move; left out: as in their own capture.
@@ -75,7 +76,7 @@ pub(crate) struct FileActor {
     /// Whether the motion begins again when it has ended.
     #[serde(default)]
     pub repeat: bool,
-    /// Light on the person; left out: that of their own capture. Only models of splats have a light.
+    /// Light on the person; left out: the light of their own capture. Only models of splats have a light.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<FileLight>,
 }

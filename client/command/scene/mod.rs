@@ -22,9 +22,10 @@ Example:
 
 const AFTER_HELP: &str = "\
 A scene has actors, a camera and a background. Its world has y up, the ground at y = 0, metres and
-degrees; the default camera stands in front of everybody and shows them as a whole, and others are an orbit, a turntable,
-keys, a dolly, matrices, the camera that filmed a motion (capture), or a held-out one of its capture. Actors are of the model that
-`yoto render` names, or each of the one in their field \"model\": people of splats and of fields hide each other.
+degrees. The default camera stands in front of everybody and shows them as a whole. Others are an orbit, a turntable, keys,
+a dolly, matrices, the camera that filmed a motion (capture), or a held-out camera of that capture. An actor belongs to the
+model that `yoto render` names, or to the model in the actor's field \"model\". People of splats and of fields hide each
+other.
 
 Examples:
   yoto scene example ada bob > scene.json        # edit it, then:

@@ -10,9 +10,8 @@ use yoto_terminal::output;
 use yoto_terminal::progress::count;
 
 const BACKUP_HELP: &str = "\
-The service may run meanwhile. Rows are copied first, as of one moment, and then the objects; the copy has
-to end within the time of grace (`yoto serve --grace-hours`), and without `yoto gc --now`. Rows in PostgreSQL need
-pg_dump.
+The service may be running. Rows are copied first, as of one moment, and then the objects. The copy must end within
+the time of grace (`yoto serve --grace-hours`), and without a `yoto gc --now` meanwhile. Rows in PostgreSQL need pg_dump.
 
 Examples:
   yoto backup /backup/monday
@@ -20,8 +19,8 @@ Examples:
 
 const RESTORE_HELP: &str = "\
 The data folder must be empty or missing, and so must the tables of a database in PostgreSQL, which needs
-pg_restore. A backup of SQLite can be restored into PostgreSQL, which needs no program. Jobs that ran at the time of the backup go on
-from their last checkpoints.
+pg_restore. A backup of SQLite can be restored into PostgreSQL, without that program. Jobs that ran at the time of the
+backup continue from their last checkpoints.
 
 Examples:
   yoto restore /backup/monday --data /srv/yoto
@@ -32,7 +31,7 @@ Examples:
 struct Service {
     #[command(flatten)]
     state: StateArgs,
-    /// Copy no objects: their store has copies of its own.
+    /// Copy no objects, for a store that is backed up by itself.
     #[arg(long)]
     rows_only: bool,
 }
@@ -51,13 +50,13 @@ impl Service {
 #[derive(Debug, Args)]
 #[command(after_help = BACKUP_HELP)]
 pub(crate) struct Backup {
-    /// Folder to write to; created if missing, otherwise empty.
+    /// Folder for the backup: an empty one, or one that does not exist yet.
     folder: PathBuf,
     #[command(flatten)]
     service: Service,
 }
 
-/// Make a service of a backup.
+/// Restore a service from a backup.
 #[derive(Debug, Args)]
 #[command(after_help = RESTORE_HELP)]
 pub(crate) struct Restore {

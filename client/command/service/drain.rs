@@ -10,7 +10,7 @@ const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 const AFTER_HELP: &str = "\
 Queued jobs wait, running jobs continue, and new jobs are refused (DRAINING). All coordinators of the
-service know of it, and a restart does not end it. A single coordinator drains by itself when it is
+service take part, and a restart does not end it. A single coordinator drains by itself when it is
 asked to stop (`yoto serve --drain-seconds`).
 
 Examples:

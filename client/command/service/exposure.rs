@@ -1,4 +1,4 @@
-//! Whom the address of `yoto serve` admits, and how it is encrypted.
+//! Which callers the address of `yoto serve` admits, and how it is encrypted.
 
 use anyhow::ensure;
 use clap::Args;
@@ -10,14 +10,14 @@ use yoto_server::{Admission, TlsFiles};
 /// Encryption and keys.
 #[derive(Debug, Args)]
 pub(crate) struct Exposure {
-    /// Certificate of the service in PEM, with those between it and its authority: what is sent is encrypted. A new
-    /// file counts without a restart.
+    /// Certificate of the service in PEM, followed by intermediate certificates: connections are encrypted. A new
+    /// file is used without a restart.
     #[arg(long, env = "YOTO_TLS_CERT", value_name = "FILE", requires = "tls_key")]
     tls_cert: Option<PathBuf>,
     /// Private key of --tls-cert, in PEM.
     #[arg(long, env = "YOTO_TLS_KEY", value_name = "FILE", requires = "tls_cert")]
     tls_key: Option<PathBuf>,
-    /// Authorities of clients, in PEM: a client needs a certificate of theirs, besides its key.
+    /// Authorities of clients, in PEM: a client needs a certificate signed by one of them, besides its key.
     #[arg(
         long,
         env = "YOTO_TLS_CLIENT_CA",
@@ -25,7 +25,7 @@ pub(crate) struct Exposure {
         requires = "tls_cert"
     )]
     tls_client_ca: Option<PathBuf>,
-    /// A balancer or proxy before this address encrypts: listen without TLS, and ask every caller for a key.
+    /// A balancer or proxy in front of this address encrypts: listen without TLS, and ask every caller for a key.
     #[arg(long, env = "YOTO_BEHIND_TLS", value_parser = BoolishValueParser::new())]
     behind_tls: bool,
     /// Listen beyond this machine without TLS and, as long as the service has no key, without keys: anyone who can
@@ -45,7 +45,7 @@ impl Exposure {
         })
     }
 
-    /// Whom the address admits without a key.
+    /// Callers whom the address admits without a key.
     ///
     /// # Errors
     /// When it can be reached from other machines, and nothing guards it.

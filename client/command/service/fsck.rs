@@ -18,10 +18,10 @@ const SHOWN: usize = 20;
 
 const AFTER_HELP: &str = "\
 Reads every object that a row names, and compares its length and its SHA-256. Nothing is changed. The service
-may run meanwhile: what it is writing or removing is not counted as a fault. A repair is up to you: delete what
-lost its objects, or copy them from a backup.
+may be running: what it is writing or removing is not counted as a fault. You make repairs: delete the resources
+that lost objects, or copy the objects from a backup.
 
-Orphans are objects that nothing names and nobody can commit any more. They are no fault: `yoto gc` removes them.
+Orphans are objects that nothing names and nobody can commit any more. They are not faults: `yoto gc` removes them.
 
 Exit status: 0 if all objects are there, 3 if one is missing or damaged, 1 if the check could not end.
 

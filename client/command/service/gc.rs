@@ -9,19 +9,19 @@ use yoto_proto::v1::{CollectGarbageResponse, GarbageFolder};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
-The service does this every hour by itself. Bytes of deleted things stay for a time of grace (a day unless
-`yoto serve --grace-hours` says otherwise), as do those of cut uploads, of uploads that were read, and of
-jobs that ended without them.
+The service does this every hour by itself. Files of deleted resources stay for a time of grace (a day unless
+`yoto serve --grace-hours` says otherwise), and so do files of interrupted uploads, of uploads that were
+ingested, and of jobs that ended without committing them.
 
 Examples:
   yoto gc --dry-run
   yoto gc --now";
 
-/// Remove bytes that belong to nothing any more.
+/// Remove stored files that nothing refers to any more.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Gc {
-    /// Remove nothing: show what is found, and what would be removed.
+    /// Remove nothing: show the garbage, and how much of it would be removed.
     #[arg(long)]
     dry_run: bool,
     /// Remove objects of deleted resources at once, without the time of grace.

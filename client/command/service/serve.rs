@@ -12,12 +12,13 @@ use clap::builder::BoolishValueParser;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use yoto_server::{OidcConfig, StorageLimits};
+use yoto_avatar::loss::lpips::LpipsWeights;
+use yoto_server::{OidcConfig, ServerConfig, StorageLimits};
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
-checkpoints, renders). Only one process can serve a folder at a time. --database has the rows in
-PostgreSQL, and --objects has the objects in S3-compatible storage. Its settings are environment variables:
+checkpoints, renders). Only one process can serve a folder at a time. --database keeps the rows in
+PostgreSQL, and --objects keeps the objects in S3-compatible storage, whose settings are environment variables:
 AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, AWS_REGION, and AWS_ENDPOINT_URL unless it is AWS.
 
 SIGTERM or ctrl-c: no new jobs start, a training job saves a checkpoint and returns to the
@@ -26,8 +27,8 @@ queue, and the process ends, even with connected clients.
 Beyond this machine the service needs TLS, and asks every caller for a key (`yoto key`); on loopback it asks
 from the first key on.
 
-On the same port, /healthz, /readyz and /metrics answer to balancers and Prometheus; --otlp sends the same figures
-to a collector of OpenTelemetry. Each option can also be an environment variable, YOTO_LISTEN for --listen
+On the same port, /healthz, /readyz and /metrics serve balancers and Prometheus; --otlp sends the same figures
+to an OpenTelemetry collector. Each option can also be an environment variable, YOTO_LISTEN for --listen
 (OTEL_EXPORTER_OTLP_ENDPOINT for --otlp), or a key of --config.
 
 http://ADDRESS/ is the dashboard: people, models with their curves, jobs, workers, and the service.
@@ -52,9 +53,10 @@ pub(crate) struct Serve {
     state: StateArgs,
     #[command(flatten)]
     objects: ObjectsArgs,
-    /// Whether clients read files from the --objects store itself, and write parts of uploads to it, by URLs that the
-    /// service signs and that end after 15 and 2 minutes. With `auto` they do where the store signs URLs (S3) and they can reach it; otherwise the bytes come
-    /// through the service, as they always do with `never`.
+    /// Whether clients read files directly from the --objects store, and write parts of uploads to it, by URLs that
+    /// the service signs. A URL is valid for 15 minutes to read a file, and for 2 to write a part. With `auto`,
+    /// clients use the store if it signs URLs (S3) and they can reach it; otherwise, and always with `never`, the
+    /// bytes pass through the service.
     #[arg(
         long,
         env = "YOTO_SIGNED_URLS",
@@ -75,7 +77,7 @@ pub(crate) struct Serve {
     /// refused only where a consent was revoked or has expired. All coordinators of a database need the same setting.
     #[arg(long, env = "YOTO_REQUIRE_CONSENT", value_parser = BoolishValueParser::new())]
     require_consent: bool,
-    /// Sites whose pages may make calls with a key, by gRPC-Web or HTTP (CORS); several with commas between them.
+    /// Sites whose pages may make calls with a key, by gRPC-Web or HTTP (CORS), separated by commas.
     #[arg(
         long = "allow-origin",
         env = "YOTO_ALLOW_ORIGIN",
@@ -83,12 +85,12 @@ pub(crate) struct Serve {
         value_delimiter = ','
     )]
     allow_origins: Vec<String>,
-    /// Let people sign in to the dashboard at an issuer of OpenID Connect: a file in TOML that names the issuer, and who may do what
-    /// (docs/operate/security.md). Callers are then asked for a key also before there is one.
+    /// Let people sign in to the dashboard at an issuer of OpenID Connect: a file in TOML that names the issuer, and
+    /// who may do what (docs/operate/security.md). Callers then need a key even before the first one is made.
     #[arg(long, env = "YOTO_OIDC", value_name = "FILE")]
     oidc: Option<PathBuf>,
-    /// Allow webhooks (`yoto webhook`) that lead to this machine or to a private network, also without TLS. Whoever has a key can then
-    /// make the service send requests there.
+    /// Allow webhooks (`yoto webhook`) that lead to this machine or to a private network, also without TLS. Anyone
+    /// with a key can then make the service send requests there.
     #[arg(long, env = "YOTO_PRIVATE_WEBHOOKS", value_parser = BoolishValueParser::new())]
     private_webhooks: bool,
     /// Run no worker: jobs wait for a worker in another process.
@@ -103,9 +105,8 @@ pub(crate) struct Serve {
     /// Open the dashboard in the browser.
     #[arg(long)]
     open: bool,
-    /// Time from SIGTERM until calls are refused, seconds. Meanwhile `/readyz` and the health of gRPC say that
-    /// nobody should come any more, so that a balancer sends its calls elsewhere. Workers in this process stop at
-    /// once.
+    /// Time from SIGTERM until calls are refused, seconds. Meanwhile `/readyz` and the health check of gRPC report
+    /// that the service is not ready, so that a balancer sends calls elsewhere. Workers in this process stop at once.
     #[arg(
         long,
         env = "YOTO_DRAIN_SECONDS",
@@ -113,10 +114,10 @@ pub(crate) struct Serve {
         default_value_t = 0.0
     )]
     drain_seconds: f64,
-    /// Settings of this command in TOML: each key is an option's name, without dashes before it.
+    /// Settings of this command in TOML: each key is the name of an option, without its leading dashes.
     #[arg(long, env = "YOTO_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Print a file for --config with all settings, the values in force and where each comes from, and end.
+    /// Print all settings as a file for --config, with their values and where each comes from, and exit.
     #[arg(long)]
     print_config: bool,
     #[command(flatten)]
@@ -128,7 +129,7 @@ pub(crate) struct Serve {
     #[command(flatten)]
     ingest: crate::args::IngestArgs,
     #[command(flatten)]
-    lpips: crate::args::LpipsArgs,
+    lpips: yoto_terminal::args::LpipsArgs,
 }
 
 /// What the service stores, and for how long.
@@ -137,7 +138,7 @@ struct Storage {
     /// Newest checkpoints that a model keeps, unless `yoto model keep` says otherwise.
     #[arg(long, env = "YOTO_KEEP_NEWEST", value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     keep_newest: u32,
-    /// A model also keeps every N-th checkpoint; 0: none for this reason.
+    /// A model also keeps every N-th checkpoint; 0 keeps none for this reason.
     #[arg(long, env = "YOTO_KEEP_EVERY", value_name = "N", default_value_t = 10)]
     keep_every: u32,
     /// Hours until objects that nothing refers to are removed.
@@ -148,7 +149,7 @@ struct Storage {
         default_value_t = 24.0
     )]
     grace_hours: f64,
-    /// Free space of the disk, or of --max-objects-gib, GiB, below which uploads and trainings are refused.
+    /// Free space, GiB, of the disk or of --max-objects-gib, below which uploads and trainings are refused.
     #[arg(
         long,
         env = "YOTO_MIN_FREE_GIB",
@@ -156,7 +157,8 @@ struct Storage {
         default_value_t = 2.0
     )]
     min_free_gib: f64,
-    /// Space that all objects may have, GiB, as counted once an hour. By default as much as the disk has, or S3 takes.
+    /// Space that all objects together may take, GiB, counted once an hour. By default only the disk or the store
+    /// limits it.
     #[arg(long, env = "YOTO_MAX_OBJECTS_GIB", value_name = "GIB")]
     max_objects_gib: Option<f64>,
 }
@@ -218,25 +220,28 @@ impl Serve {
         if let Some(path) = &self.config {
             tell!("settings of {}", path.display());
         }
-        let options = EmbeddedOptions {
-            data: self.state.data,
+        let server = ServerConfig {
             database: self.state.database,
             objects: self.objects.objects,
-            listen: Some(self.listen),
-            admission,
-            tls,
-            worker: !self.no_worker,
-            ingest: self.ingest.settings()?,
-            lpips: self.lpips.weights()?,
             storage: self.storage.limits()?,
             require_consent: self.require_consent,
             allow_origins: self.allow_origins,
             private_webhooks: self.private_webhooks,
             oidc: self.oidc.as_deref().map(oidc).transpose()?,
             signed_urls: self.signed_urls.life(),
+            otlp: self.telemetry.config()?,
+            ..ServerConfig::new(self.state.data)
+        };
+        let options = EmbeddedOptions {
+            listen: Some(self.listen),
+            admission,
+            tls,
+            worker: !self.no_worker,
+            ingest: self.ingest.settings()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
             scratch: self.scratch,
             drain,
-            otlp: self.telemetry.config()?,
+            ..EmbeddedOptions::new(server)
         };
         let mut service = Embedded::start(options)
             .await

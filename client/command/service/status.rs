@@ -19,7 +19,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Status {
-    /// Only ask whether the service can serve; needs no key, and fails if it can't.
+    /// Only check whether the service is ready. Needs no key, and fails if the service is not.
     #[arg(long)]
     ready: bool,
     #[command(flatten)]

@@ -12,9 +12,9 @@ const HEADERS: &str = "OTEL_EXPORTER_OTLP_HEADERS";
 /// Options of the push by OTLP.
 #[derive(Debug, Args)]
 pub(crate) struct TelemetryArgs {
-    /// Collector of OpenTelemetry that gets the figures of /metrics, and a trace of each ended job, by OTLP over gRPC every 15
-    /// seconds: http://HOST:4317 or https://HOST. Headers are in OTEL_EXPORTER_OTLP_HEADERS, NAME=VALUE with commas between
-    /// them.
+    /// OpenTelemetry collector, http://HOST:4317 or https://HOST. Every 15 seconds it gets the figures of /metrics,
+    /// and a trace of each job that has ended, by OTLP over gRPC. Headers come from OTEL_EXPORTER_OTLP_HEADERS:
+    /// NAME=VALUE, separated by commas.
     #[arg(long, env = "OTEL_EXPORTER_OTLP_ENDPOINT", value_name = "URL")]
     otlp: Option<Collector>,
 }

@@ -18,8 +18,8 @@ use yoto_terminal::progress::ProgressDisplay;
 const AFTER_HELP: &str = "\
 Exports the person's page, which plays the motion of their own capture, and makes a link to it. The link is the only
 line on stdout, and is shown once: the service keeps its SHA-256. With --job, the link shows the page of an export
-that is there (`yoto export` prints its job), with the motions that were chosen for it. Others reach the page
-where they reach the service: the link begins with the address of --server, or with that of --at.
+that was made before (`yoto export` prints its job), with the motions that were chosen for it. The link begins with the
+address of --server, or with --at: it works for everybody who can reach that address.
 
 Examples:
   yoto share create duo --subject ada --expires 30d --note \"for Bob\"
@@ -35,13 +35,13 @@ pub(super) struct Create {
     /// The person, by name.
     #[arg(long, value_name = "NAME", requires = "model")]
     subject: Option<String>,
-    /// An export whose page the link shows, by id, in place of a new one.
+    /// Export job whose page the link shows, by id, in place of a new export.
     #[arg(long, value_name = "ID", conflicts_with_all = ["model", "subject"])]
     job: Option<String>,
     /// Time until the link ends, such as 90d, 12h or 30m [default: never].
     #[arg(long, value_name = "TIME", value_parser = span)]
     expires: Option<Duration>,
-    /// For whom it is, in one line.
+    /// Note about the link, in one line, such as the person who gets it.
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
     /// Let other sites show the page in a frame, and the person in the element <yoto-avatar>.
@@ -50,7 +50,7 @@ pub(super) struct Create {
     /// Also show the link as a QR code in the terminal, for the camera of a phone.
     #[arg(long)]
     qr: bool,
-    /// Address with which the link begins [default: that of the service].
+    /// Address with which the link begins [default: the service's].
     #[arg(long, value_name = "URL")]
     at: Option<String>,
     #[command(flatten)]
@@ -90,7 +90,7 @@ impl Create {
             || "until it is revoked".to_owned(),
             |end| format!("until {end}"),
         );
-        tell!("whoever has this link sees the page {end}; it is not shown again");
+        tell!("anyone with this link can see the page {end}; the link is not shown again");
         if self.qr {
             let code = QrCode::new(url.as_bytes()).context("the link is too long for a QR code")?;
             tell!("{}", code.render::<Dense1x2>().build());

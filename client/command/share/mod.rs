@@ -13,8 +13,8 @@ use yoto_proto::v1::share::State;
 use yoto_terminal::output::{self, others};
 
 const AFTER_HELP: &str = "\
-Whoever has a link sees the page of one person without a key, until the link is revoked or has expired, the person's
-consent to share ends, or the export or the person is deleted. A page that a browser has already plays on.
+Anyone with a link can see the page of one person without a key, until the link is revoked or expires, the person's
+consent to sharing ends, or the export or the person is deleted. A page that a browser has already loaded still plays.
 
 Examples:
   yoto share create duo --subject ada --expires 30d
@@ -49,7 +49,7 @@ enum Action {
 #[derive(Debug, Args)]
 #[command(after_help = LIST_HELP)]
 struct List {
-    /// Only those to pages of this person, by name.
+    /// Show only links to pages of this person, by name.
     #[arg(long, value_name = "NAME")]
     subject: Option<String>,
     #[command(flatten)]

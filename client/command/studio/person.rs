@@ -1,5 +1,6 @@
 //! A person and their capture, uploaded to the service.
 
+use crate::upload_files::upload_files;
 use anyhow::Context;
 use std::path::Path;
 use yoto_client::YotoClient;
@@ -23,7 +24,7 @@ pub async fn upload(
     let mut display = ProgressDisplay::new(format!("capture of {name}"));
     let (mut sent, total, frames) = (0, capture.bytes, capture.frames());
     let uploaded = client
-        .upload_capture(&subject.name, capture.files, |bytes| {
+        .upload_capture(&subject.name, upload_files(capture.files), |bytes| {
             sent += bytes;
             display.bytes(sent, total);
         })

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_client::YotoClient;
 use yoto_ingest::IngestSettings;
+use yoto_server::ServerConfig;
 
 /// Starts a service on the folder `data`, which reads uploads as `ingest` says, does `work` with a
 /// client of it, and stops the service.
@@ -20,24 +21,9 @@ pub async fn with_service<T>(
 ) -> anyhow::Result<T> {
     close_to_others(&data)?;
     let mut service = Embedded::start(EmbeddedOptions {
-        data,
-        database: None,
-        objects: None,
-        listen: None,
-        admission: yoto_server::Admission::Machine,
-        tls: None,
-        worker: true,
         ingest,
         lpips,
-        storage: yoto_server::StorageLimits::default(),
-        require_consent: false,
-        allow_origins: Vec::new(),
-        private_webhooks: false,
-        oidc: None,
-        signed_urls: None,
-        scratch: None,
-        drain: std::time::Duration::ZERO,
-        otlp: None,
+        ..EmbeddedOptions::new(ServerConfig::new(data))
     })
     .await
     .context("starting the embedded service")?;

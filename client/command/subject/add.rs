@@ -4,6 +4,7 @@ use crate::args::Server;
 use crate::args::capture::ImportOptions;
 use crate::args::correction::CorrectionArgs;
 use crate::args::media::MediaArgs;
+use crate::upload_files::upload_files;
 use crate::waiting::wait_for_new;
 use anyhow::Context;
 use clap::Args;
@@ -33,12 +34,12 @@ Examples:
   yoto subject add cleo walk.mp4
   yoto subject add bob bob.tar.gz --every 2 --range 100..400 --no-wait
   yoto subject add eve CoreView_377 --from zju --smpl SMPL_NEUTRAL.npz
-  (what --from takes is told by `yoto import --help`)
+  (`yoto import --help` describes the formats of --from)
   yoto subject add eve captures/eve --extrinsics c2w --units camera=mm
 
 `yoto capture check captures/eve` says which of the options below are needed, if any.
 
-An upload goes on by itself after a lost connection, and when the same command is run again within a day.";
+An upload continues after a lost connection, also when the same command is run again within a day.";
 
 #[derive(Debug, Args)]
 pub(super) struct Add {
@@ -65,8 +66,7 @@ pub(super) struct Add {
     /// The consent under which the recordings are used; stored with the person.
     #[arg(long, value_name = "NOTE", default_value = "")]
     consent: String,
-    /// Upload another capture of a person who has one: it takes the place of the earlier one in
-    /// trainings from then on.
+    /// Upload another capture of a person who already has one. From then on, trainings use the new capture.
     #[arg(long)]
     again: bool,
     /// Return after the upload, without waiting for the ingest job.
@@ -154,8 +154,9 @@ impl Add {
             tell!("{}: {note}", self.name);
         }
         let client = self.server.connect().await?;
+        let files = upload_files(capture.files);
         // Before a person is created, who would then have no capture.
-        client.fits(&capture.files).await?;
+        client.fits(&files).await?;
         let subject = self.subject(&client).await?;
 
         let mut display = ProgressDisplay::new(self.name.clone());
@@ -165,7 +166,7 @@ impl Add {
             display.bytes(sent, total);
         };
         let uploaded = client
-            .upload_capture(&subject.name, capture.files, on_bytes)
+            .upload_capture(&subject.name, files, on_bytes)
             .await?;
         if self.no_wait {
             display.finish(&format!("uploaded; ingest runs as {}", uploaded.ingest_job));

@@ -14,11 +14,12 @@ use yoto_terminal::output::{self, others};
 use yoto_terminal::progress::count;
 
 pub(crate) const GRANT_HELP: &str = "\
-Records what the person agrees to; without --for, to everything. A purpose has consent as long as any record of
-it is valid. Once a consent was recorded, its end stops jobs: new ones are refused, and open ones end. A service
-with `yoto serve --require-consent` also refuses those who never gave any. `yoto subject show` lists the records.
+Records what the person agrees to: everything, unless --for says otherwise. A purpose has consent as long as any
+record of it is valid. Once a consent has been recorded, its end stops jobs: new ones are refused, and open ones end.
+A service with `yoto serve --require-consent` also refuses jobs of people without a recorded consent. `yoto subject
+show` lists the records.
 
-train: trainings and measurements; render: pictures, also those of others who move by the person's capture;
+train: trainings and measurements; render: pictures, also of others who move as in the person's capture;
 export: files for other programs; share: links to pages (`yoto share`), and files that are given to others, which the
 service only records.
 
@@ -27,8 +28,8 @@ Examples:
   yoto subject consent ada --evidence signed-form.pdf
   yoto subject consent ada --by \"Ada's father\" --note \"signed form 17\"";
 pub(crate) const REVOKE_HELP: &str = "\
-Open jobs of these purposes that need the person end at once, and new ones are refused. What was made so far stays:
-`yoto subject delete` and `yoto job delete` remove it.
+Open jobs that need the person for these purposes end at once, and new ones are refused. Files that were made before
+stay: `yoto subject delete` and `yoto job delete` remove them.
 
 Examples:
   yoto subject revoke-consent ada
@@ -59,7 +60,7 @@ impl From<Purpose> for ConsentPurpose {
 pub(crate) struct Grant {
     /// The person, by name.
     name: String,
-    /// What they agree to, separated by commas.
+    /// Purposes that the person agrees to, separated by commas.
     #[arg(
         long = "for",
         value_enum,
@@ -68,16 +69,18 @@ pub(crate) struct Grant {
         default_values = ["train", "render", "export", "share"]
     )]
     purposes: Vec<Purpose>,
-    /// Last day (UTC) on which it is valid, such as 2027-12-31, or its end, such as 2027-12-31T12:00:00Z [default: no end].
+    /// Last day (UTC) on which the consent is valid, such as 2027-12-31, or its end, such as 2027-12-31T12:00:00Z
+    /// [default: no end].
     #[arg(long, value_name = "DATE", value_parser = until)]
     until: Option<Timestamp>,
-    /// Who gave it, if somebody else than the person.
+    /// Who gave the consent, if not the person.
     #[arg(long, value_name = "WHO", default_value = "")]
     by: String,
-    /// Anything else: where the signed form is, for instance.
+    /// Note, such as where the signed form is.
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
-    /// A file that proves it, such as a signed form, at most 3 MiB. It is stored with the record, and deleted with the person.
+    /// File that proves the consent, such as a signed form, at most 3 MiB. It is stored with the record, and deleted
+    /// with the person.
     #[arg(long, value_name = "FILE")]
     evidence: Option<PathBuf>,
     #[command(flatten)]
@@ -89,7 +92,7 @@ pub(crate) struct Grant {
 pub(crate) struct Revoke {
     /// The person, by name.
     name: String,
-    /// What they no longer agree to, separated by commas [default: everything].
+    /// Purposes that the person no longer agrees to, separated by commas [default: everything].
     #[arg(
         long = "for",
         value_enum,
@@ -97,7 +100,7 @@ pub(crate) struct Revoke {
         value_name = "PURPOSE"
     )]
     purposes: Vec<Purpose>,
-    /// How they said so. It is kept where no consent was recorded before.
+    /// How the person said so. The note is stored only if no consent was recorded before.
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
     #[command(flatten)]
@@ -109,7 +112,7 @@ impl Grant {
         if let Some(end) = &self.until {
             ensure!(
                 end.seconds as f64 > now(),
-                "--until {end} is over: name a later date"
+                "--until {end} is in the past: name a later date"
             );
         }
         let client = self.server.connect().await?;

@@ -31,7 +31,7 @@ impl Edit {
         let (name, note) = (self.rename.as_deref(), self.consent.as_deref());
         ensure!(
             name.or(note).is_some(),
-            "nothing to change: say --rename or --consent"
+            "nothing to change: add --rename or --consent"
         );
         let client = self.server.connect().await?;
         let subject = client.find_subject(&self.name).await?;

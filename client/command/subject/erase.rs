@@ -11,18 +11,18 @@ use yoto_proto::v1::{Erasure, erasure};
 use yoto_terminal::output;
 
 pub(crate) const ERASE_HELP: &str = "\
-Their jobs end, a job of each model writes every checkpoint anew without them (others stay the same bit for bit), and
+Their jobs end, a job for each model writes every checkpoint again without them (others stay the same bit for bit), and
 captures, uploads, renders, exports and measurements that show them are removed at once, without the time of grace.
-Then all rows and folders are searched for what is left. A worker must run for models with other people. Nothing
-brings the person back. Backups and files that were downloaded are not touched.
+Then all rows and folders are searched for what is left. A worker must run for models with other people. The
+erasure can't be undone. Backups and files that were downloaded are not touched.
 
 Examples:
   yoto subject erase ada                       asks for the name again
   yoto subject erase ada --yes --no-wait
-  yoto subject erase ada --retrain             what others learned with them is learned anew without them";
+  yoto subject erase ada --retrain             also trains new models without them";
 pub(crate) const ERASURE_HELP: &str = "\
-The report is kept without the person's name: with the id that they had, and the SHA-256 of their name. `--out`
-writes the bytes that are signed (Ed25519); signature and key are in `--output json`.
+The report has the id that the person had and the SHA-256 of their name, but not the name. `--out` writes the
+bytes that are signed (Ed25519); signature and key are in `--output json`.
 
 Examples:
   yoto subject erasure ada
@@ -39,11 +39,11 @@ pub(crate) struct Erase {
     /// Do not ask for the name again.
     #[arg(long)]
     yes: bool,
-    /// Do not wait for the end: it goes on by itself.
+    /// Do not wait for the end: the erasure continues by itself.
     #[arg(long)]
     no_wait: bool,
-    /// Also train the others of models whose shared parameters were trained with the person anew, from scratch, in models of their
-    /// own, which the report names.
+    /// Also train a new model from scratch for the other people of each model whose shared parameters were trained
+    /// with the person. The report names the new models.
     #[arg(long)]
     retrain: bool,
     #[command(flatten)]
@@ -53,7 +53,7 @@ pub(crate) struct Erase {
 /// An erasure to show.
 #[derive(Debug, Args)]
 pub(crate) struct ShowErasure {
-    /// The name that the person had, or the erasure: erasures/ID.
+    /// The erased person, by the name that they had, or the erasure: erasures/ID.
     of: String,
     /// Write the report to this file.
     #[arg(long, value_name = "FILE")]

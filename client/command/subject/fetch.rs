@@ -18,7 +18,7 @@ Examples:
 
 #[derive(Debug, Args)]
 pub(crate) struct Fetch {
-    /// The person, by name, for their newest READY capture; or a capture, captures/ID.
+    /// The person, by name, for their newest READY capture, or a capture: captures/ID.
     of: String,
     #[command(flatten)]
     folder: OutFolder,

@@ -9,9 +9,9 @@ use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
 pub(crate) const HELP: &str = "\
-For a capture that is UPLOADED (its ingest failed through no fault of its files, or was cancelled) or
-REJECTED (such as by an earlier version). Its files must still be there: those of a rejected capture go
-after the time of grace. `yoto subject show` lists the captures of a person.
+The capture must be UPLOADED (its ingest was cancelled, or failed for another reason than its files) or
+REJECTED (for example by an earlier version). Its files must still exist: those of a rejected capture are
+removed after the time of grace. `yoto subject show` lists the captures of a person.
 
 Example:
   yoto subject ingest captures/0b55bd0e-0b5c-4c7e-9b0c-0d6d3c0e7d7a";

@@ -66,7 +66,7 @@ enum Action {
     /// Write the thumbnail of a person's newest capture, and the report of its check.
     #[command(after_help = fetch::HELP)]
     Fetch(fetch::Fetch),
-    /// Write all that the service holds of a person.
+    /// Write everything that the service holds about a person.
     #[cfg(feature = "embedded")]
     #[command(after_help = export::HELP)]
     Export(export::Export),

@@ -32,13 +32,13 @@ pub(crate) struct SubjectPoses {
     /// File for the refined pose track, as JSON.
     #[arg(long, value_name = "FILE")]
     refined: PathBuf,
-    /// The model whose training refined them; needed for a person in several models.
+    /// Model whose training refined the poses; needed for a person in several models.
     #[arg(long)]
     model: Option<String>,
     /// Also draw both skeletons on frames of --capture.
     #[arg(long, value_name = "PNG", requires = "capture")]
     sheet: Option<PathBuf>,
-    /// The capture that was added, read with the same options.
+    /// The person's capture, with the options with which it was added.
     #[arg(long, value_name = "CAPTURE", requires = "sheet")]
     capture: Option<PathBuf>,
     #[command(flatten)]

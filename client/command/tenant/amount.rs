@@ -13,14 +13,14 @@ const BYTES: [(&str, u64); 4] = [
 
 /// A number of a quota, or none.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Most<T> {
+pub(super) enum Limit<T> {
     /// No limit.
     None,
     /// At most this.
     Is(T),
 }
 
-impl<T> Most<T> {
+impl<T> Limit<T> {
     /// The field of a quota.
     pub(super) fn field(self) -> Option<T> {
         match self {
@@ -31,14 +31,14 @@ impl<T> Most<T> {
 }
 
 /// `none`, or a whole number.
-pub(super) fn count(text: &str) -> Result<Most<u64>, String> {
+pub(super) fn count(text: &str) -> Result<Limit<u64>, String> {
     read(text, |text| {
         u64::from_str(text).map_err(|_| format!("`{text}` is neither a whole number nor `none`"))
     })
 }
 
 /// `none`, or bytes: a whole number, or one with K, M, G or T.
-pub(super) fn bytes(text: &str) -> Result<Most<u64>, String> {
+pub(super) fn bytes(text: &str) -> Result<Limit<u64>, String> {
     let bytes = |text: &str| {
         let unit = BYTES.iter().find(|(name, _)| text.ends_with(name));
         let (number, unit) = unit.map_or((text, 1), |(name, unit)| {
@@ -53,7 +53,7 @@ pub(super) fn bytes(text: &str) -> Result<Most<u64>, String> {
 }
 
 /// `none`, or hours.
-pub(super) fn hours(text: &str) -> Result<Most<f64>, String> {
+pub(super) fn hours(text: &str) -> Result<Limit<f64>, String> {
     let hours = |text: &str| {
         let number = f64::from_str(text)
             .ok()
@@ -64,7 +64,7 @@ pub(super) fn hours(text: &str) -> Result<Most<f64>, String> {
 }
 
 /// `none`, or calls per second.
-pub(super) fn calls(text: &str) -> Result<Most<f64>, String> {
+pub(super) fn calls(text: &str) -> Result<Limit<f64>, String> {
     let calls = |text: &str| {
         let number = f64::from_str(text).ok();
         let number = number.filter(|it| it.is_finite() && *it >= 0.0);
@@ -73,10 +73,10 @@ pub(super) fn calls(text: &str) -> Result<Most<f64>, String> {
     read(text, calls)
 }
 
-fn read<T>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<Most<T>, String> {
+fn read<T>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<Limit<T>, String> {
     match text {
-        "none" => Ok(Most::None),
-        text => parse(text).map(Most::Is),
+        "none" => Ok(Limit::None),
+        text => parse(text).map(Limit::Is),
     }
 }
 
@@ -98,11 +98,11 @@ mod tests {
 
     #[test]
     fn numbers_have_units_or_are_none() {
-        assert_eq!(count("12"), Ok(Most::Is(12)));
-        assert_eq!(count("none"), Ok(Most::None));
-        assert_eq!(bytes("3"), Ok(Most::Is(3)));
-        assert_eq!(bytes("2G"), Ok(Most::Is(2 << 30)));
-        assert_eq!(hours("1.5"), Ok(Most::Is(1.5)));
+        assert_eq!(count("12"), Ok(Limit::Is(12)));
+        assert_eq!(count("none"), Ok(Limit::None));
+        assert_eq!(bytes("3"), Ok(Limit::Is(3)));
+        assert_eq!(bytes("2G"), Ok(Limit::Is(2 << 30)));
+        assert_eq!(hours("1.5"), Ok(Limit::Is(1.5)));
         for bad in ["", "-1", "1.5", "G", "GG", "99999999T", "1g"] {
             assert!(bytes(bad).is_err(), "{bad}");
             assert!(count(bad).is_err(), "{bad}");

@@ -1,44 +1,44 @@
 //! `yoto quota`: what a tenant may use at most.
 
-use super::amount::{Most, bytes, calls, count, hours};
+use super::amount::{Limit, bytes, calls, count, hours};
 use super::usage::show;
 use crate::args::Server;
 use clap::Args;
 use yoto_proto::v1::Quota;
 
 const AFTER_HELP: &str = "\
-What is not named stays as it is; `none` removes a limit. A quota takes nothing away: a tenant that has more
-already gets no more. Device hours and pictures are those of 30 days; once they are used up, no job is
-queued but the reading of uploads, and those that are queued are run.
+Limits without an option stay as they are; `none` removes a limit. A quota deletes nothing: a tenant above its
+quota gets no more. Device hours and pictures count the last 30 days; once they are used up, new jobs are
+refused, except ingest jobs, and queued jobs still run.
 
 Examples:
   yoto quota lab --people 50 --bytes 500G
   yoto quota lab --open-jobs 20 --device-hours 100 --pictures none";
 
-/// Set what a tenant may use of the service, as its operator.
+/// Set the quota of a tenant, as an operator of the service.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct SetQuota {
     /// The tenant.
     tenant: String,
-    /// People.
+    /// Number of people.
     #[arg(long, value_name = "N", value_parser = count)]
-    people: Option<Most<u64>>,
+    people: Option<Limit<u64>>,
     /// Bytes of uploads, captures, checkpoints, renders and exports, such as 500G.
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
-    bytes: Option<Most<u64>>,
-    /// Jobs that wait or run at a time.
+    bytes: Option<Limit<u64>>,
+    /// Number of jobs that wait or run at the same time.
     #[arg(long, value_name = "N", value_parser = count)]
-    open_jobs: Option<Most<u64>>,
-    /// Hours for which workers have jobs, in 30 days.
+    open_jobs: Option<Limit<u64>>,
+    /// Hours that workers spend on jobs, in 30 days.
     #[arg(long, value_name = "HOURS", value_parser = hours)]
-    device_hours: Option<Most<f64>>,
-    /// Pictures of renders, in 30 days.
+    device_hours: Option<Limit<f64>>,
+    /// Number of rendered pictures, in 30 days.
     #[arg(long, value_name = "N", value_parser = count)]
-    pictures: Option<Most<u64>>,
+    pictures: Option<Limit<u64>>,
     /// Calls per second, at each coordinator. Calls of workers do not count.
     #[arg(long, value_name = "N", value_parser = calls)]
-    calls_per_second: Option<Most<f64>>,
+    calls_per_second: Option<Limit<f64>>,
     #[command(flatten)]
     server: Server,
 }
@@ -58,7 +58,7 @@ impl SetQuota {
 
     /// The quota with the numbers that are named.
     fn changed(&self, now: Quota) -> Quota {
-        let or = |named: Option<Most<u64>>, now| named.map_or(now, Most::field);
+        let or = |named: Option<Limit<u64>>, now| named.map_or(now, Limit::field);
         let seconds = self.device_hours.map(|it| it.field().map(|it| it * 3600.0));
         Quota {
             people: or(self.people, now.people),
@@ -66,7 +66,7 @@ impl SetQuota {
             open_jobs: or(self.open_jobs, now.open_jobs),
             device_seconds: seconds.unwrap_or(now.device_seconds),
             pictures: or(self.pictures, now.pictures),
-            calls_per_second: (self.calls_per_second).map_or(now.calls_per_second, Most::field),
+            calls_per_second: (self.calls_per_second).map_or(now.calls_per_second, Limit::field),
         }
     }
 }

@@ -8,8 +8,8 @@ use yoto_proto::v1::{StoredBytes, Usage};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
-Device hours are those for which workers had jobs in the last 30 days, and pictures those of renders in the
-same time, also where the jobs were deleted since. `8/20` means 8 of at most 20.
+Device hours are the hours that workers spent on jobs in the last 30 days, and pictures were rendered in the same
+time, also by jobs that have been deleted since. `8/20` means 8 of at most 20.
 
 Examples:
   yoto usage
@@ -20,10 +20,10 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct ShowUsage {
-    /// Whose [default: the caller's tenant].
+    /// Tenant to show [default: the caller's tenant].
     #[arg(long, value_name = "TENANT", conflicts_with = "all")]
     tenant: Option<String>,
-    /// That of all tenants, for the service's operators.
+    /// Show all tenants, as an operator of the service.
     #[arg(long)]
     all: bool,
     #[command(flatten)]

@@ -9,8 +9,8 @@ use yoto_proto::v1::Webhook;
 use yoto_terminal::output::{self, others};
 
 const AFTER_HELP: &str = "\
-When a job ends, the service sends a POST with the job as JSON to each address, signed as Standard Webhooks are, and tries
-again for a day until it is answered with 2xx.
+When a job ends, the service sends a POST with the job as JSON to each address, signed as Standard Webhooks specifies. It
+repeats the request for a day, until the answer is 2xx.
 
 Examples:
   yoto webhook create https://example.org/yoto --note 'renders are ready'
@@ -18,7 +18,7 @@ Examples:
   yoto webhook delete 3f1c0a2b";
 
 const CREATE_HELP: &str = "\
-The secret is the only line on stdout. Whoever is told checks signatures with it; nobody can read it again.
+The secret is the only line on stdout, and is shown once. The receiver checks signatures with it.
 
 Example:
   yoto webhook create https://example.org/yoto > secret";
@@ -31,7 +31,7 @@ const DELETE_HELP: &str = "\
 Example:
   yoto webhook delete 3f1c0a2b";
 
-/// Add, list and remove addresses that are told when jobs end.
+/// Add, list and remove webhooks: addresses that the service calls when jobs end.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct WebhookCommand {
@@ -41,24 +41,24 @@ pub(crate) struct WebhookCommand {
 
 #[derive(Debug, Subcommand)]
 enum Action {
-    /// Add an address, and print the secret of its signatures once.
+    /// Add a webhook, and print the secret of its signatures once.
     #[command(after_help = CREATE_HELP)]
     Create {
         /// The address, which begins with https://.
         url: String,
-        /// What it is for, in one line.
+        /// Purpose of the webhook, in one line.
         #[arg(long, value_name = "TEXT", default_value = "")]
         note: String,
         #[command(flatten)]
         server: Server,
     },
-    /// Show all addresses, and how the last attempt to tell them something has ended.
+    /// List the webhooks, with the outcome of their last delivery.
     #[command(after_help = LIST_HELP)]
     List {
         #[command(flatten)]
         server: Server,
     },
-    /// Remove an address.
+    /// Remove a webhook.
     #[command(after_help = DELETE_HELP)]
     Delete {
         /// The webhook, by id.

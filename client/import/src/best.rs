@@ -1,8 +1,7 @@
-//! The frames of a clip that teach most: those that differ most in pose and view, the sharp ones of
-//! each kind first.
+//! The best frames of a clip to train on: those that differ most in pose and view, the sharp ones first.
 //!
-//! Frames are taken one by one, each the farthest from all that were taken, by [`pose`], times its
-//! [`sharpness`] among the frames around it. So a still pose is taken once, from its sharpest frame,
+//! Frames are taken one by one, each the farthest from all that were taken, by `pose`, times its
+//! `sharpness` among the frames around it. So a still pose is taken once, from its sharpest frame,
 //! before anything is taken twice.
 
 mod pictures;
@@ -10,24 +9,24 @@ mod pose;
 mod select;
 mod sharpness;
 
+use crate::ImportError;
 use crate::{Imported, Pictures};
 use std::num::NonZeroUsize;
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Keeps the `count` best frames of `imported`, in their order, and notes it. All pictures are
 /// decoded, one at a time; videos other than H.264 in MP4 or MOV by the program `ffmpeg`, which is
 /// searched for when it has no name. `progress` receives frames done and all frames.
 ///
 /// # Errors
-/// [`ClientError::BadCapture`] when a picture or mask can't be decoded or has another size,
-/// [`ClientError::File`] when the file system fails.
+/// [`ImportError::BadCapture`] when a picture or mask can't be decoded or has another size,
+/// [`ImportError::File`] when the file system fails.
 pub fn choose(
     imported: &mut Imported,
     count: NonZeroUsize,
     ffmpeg: Option<&Path>,
     progress: impl FnMut(usize, usize),
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let (count, total) = (count.get(), imported.track.frames.len());
     if count >= total {
         imported.notes.push(format!(

@@ -6,10 +6,10 @@
 //! matrices in `.pkl`). The sum is linear in betas, so that only `[24, 3, 1 + B]` is kept. SMPL-X has
 //! 55 joints: the first 22 are SMPL's, and where the middle fingers begin is SMPL's hand.
 
+use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::{Part, Source};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_formats::Array;
 use yoto_proto::smpl::JOINTS;
 
@@ -33,7 +33,7 @@ impl BodyModel {
     ///
     /// # Errors
     /// When the file is neither, or lacks one of the arrays.
-    pub fn open(path: &Path) -> Result<Self, ClientError> {
+    pub fn open(path: &Path) -> Result<Self, ImportError> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let source = Source::new(folder);
@@ -110,7 +110,7 @@ impl BodyModel {
 type Weights = Vec<(usize, usize, f64)>;
 
 /// The number of joints, and every weight that is not 0.
-fn regressor(part: &Part<'_>, vertices: usize) -> Result<(usize, Weights), ClientError> {
+fn regressor(part: &Part<'_>, vertices: usize) -> Result<(usize, Weights), ImportError> {
     let fits = |shape: &[usize]| match *shape {
         [joints, of] if of == vertices && [JOINTS.len(), SMPLX_JOINTS].contains(&joints) => {
             Ok(joints)
@@ -136,7 +136,7 @@ fn regressor(part: &Part<'_>, vertices: usize) -> Result<(usize, Weights), Clien
     let shape = shape.ok_or_else(|| part.fault("MISSING", "the sparse matrix has no shape"))?;
     let shape: Vec<usize> = shape.vector()?.iter().map(|side| *side as usize).collect();
     let joints = fits(&shape)?;
-    let indices_of = |name: &str| -> Result<Vec<usize>, ClientError> {
+    let indices_of = |name: &str| -> Result<Vec<usize>, ImportError> {
         let values = part.get(name)?.vector()?;
         Ok(values.iter().map(|value| *value as usize).collect())
     };

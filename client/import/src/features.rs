@@ -1,8 +1,8 @@
-//! What clients without some features of the crate can't do.
+//! Errors of builds that lack a feature of the crate.
 
+use crate::ImportError;
 use crate::clip::fault;
 use crate::{MattingModel, Options};
-use yoto_client::ClientError;
 
 /// How a user gets a client with `feature`.
 pub(crate) fn how_to_get(feature: &str) -> String {
@@ -13,7 +13,7 @@ pub(crate) fn how_to_get(feature: &str) -> String {
 }
 
 /// The error of a client that has no runtime for networks, about `model`.
-pub(crate) fn no_matting(model: &MattingModel) -> ClientError {
+pub(crate) fn no_matting(model: &MattingModel) -> ImportError {
     let message = format!(
         "a matting model needs a runtime for ONNX, which this client was built without: {}; or make the \
          masks elsewhere and name them with --masks",
@@ -22,11 +22,11 @@ pub(crate) fn no_matting(model: &MattingModel) -> ClientError {
     fault(&model.path, "UNSUPPORTED", message)
 }
 
-/// Checks that this client can do what `options` ask for, before a minute's work.
+/// Checks that this build supports `options`, before minutes of work.
 ///
 /// # Errors
 /// A matting model, if the client has no runtime for networks.
-pub(crate) fn ensure_built(options: &Options) -> Result<(), ClientError> {
+pub(crate) fn ensure_built(options: &Options) -> Result<(), ImportError> {
     match &options.matting {
         Some(model) if cfg!(not(feature = "matting")) => Err(no_matting(model)),
         _ => Ok(()),

@@ -20,7 +20,7 @@ pub(crate) fn extrinsics(r: &Mat3, t: Vec3) -> [[f64; 4]; 4] {
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
 
-/// Most by which entries of a rotation may differ from a rotation's: files hold 32-bit floats.
+/// Tolerance of the entries of a rotation matrix: files hold 32-bit floats.
 const INEXACT: f64 = 1e-3;
 
 /// The exact rotation of `matrix`, whose entries only approach it; `None` if it is not a rotation.

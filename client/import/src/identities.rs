@@ -3,21 +3,21 @@
 //! A tracker that loses a person for some frames goes on with a new number. Two tracks belong to one person if the second begins
 //! soon after the first ends, near the same place, and nobody else begins or ends there.
 
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// Most frames between two tracks of one person.
 const SOON: usize = 15;
 
-/// Frames in which somebody is tracked, and where.
-pub(crate) trait Track {
+/// The frames and positions of a tracked person.
+pub(crate) trait PersonTrack {
     /// The tracker's number or name.
     fn name(&self) -> &str;
-    /// First and last frame; `None` for somebody who is never seen.
+    /// First and last frame; `None` for a person who is never seen.
     fn ends(&self) -> Option<[usize; 2]>;
-    /// How far the beginning of `next` is from the end of this one, `gap` frames earlier; 1 and more is too far.
+    /// The distance from the end of this track to the beginning of `next`, `gap` frames later; 1 and more is too far.
     fn distance(&self, next: &Self, gap: usize) -> f64;
-    /// How unlike the colours at this end and at the beginning of `next` are; 1 and more is another person. `None` where colours are not
-    /// compared.
+    /// The difference between the colours at this end and at the beginning of `next`; 1 and more is another person. `None` where
+    /// colours are not compared.
     fn looks(&self, _next: &Self) -> Option<f64> {
         None
     }
@@ -27,8 +27,8 @@ pub(crate) trait Track {
     fn frames(&self) -> usize;
 }
 
-/// How far the beginning of `next` is from the end of `one`, if it is soon after and near.
-pub(crate) fn follows<T: Track>(one: &T, next: &T) -> Option<f64> {
+/// The distance from the end of `one` to the beginning of `next`, if `next` begins soon after and near.
+pub(crate) fn follows<T: PersonTrack>(one: &T, next: &T) -> Option<f64> {
     let ([_, end], [start, _]) = (one.ends()?, next.ends()?);
     let gap = start
         .checked_sub(end)
@@ -37,7 +37,7 @@ pub(crate) fn follows<T: Track>(one: &T, next: &T) -> Option<f64> {
 }
 
 /// Joins tracks of one person, under the first one's name; each with a note.
-pub(crate) fn joined<T: Track>(mut tracks: Vec<T>, notes: &mut Vec<String>) -> Vec<T> {
+pub(crate) fn joined<T: PersonTrack>(mut tracks: Vec<T>, notes: &mut Vec<String>) -> Vec<T> {
     loop {
         let (mut pairs, mut others) = (Vec::new(), Vec::new());
         for (a, one) in tracks.iter().enumerate() {
@@ -96,7 +96,7 @@ mod tests {
     #[derive(Clone, Debug, PartialEq)]
     struct Dots(String, Vec<(usize, f64)>);
 
-    impl Track for Dots {
+    impl PersonTrack for Dots {
         fn name(&self) -> &str {
             &self.0
         }

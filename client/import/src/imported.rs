@@ -6,9 +6,9 @@ use yoto_capture::check::Lack;
 use yoto_pose::Fitted;
 use yoto_proto::pose_track::PoseTrack;
 
-/// What a reader found out about a clip, for a short report.
+/// Findings of a reader about a clip, for a short report.
 #[derive(Clone, Debug, Default)]
-pub struct Found {
+pub struct Findings {
     /// The fit of poses, if this program made it.
     pub fit: Option<PoseFit>,
     /// What the user should look at or decide.
@@ -22,7 +22,7 @@ pub struct Found {
 /// A fit of poses in figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseFit {
-    /// Frames in which the person was searched for.
+    /// The number of frames that were searched for the person.
     pub searched: usize,
     /// Median reprojection error, pixels.
     pub error_px: f64,
@@ -48,10 +48,10 @@ pub struct Imported {
     pub track: PoseTrack,
     /// The pictures of each frame, in the track's order.
     pub pictures: Pictures,
-    /// Frames that the source has, of which a range selects some.
+    /// Number of frames of the source, before a range selects some.
     pub available: usize,
     /// Assumptions, for people to read.
     pub notes: Vec<String>,
-    /// What the reader found out, for a short report.
-    pub found: Found,
+    /// Findings of the reader, for a short report.
+    pub found: Findings,
 }

@@ -14,7 +14,9 @@
 //! datasets  tools  keypoints  film                readers (files → pose track + pictures)
 //! proof                                           what a tool's numbers mean, by masks
 //! matting  motion                                 masks by a network; BVH and SMPL's parameters
-//! what  clip  pictures  source  track  tree  geometry   videos and pictures, plain data, skeletons
+//! misplaced  clip  pictures  source               videos and pictures, plain data; files in a wrong place
+//! track  hierarchy  geometry                      skeletons and poses
+//! progress  error                                 what the caller gets besides
 //! ```
 
 mod adapters;
@@ -25,41 +27,45 @@ pub mod capture_dir;
 mod capture_frames;
 mod clip;
 mod datasets;
+mod error;
 mod features;
 mod ffmpeg_arg;
 mod film;
 mod geometry;
+mod hierarchy;
 mod identities;
 mod imported;
 mod keypoints;
 mod matting;
 mod matting_model;
+mod misplaced;
 pub mod motion;
 mod motion_file;
 mod options;
 mod pictures;
+mod plausibility;
+mod progress;
 mod proof;
 mod rest_joints;
 mod served_film;
-mod sound;
 mod source;
 mod to_folder;
 mod tools;
 mod track;
-mod tree;
-mod what;
 mod write;
 
-pub use adapters::{Format, options_by_format, read};
+pub use adapters::{Format, options_by_format, pose_tools, read};
 pub use body_model::BodyModel;
 pub use capture_frames::CaptureFrames;
+pub use error::ImportError;
 pub use ffmpeg_arg::FfmpegArg;
-pub use imported::{Found, Imported, PoseFit};
-pub use keypoints::{PointSet, PointTurn};
+pub use imported::{Findings, Imported, PoseFit};
+pub use keypoints::{PointRotation, PointSet, key_point_detectors};
 pub use matting_model::{Levels, MattingModel};
 pub use motion_file::read_motion;
-pub use options::{Options, Told};
+pub use options::Options;
 pub use pictures::{DecodedClip, Mask, MaskKind, PictureFiles, Pictures};
+pub use progress::{Progress, ProgressEvent, Stage};
 pub use served_film::{check_pose_model, read_film};
 #[cfg(feature = "hdf5")]
 pub use source::hdf5::MaskStack;

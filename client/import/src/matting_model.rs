@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Levels of pictures, for networks: a file does not say which it was trained with.
+/// Levels of a network's pictures. A network's file does not name the levels of its training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Levels {
     /// 0 to 1: RVM.

@@ -1,27 +1,27 @@
-//! Motions of files, with a hint where a file is another program's and no motion.
+//! Reads motions, with a hint where a file has no motion but another program's data.
 
+use crate::ImportError;
 use crate::motion::{self, Motion, MotionOptions};
-use crate::{keypoints, tools, what};
+use crate::{keypoints, misplaced, tools};
 use std::path::Path;
-use yoto_client::ClientError;
 
-/// What a file of poses is good for.
+/// The use of a file of poses.
 const BECOMES: &str = "with its clip it becomes a capture (yoto import CLIP --poses FILE), whose poses.json is a motion";
 
-/// As [`motion::read`]; a file that is no motion is named by what it is.
+/// Reads a motion as [`motion::read`] does. The error about a file of another kind says what the file is.
 ///
 /// # Errors
-/// Those of [`motion::read`].
-pub fn read_motion(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError> {
+/// The same errors as [`motion::read`].
+pub fn read_motion(path: &Path, options: &MotionOptions) -> Result<Motion, ImportError> {
     motion::read(path, options).map_err(|error| match (error, not_a_motion(path)) {
-        (ClientError::Name(_), Some(what)) => {
-            ClientError::Name(format!("{}: {what}", path.display()))
+        (ImportError::Unusable(_), Some(what)) => {
+            ImportError::Unusable(format!("{}: {what}", path.display()))
         }
         (error, _) => error,
     })
 }
 
-/// What the file at `path` is, if it is known and no motion.
+/// The kind of the file at `path`, if it is known and not a motion.
 fn not_a_motion(path: &Path) -> Option<String> {
     if !path.is_file() || tools::bvh_clip::fits(path) {
         return None;
@@ -32,5 +32,5 @@ fn not_a_motion(path: &Path) -> Option<String> {
     if keypoints::has_files(path) {
         return Some(format!("these are key points: {BECOMES}"));
     }
-    what::of_ending(path).map(str::to_owned)
+    misplaced::of_ending(path).map(str::to_owned)
 }

@@ -1,13 +1,11 @@
 //! Inputs that an importer can't find in the files, and which frames are taken.
 
-use crate::MattingModel;
+use crate::ImportError;
 use crate::source::Source;
-use crate::{PointSet, PointTurn};
-use std::fmt;
+use crate::{MattingModel, Progress};
+use crate::{PointRotation, PointSet};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use yoto_client::ClientError;
-use yoto_ingest::Tell;
 use yoto_media::video::Hdr;
 use yoto_proto::pose_track::MAX_FRAMES;
 
@@ -37,9 +35,9 @@ pub struct Options {
     pub person: Option<String>,
     /// The set of key points, if the files don't tell.
     pub points: Option<PointSet>,
-    /// By how much the pictures were turned that a detector of key points saw.
-    pub turn_points: Option<PointTurn>,
-    /// Whether the pictures were mirrored that a detector of key points saw.
+    /// The rotation of the pictures that a detector of key points saw.
+    pub point_rotation: Option<PointRotation>,
+    /// Whether the pictures that a detector of key points saw were mirrored.
     pub mirror_points: bool,
     /// Focal length of the clip's camera, pixels.
     pub focal: Option<f64>,
@@ -47,42 +45,16 @@ pub struct Options {
     pub height: Option<f64>,
     /// Files of the pose model: a file, or the folder that has them.
     pub pose_model: Option<PathBuf>,
-    /// Number of frames to keep: those that teach most.
+    /// Number of frames to keep: the best of the clip, by pose, view and sharpness.
     pub best: Option<NonZeroUsize>,
-    /// Whether the tool's own tree of joints is kept, in place of SMPL's.
+    /// Whether the tool's own joint hierarchy is kept, in place of SMPL's.
     pub keep_skeleton: bool,
-    /// What the clip's levels are taken for.
+    /// The light of the clip's levels.
     pub hdr: Hdr,
     /// The ffmpeg for videos other than H.264 in MP4 or MOV; the one in PATH if absent.
     pub ffmpeg: Option<PathBuf>,
-    /// Who is told how far the search for poses has come, beside the terminal.
-    pub told: Told,
-}
-
-/// Receives the numbers of pieces that are done, and of all.
-#[derive(Clone, Default)]
-pub struct Told(Option<Tell>);
-
-impl Told {
-    /// Tells `tell`.
-    pub fn to(tell: Tell) -> Self {
-        Self(Some(tell))
-    }
-
-    pub(crate) fn say(&self, done: usize, of: usize) {
-        if let Some(tell) = &self.0 {
-            tell(done, of);
-        }
-    }
-}
-
-impl fmt::Debug for Told {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.write_str(match self.0 {
-            Some(_) => "Told(somebody)",
-            None => "Told(nobody)",
-        })
-    }
+    /// Receives the progress.
+    pub progress: Progress,
 }
 
 impl Options {
@@ -92,7 +64,7 @@ impl Options {
         source: &Source,
         file: &str,
         count: usize,
-    ) -> Result<Vec<usize>, ClientError> {
+    ) -> Result<Vec<usize>, ImportError> {
         let (first, end, step) = self.frames.unwrap_or((0, count, 1));
         let wanted: Vec<usize> = (first..end.min(count)).step_by(step.max(1)).collect();
         if wanted.is_empty() || wanted.len() > MAX_FRAMES {

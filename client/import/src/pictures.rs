@@ -1,12 +1,12 @@
 //! Pictures of a capture, and their decoding.
 
+use crate::ImportError;
 use crate::capture_frames::CaptureFrames;
 #[cfg(feature = "hdf5")]
 use crate::source::hdf5::MaskStack;
 use image::{GrayImage, ImageReader, Limits, RgbImage};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::npy;
 use yoto_formats::rle::RunLengths;
 use yoto_media::video::{Ffmpeg, Hdr};
@@ -27,7 +27,7 @@ pub enum Pictures {
         /// In the track's order.
         masks: Vec<Vec<Mask>>,
     },
-    /// Frames of a video whose declaration of its light is not believed: they are decoded here, as nothing in the file tells others.
+    /// Frames of a video with a wrong declaration of its light: they are decoded here, since the file tells nothing to other decoders.
     Decoded {
         /// The video.
         clip: DecodedClip,
@@ -43,7 +43,7 @@ pub enum Pictures {
 pub struct DecodedClip {
     pub(crate) path: PathBuf,
     pub(crate) ffmpeg: Ffmpeg,
-    /// What its levels are taken for.
+    /// The light of its levels.
     pub(crate) hdr: Hdr,
 }
 
@@ -88,7 +88,7 @@ pub enum MaskKind {
 }
 
 /// Width and height of an image, by its header.
-pub(crate) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientError> {
+pub(crate) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ImportError> {
     let (width, height) = reader(path, frame)?
         .into_dimensions()
         .map_err(|error| undecodable(path, frame, error.to_string()))?;
@@ -96,7 +96,7 @@ pub(crate) fn image_size(path: &Path, frame: u32) -> Result<[u32; 2], ClientErro
 }
 
 /// An image of `size` (width, height), 8 bits per channel.
-pub(crate) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ClientError> {
+pub(crate) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbImage, ImportError> {
     sized(path, size, frame, image_size(path, frame)?)?;
     let image = reader(path, frame)?.decode();
     image
@@ -105,7 +105,7 @@ pub(crate) fn read_image(path: &Path, size: [u32; 2], frame: u32) -> Result<RgbI
 }
 
 /// Whether the image has an alpha channel that is not the same everywhere, by which the person is cut out.
-pub(crate) fn is_cut_out(path: &Path, frame: u32) -> Result<bool, ClientError> {
+pub(crate) fn is_cut_out(path: &Path, frame: u32) -> Result<bool, ImportError> {
     let image = reader(path, frame)?.decode();
     let image = image.map_err(|error| undecodable(path, frame, error.to_string()))?;
     if !image.color().has_alpha() {
@@ -122,7 +122,7 @@ pub(crate) fn read_masks(
     masks: &[Mask],
     size: [u32; 2],
     frame: u32,
-) -> Result<GrayImage, ClientError> {
+) -> Result<GrayImage, ImportError> {
     let mut union = GrayImage::new(size[0], size[1]);
     for mask in masks {
         let levels = read_mask(mask, size, frame)?;
@@ -133,7 +133,7 @@ pub(crate) fn read_masks(
     Ok(union)
 }
 
-fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientError> {
+fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ImportError> {
     match mask {
         Mask::Image(path, kind) => {
             let found = image_size(path, frame)?;
@@ -186,7 +186,7 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
             Ok(resized(image.into_luma8().into_raw(), found, size))
         }
         Mask::Array(path) => {
-            let bytes = std::fs::read(path).map_err(ClientError::file("reading", path))?;
+            let bytes = std::fs::read(path).map_err(ImportError::file("reading", path))?;
             let array = npy::read(&bytes)
                 .map_err(|error| undecodable(path, frame, error.to_string()))?
                 .numbers();
@@ -218,16 +218,16 @@ fn read_mask(mask: &Mask, size: [u32; 2], frame: u32) -> Result<Vec<u8>, ClientE
 fn reader(
     path: &Path,
     frame: u32,
-) -> Result<ImageReader<std::io::BufReader<std::fs::File>>, ClientError> {
+) -> Result<ImageReader<std::io::BufReader<std::fs::File>>, ImportError> {
     let reader = ImageReader::open(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => {
             at_fault("MISSING", path, frame, "there is no such file".into())
         }
-        _ => ClientError::file("reading", path)(error),
+        _ => ImportError::file("reading", path)(error),
     })?;
     let mut reader = reader
         .with_guessed_format()
-        .map_err(ClientError::file("reading", path))?;
+        .map_err(ImportError::file("reading", path))?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
@@ -236,7 +236,7 @@ fn reader(
     Ok(reader)
 }
 
-fn sized(path: &Path, size: [u32; 2], frame: u32, found: [u32; 2]) -> Result<(), ClientError> {
+fn sized(path: &Path, size: [u32; 2], frame: u32, found: [u32; 2]) -> Result<(), ImportError> {
     if size == found {
         return Ok(());
     }
@@ -258,7 +258,7 @@ pub(crate) fn are_alike(found: [u32; 2], size: [u32; 2]) -> bool {
 }
 
 /// Checks that a mask has the shape of the capture's images.
-fn alike(path: &Path, size: [u32; 2], frame: u32, found: [u32; 2]) -> Result<(), ClientError> {
+fn alike(path: &Path, size: [u32; 2], frame: u32, found: [u32; 2]) -> Result<(), ImportError> {
     if are_alike(found, size) {
         return Ok(());
     }
@@ -282,14 +282,14 @@ fn resized(levels: Vec<u8>, found: [u32; 2], size: [u32; 2]) -> Vec<u8> {
     made
 }
 
-fn undecodable(path: &Path, frame: u32, message: String) -> ClientError {
+fn undecodable(path: &Path, frame: u32, message: String) -> ImportError {
     at_fault("UNDECODABLE", path, frame, message)
 }
 
-fn at_fault(code: &str, path: &Path, frame: u32, message: String) -> ClientError {
+fn at_fault(code: &str, path: &Path, frame: u32, message: String) -> ImportError {
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     let folder = path.parent().unwrap_or(Path::new(""));
-    ClientError::BadCapture {
+    ImportError::BadCapture {
         place: folder.display().to_string(),
         violations: vec![violation(code, &file, Some(frame), "", message)],
     }

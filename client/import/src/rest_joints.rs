@@ -1,11 +1,11 @@
 //! Sources of rest joints: a body model with shape parameters, or a file of rest joints.
 
+use crate::ImportError;
 use crate::Options;
 use crate::body_model::BodyModel;
 use crate::geometry::Vec3;
 use crate::source::Source;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::violation;
 use yoto_proto::smpl::JOINTS;
 
@@ -20,7 +20,7 @@ pub(crate) enum RestJoints {
 
 impl RestJoints {
     /// The source that the user gave; `None` without one.
-    pub fn find(options: &Options) -> Result<Option<Self>, ClientError> {
+    pub fn find(options: &Options) -> Result<Option<Self>, ImportError> {
         match (&options.rest_joints, &options.body_model) {
             (Some(path), _) => given(path).map(|joints| Some(Self::Given(joints))),
             (None, Some(path)) => BodyModel::open(path).map(|model| Some(Self::Model(model))),
@@ -28,8 +28,8 @@ impl RestJoints {
         }
     }
 
-    /// As [`Self::find`], for formats whose files hold only shape parameters.
-    pub fn needed(options: &Options, source: &Source, file: &str) -> Result<Self, ClientError> {
+    /// Finds rest joints as [`Self::find`] does, for formats whose files have only shape parameters.
+    pub fn needed(options: &Options, source: &Source, file: &str) -> Result<Self, ImportError> {
         Self::find(options)?.ok_or_else(|| {
             let message = "rest joints of these shape parameters need your copy of SMPL's body \
                            model (--smpl FILE), or the joints themselves (--rest-joints FILE)";
@@ -37,7 +37,7 @@ impl RestJoints {
         })
     }
 
-    /// Whether the shapes that they follow are SMPL-X's; `None` for given joints, which follow none.
+    /// Whether the shape parameters are SMPL-X's; `None` for given joints, which need no shape.
     pub fn is_smplx(&self) -> Option<bool> {
         match self {
             Self::Model(model) => Some(model.is_smplx()),
@@ -56,7 +56,7 @@ impl RestJoints {
 
 /// Joints of JSON (a list, `{"joints": …}`, or a capture's `poses.json`) or of a pickle such as
 /// HumanNeRF's `canonical_joints.pkl`.
-fn given(path: &Path) -> Result<Vec<Vec3>, ClientError> {
+fn given(path: &Path) -> Result<Vec<Vec3>, ImportError> {
     let source = Source::new(path.parent().unwrap_or(Path::new("")));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let data = source.data(&name, None)?;

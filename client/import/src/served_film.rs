@@ -1,9 +1,8 @@
-//! A film that a service got without poses: what `yoto import` makes of it, in the process that reads uploads.
+//! Imports a film that a service got without poses, as `yoto import` does, in the process that reads uploads.
 
-use crate::options::Told;
-use crate::{Options, TrackForm, film, write};
+use crate::ImportError;
+use crate::{Options, Progress, ProgressEvent, TrackForm, film, write};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_ingest::{Files, Film, FilmCapture, ReadFailure, Tell};
 use yoto_landmarks::PoseModel;
 
@@ -15,7 +14,11 @@ pub fn read_film(given: &Film<'_>, tell: Tell) -> Result<FilmCapture, ReadFailur
     let options = Options {
         pose_model: Some(given.pose_model.to_owned()),
         ffmpeg: given.ffmpeg.map(Path::to_owned),
-        told: Told::to(tell),
+        progress: Progress::to(move |event| {
+            if let ProgressEvent::Counted { done, total, .. } = event {
+                tell(done, total);
+            }
+        }),
         ..Options::default()
     };
     let mut imported = film::read(given.path, &options).map_err(|error| failure(error, given))?;
@@ -39,7 +42,7 @@ pub fn read_film(given: &Film<'_>, tell: Tell) -> Result<FilmCapture, ReadFailur
 ///
 /// # Errors
 /// When the path has no pose model, or it can't be read.
-pub fn check_pose_model(path: &Path) -> Result<(), ClientError> {
+pub fn check_pose_model(path: &Path) -> Result<(), ImportError> {
     let opened = PoseModel::open(path).map(drop);
     opened.map_err(|error| crate::clip::fault(path, "POSE_MODEL", error.to_string()))
 }
@@ -57,9 +60,9 @@ fn listed(folder: &Path, inside: &str, files: &mut Files) -> std::io::Result<()>
     Ok(())
 }
 
-fn failure(error: ClientError, film: &Film<'_>) -> ReadFailure {
+fn failure(error: ImportError, film: &Film<'_>) -> ReadFailure {
     match error {
-        ClientError::BadCapture { violations, .. } => {
+        ImportError::BadCapture { violations, .. } => {
             let named = violations.into_iter().map(|mut fault| {
                 film.name.clone_into(&mut fault.file);
                 fault

@@ -1,20 +1,20 @@
 //! An import as commands do it: from files to a capture folder, with progress and notes.
 
-use crate::{Format, Imported, Options, TrackForm, best, read, write};
+use crate::ImportError;
+use crate::{Format, Imported, Options, Stage, TrackForm, best, read, write};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_media::picture_file;
-use yoto_terminal::progress::{ProgressDisplay, count};
+use yoto_proto::text::count;
 
-/// Path below a capture's folder of the picture of people with their numbers. In a folder of its own, as pictures beside `frames/`
-/// can be a capture's background.
+/// The picture of people with their numbers, below a capture's folder. It has a folder of its own, since pictures beside
+/// `frames/` can be a capture's background.
 const PEOPLE: &str = "people/numbers.png";
 
-/// Reads the capture in `source` and writes it to the folder `out`. Progress and notes are told to
-/// the user.
+/// Reads the capture in `source` and writes it to the folder `out`. Progress and notes go to
+/// `options.progress`.
 ///
 /// # Errors
-/// [`ClientError::BadCapture`] with file, frame and field; [`ClientError::File`] when the file
+/// [`ImportError::BadCapture`] with file, frame and field; [`ImportError::File`] when the file
 /// system fails.
 pub fn to_folder(
     format: Format,
@@ -22,29 +22,31 @@ pub fn to_folder(
     out: &Path,
     form: TrackForm,
     options: &Options,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let mut imported = read(format, source, options)?;
     if let Some(number) = options.best {
-        let mut display = ProgressDisplay::new("best frames");
-        let progress = |done, of| display.count("frame", done, of);
+        let running = options.progress.start(Stage::BestFrames);
+        let progress = |done, total| running.count(done, total);
         best::choose(&mut imported, number, options.ffmpeg.as_deref(), progress)?;
-        display.clear();
     }
     for note in &imported.notes {
-        yoto_terminal::detail!("note: {note}");
+        options.progress.detail(&format!("note: {note}"));
     }
-    let mut display = ProgressDisplay::new("import");
-    let bytes = write(&imported, out, form, |done, of, bytes| {
-        display.frames(done, of, bytes);
+    let running = options.progress.start(Stage::Write);
+    let bytes = write(&imported, out, form, |done, total, bytes| {
+        running.written(done, total, bytes);
     })?;
     if let Some(people) = &imported.found.people {
         let path = out.join(PEOPLE);
         picture_file::write(&path, people)
-            .map_err(|error| ClientError::file("writing", &path)(std::io::Error::other(error)))?;
-        yoto_terminal::detail!("the people with their numbers: {}", path.display());
+            .map_err(|error| ImportError::file("writing", &path)(std::io::Error::other(error)))?;
+        let path = path.display();
+        options
+            .progress
+            .detail(&format!("the people with their numbers: {path}"));
     }
     let [width, height] = imported.track.image_size;
-    display.finish_in_detail(&format!(
+    running.finish(format!(
         "{} of {width}x{height}, {:.1} MB in {}",
         count(imported.track.frames.len(), "frame"),
         bytes as f64 / 1e6,

@@ -17,15 +17,15 @@ pub(crate) fn smpl_skeleton(rest_joints: Vec<Vec3>) -> Skeleton {
     }
 }
 
-/// Placement of a body in the world.
+/// The pose of a body in the world.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Placed {
+pub(crate) struct WorldPose {
     pub pose: SmplPose,
     /// The root joint's position, metres.
     pub root: Vec3,
 }
 
-impl Placed {
+impl WorldPose {
     /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as in EasyMocap
     /// and HumanNeRF; `pelvis` is the root's rest position before that. A root rotation in
     /// `pose` turns about the pelvis, before `rh`.
@@ -67,7 +67,7 @@ fn with_root(mut pose: SmplPose, rotation: &Mat3) -> SmplPose {
     pose
 }
 
-/// A camera in the track's terms.
+/// A camera in the track's conventions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Camera {
     pub k: [[f64; 3]; 3],
@@ -75,7 +75,7 @@ pub(crate) struct Camera {
 }
 
 impl Camera {
-    /// Of intrinsics whose pixel coordinates count from the first pixel's centre, as in
+    /// The camera with these intrinsics, whose pixel coordinates count from the first pixel's centre, as in
     /// OpenCV's calibration and in all imported formats.
     pub fn from_centres(mut k: [[f64; 3]; 3], e: [[f64; 4]; 4]) -> Self {
         k[0][2] += 0.5;

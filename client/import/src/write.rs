@@ -4,6 +4,7 @@
 //! can use any background; distorted ones stay distorted, for ingest to correct with the coefficients
 //! in the pose track. The pose track is written last: a folder with one is complete.
 
+use crate::ImportError;
 use crate::Imported;
 use crate::clip::{Clip, for_each};
 use crate::pictures::{Mask, PictureFiles, Pictures, read_image, read_masks};
@@ -14,7 +15,6 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use yoto_capture::FrameImage;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame, PoseTrack};
 
 /// Folders of a capture's pictures and of their masks.
@@ -36,19 +36,19 @@ pub enum TrackForm {
 /// so far.
 ///
 /// # Errors
-/// [`ClientError::BadCapture`] when `out` holds a capture already or a picture can't be decoded or
-/// has another size, [`ClientError::File`] when the file system fails.
+/// [`ImportError::BadCapture`] when `out` holds a capture already or a picture can't be decoded or
+/// has another size, [`ImportError::File`] when the file system fails.
 pub fn write(
     imported: &Imported,
     out: &Path,
     form: TrackForm,
     mut progress: impl FnMut(usize, usize, u64),
-) -> Result<u64, ClientError> {
+) -> Result<u64, ImportError> {
     ensure_no_capture(out)?;
     for folder in PICTURES {
         let folder = out.join(folder);
         if folder.ends_with("masks") || !matches!(imported.pictures, Pictures::Video { .. }) {
-            std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
+            std::fs::create_dir_all(&folder).map_err(ImportError::file("making", folder))?;
         }
     }
     let track = &imported.track;
@@ -63,7 +63,7 @@ pub fn write(
         }
         Pictures::Video { video, masks } => {
             let to = out.join(VIDEO);
-            bytes += copy(video, &to).map_err(ClientError::file("copying", video))?;
+            bytes += copy(video, &to).map_err(ImportError::file("copying", video))?;
             for (done, (frame, masks)) in track.frames.iter().zip(masks).enumerate() {
                 progress(done, total, bytes);
                 if !masks.is_empty() {
@@ -114,16 +114,16 @@ fn copy(from: &Path, to: &Path) -> std::io::Result<u64> {
 /// paths of its files.
 ///
 /// # Errors
-/// [`ClientError::File`] when the file system fails.
+/// [`ImportError::File`] when the file system fails.
 pub fn write_images(
     track: &PoseTrack,
     images: impl IntoIterator<Item = impl Borrow<FrameImage>>,
     out: &Path,
-) -> Result<Vec<PathBuf>, ClientError> {
+) -> Result<Vec<PathBuf>, ImportError> {
     let mut paths = Vec::new();
     for folder in PICTURES {
         let folder = out.join(folder);
-        std::fs::create_dir_all(&folder).map_err(ClientError::file("making", folder))?;
+        std::fs::create_dir_all(&folder).map_err(ImportError::file("making", folder))?;
     }
     for (frame, image) in track.frames.iter().zip(images) {
         write_image(out, frame.index, image.borrow())?;
@@ -137,10 +137,10 @@ pub fn write_images(
 /// Checks that the folder `out` holds no capture.
 ///
 /// # Errors
-/// [`ClientError::Name`] when it does.
-pub fn ensure_no_capture(out: &Path) -> Result<(), ClientError> {
+/// [`ImportError::Unusable`] when it does.
+pub fn ensure_no_capture(out: &Path) -> Result<(), ImportError> {
     if FILES.iter().any(|name| out.join(name).exists()) {
-        return Err(ClientError::Name(format!(
+        return Err(ImportError::Unusable(format!(
             "{} already holds a capture",
             out.display()
         )));
@@ -149,24 +149,24 @@ pub fn ensure_no_capture(out: &Path) -> Result<(), ClientError> {
 }
 
 /// Writes the pose track of the capture in `out`; its bytes.
-fn write_track(track: &PoseTrack, out: &Path, form: TrackForm) -> Result<u64, ClientError> {
+fn write_track(track: &PoseTrack, out: &Path, form: TrackForm) -> Result<u64, ImportError> {
     let (name, text) = match form {
         TrackForm::Json => {
             let text = serde_json::to_vec(track).map_err(std::io::Error::other);
             (
                 FILE,
-                text.map_err(ClientError::file("writing", out.join(FILE)))?,
+                text.map_err(ImportError::file("writing", out.join(FILE)))?,
             )
         }
         TrackForm::Binary => (BINARY_FILE, track.to_binary()),
     };
     let path = out.join(name);
-    std::fs::write(&path, &text).map_err(ClientError::file("writing", path))?;
+    std::fs::write(&path, &text).map_err(ImportError::file("writing", path))?;
     Ok(text.len() as u64)
 }
 
 /// Writes a picture that is in memory, and its mask; their bytes.
-fn write_image(out: &Path, index: u32, image: &FrameImage) -> Result<u64, ClientError> {
+fn write_image(out: &Path, index: u32, image: &FrameImage) -> Result<u64, ImportError> {
     let size = [image.width as u32, image.height as u32];
     let mut bytes = 0;
     let [frames, masks] = PICTURES;
@@ -185,7 +185,7 @@ fn write_frame(
     frame: &Frame,
     files: &PictureFiles,
     size: [u32; 2],
-) -> Result<u64, ClientError> {
+) -> Result<u64, ImportError> {
     let image = read_image(&files.image, size, frame.index)?;
     write_picture(out, frame, image, &files.masks, files.over_black, size)
 }
@@ -198,7 +198,7 @@ fn write_picture(
     masks: &[Mask],
     is_over_black: bool,
     size: [u32; 2],
-) -> Result<u64, ClientError> {
+) -> Result<u64, ImportError> {
     let mut written = 0;
     // Without masks the picture stays as it is: the capture gets them from elsewhere.
     if !masks.is_empty() {
@@ -212,7 +212,7 @@ fn write_picture(
     Ok(written + encode(&path, image.as_raw(), size, ExtendedColorType::Rgb8)?)
 }
 
-fn write_mask(out: &Path, index: u32, mask: &GrayImage) -> Result<u64, ClientError> {
+fn write_mask(out: &Path, index: u32, mask: &GrayImage) -> Result<u64, ImportError> {
     let path = picture(out, PICTURES[1], index);
     let (width, height) = mask.dimensions();
     encode(&path, mask.as_raw(), [width, height], ExtendedColorType::L8)
@@ -240,8 +240,8 @@ fn encode(
     pixels: &[u8],
     size: [u32; 2],
     colour: ExtendedColorType,
-) -> Result<u64, ClientError> {
-    let failed = || ClientError::file("writing", path);
+) -> Result<u64, ImportError> {
+    let failed = || ImportError::file("writing", path);
     let mut file = BufWriter::new(File::create(path).map_err(failed())?);
     PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
         .write_image(pixels, size[0], size[1], colour)
@@ -254,7 +254,7 @@ fn encode(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Found, Options};
+    use crate::{Findings, Options};
     use yoto_media::video::Hdr;
 
     /// Frames 1 and 3 of a clip that declares HLG, as they come out of a capture: none, if its video is copied.
@@ -285,7 +285,7 @@ mod tests {
             pictures: clip.pictures(&[1, 3], vec![Vec::new(); 2]),
             available: 4,
             notes: Vec::new(),
-            found: Found::default(),
+            found: Findings::default(),
         };
         let out = tempfile::tempdir().expect("a folder");
         write(&imported, out.path(), TrackForm::Json, |_, _, _| {}).expect("writes");

@@ -64,7 +64,7 @@ pub fn note(text: Arguments<'_>) {
     show(&kept(text));
 }
 
-/// As [`note`], but a brief style keeps it off the terminal. [`crate::detail`] formats it.
+/// Prints a note unless the style is brief. [`crate::detail`] formats it.
 pub fn detail(text: Arguments<'_>) {
     let text = kept(text);
     if !style().brief {
@@ -152,7 +152,7 @@ pub fn paths<P: AsRef<Path>>(all: &[P]) -> Value {
     all.iter().map(text).collect()
 }
 
-/// As [`message`], of each one.
+/// The JSON of each message.
 pub fn messages<M: Message + Name>(all: &[M]) -> Value {
     all.iter().map(message).collect()
 }

@@ -1,7 +1,10 @@
 //! Current progress of a job or an upload: a live bar on a terminal, a plain line every few seconds
 //! elsewhere, always on stderr, since stdout is for results.
 
+mod activities;
 mod rate;
+
+pub use activities::Activities;
 
 use crate::output::{self, others};
 use indicatif::{DecimalBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -9,6 +12,7 @@ use rate::Rate;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 pub use yoto_proto::progress::{describe, duration};
+pub use yoto_proto::text::count;
 use yoto_proto::v1::{Job, Progress, job};
 
 /// Interval between plain lines; shorter activities have only their last line.
@@ -88,12 +92,12 @@ impl ProgressDisplay {
         self.moved("uploading", sent, of);
     }
 
-    /// The same of bytes received.
+    /// Shows bytes received of all bytes, their rate, and the remaining time.
     pub fn received(&mut self, received: u64, of: u64) {
         self.moved("fetching", received, of);
     }
 
-    /// The same of bytes that are read and compared.
+    /// Shows bytes read and compared of all bytes, their rate, and the remaining time.
     pub fn read(&mut self, read: u64, of: u64) {
         self.moved("reading", read, of);
     }
@@ -150,7 +154,7 @@ impl ProgressDisplay {
         tell!("{}: {outcome}", self.label);
     }
 
-    /// As [`finish`](Self::finish), with an outcome that is a detail.
+    /// Replaces the bar by one line about the outcome, which is a detail.
     pub fn finish_in_detail(self, outcome: &str) {
         self.remove_bar();
         detail!("{}: {outcome}", self.label);
@@ -203,14 +207,6 @@ fn with_rate(mut text: String, rate: Option<f64>, left: Option<f64>) -> String {
         text += &format!(" · {} left", duration(left));
     }
     text
-}
-
-/// `1 frame`, `2 frames`.
-pub fn count(number: usize, what: &str) -> String {
-    match number {
-        1 => format!("1 {what}"),
-        _ => format!("{number} {what}s"),
-    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::fmt;
 pub struct Environment(Vec<(String, String)>);
 
 impl Environment {
-    /// That of this process.
+    /// The environment of this process.
     pub fn of_process() -> Self {
         let all = std::env::vars_os();
         let text = all.filter_map(|(name, value)| {

@@ -46,7 +46,7 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(10);
 #[derive(Debug, Clone)]
 pub struct Objects {
     store: Arc<dyn ObjectStore>,
-    /// The URL of a store that is no folder of this machine.
+    /// The URL of a store that is not a folder of this machine.
     remote: Option<Arc<Url>>,
     /// Of a store that signs URLs.
     signing: Option<Signing>,

@@ -39,11 +39,6 @@ impl Objects {
         s3::set_provider_of_tls();
         remote(url, environment)
     }
-
-    /// Whether the store is no folder of this machine.
-    pub fn is_remote(&self) -> bool {
-        self.remote.is_some()
-    }
 }
 
 /// The objects in the bucket of `url`.

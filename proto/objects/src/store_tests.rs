@@ -123,19 +123,6 @@ async fn an_object_of_several_parts_is_one_object() {
         let copy = folder.path().join("copy");
         objects.copy_to(&written, &copy).await.expect("copies");
         assert!(std::fs::read(&copy).expect("reads") == bytes, "{name}");
-        std::fs::write(&copy, &bytes).expect("writes");
-        let from_file = ObjectRef {
-            key: "m/film".into(),
-            ..written
-        };
-        for _ in ["anew", "again"] {
-            let put = objects.put_file("m/film", &copy, bytes.len() as u64).await;
-            put.expect("puts");
-            assert!(
-                objects.read(&from_file).await.expect("reads") == bytes,
-                "{name}"
-            );
-        }
         if let Some(server) = &_parts.1 {
             assert_eq!(server.open_uploads(), 0, "{name}");
         }

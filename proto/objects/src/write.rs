@@ -1,13 +1,10 @@
 //! Writes. A large object goes to a remote store in parts, so that a fault costs one part and not all of it.
 
 use super::{Objects, ObjectsError, parse};
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use futures::{Stream, TryStreamExt, stream};
 use object_store::path::Path as Key;
 use object_store::{MultipartUpload, ObjectStoreExt};
-use std::path::Path;
-use tokio::fs::File;
-use tokio::io::AsyncReadExt;
 use tokio::runtime::Handle;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::ObjectRef;
@@ -38,51 +35,6 @@ impl Objects {
             bytes: bytes.len() as u64,
             sha256: sha256_hex(&bytes),
         })
-    }
-
-    /// Writes the file at `from`, which has `bytes` bytes, as an object. One that is larger than a part is left as it is
-    /// if it is there already with this size: whoever repeats this does not begin anew.
-    ///
-    /// # Errors
-    /// When the key is malformed, the file can't be read, or the store fails.
-    pub async fn put_file(&self, key: &str, from: &Path, bytes: u64) -> Result<(), ObjectsError> {
-        let path = parse(key)?;
-        let disk = |cause| ObjectsError::Disk {
-            action: "reading",
-            path: from.to_owned(),
-            cause,
-        };
-        if bytes <= 2 * PART_BYTES as u64 {
-            let read = tokio::fs::read(from).await.map_err(disk)?;
-            return self.put(key, read.into()).await.map(drop);
-        }
-        let there = ObjectRef {
-            key: key.into(),
-            bytes,
-            sha256: String::new(),
-        };
-        match self.require(&there).await {
-            Err(error) if error.is_torn() => {}
-            done => return done,
-        }
-        let open = || async { File::open(from).await };
-        drop(open().await.map_err(disk)?);
-        self.attempt("writing", key, || async {
-            let failed = |error| object_store::Error::Generic {
-                store: "file",
-                source: Box::new(error),
-            };
-            let file = open().await.map_err(failed)?;
-            let parts = stream::try_unfold(file, move |mut file| async move {
-                let mut part = BytesMut::with_capacity(PART_BYTES);
-                while part.len() < PART_BYTES && file.read_buf(&mut part).await.map_err(failed)? > 0
-                {
-                }
-                Ok((!part.is_empty()).then(|| (part.freeze(), file)))
-            });
-            self.put_parts(&path, parts).await
-        })
-        .await
     }
 
     async fn put_parts(

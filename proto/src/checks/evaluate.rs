@@ -1,7 +1,7 @@
 //! Orders to measure a model.
 
 use super::scene::MAX_SIDE;
-use super::{Fault, Faults};
+use super::{SpecFault, SpecFaults};
 use crate::protocols::{HELD_OUT, PROTOCOLS, is_protocol};
 use crate::tiers;
 use crate::v1::EvaluateSpec;
@@ -15,8 +15,8 @@ const TRADEOFF_VIEWS: RangeInclusive<u32> = 0..=64;
 const TRADEOFF_REPEATS: RangeInclusive<u32> = 0..=32;
 
 /// All faults of an order to measure a model.
-pub fn faults(evaluate: &EvaluateSpec) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn faults(evaluate: &EvaluateSpec) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     let protocol = evaluate.protocol.as_str();
     if !protocol.is_empty() && !is_protocol(protocol) {
         let shown: String = protocol.chars().take(80).collect();
@@ -56,7 +56,7 @@ mod tests {
     fn said(change: fn(&mut EvaluateSpec)) -> Vec<String> {
         let mut spec = EvaluateSpec::default();
         change(&mut spec);
-        let line = |it: Fault| format!("{}: {}", it.field, it.message);
+        let line = |it: SpecFault| format!("{}: {}", it.field, it.message);
         faults(&spec).into_iter().map(line).collect()
     }
 

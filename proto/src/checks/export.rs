@@ -1,7 +1,7 @@
 //! Orders to export.
 
 use super::scene::RATES;
-use super::{Fault, Faults};
+use super::{SpecFault, SpecFaults};
 use crate::exports::is_file_name;
 use crate::pose_track::MAX_FRAMES;
 use crate::v1::export_motion::Motion;
@@ -24,8 +24,8 @@ pub const FEWEST_BYTES: u64 = 1000;
 pub const SIZES: RangeInclusive<u32> = 64..=2048;
 
 /// All faults of an order to export.
-pub fn faults(export: &ExportSpec) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn faults(export: &ExportSpec) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     let form = match ExportForm::try_from(export.form) {
         Ok(ExportForm::Unspecified) => {
             found.add("form", "is needed: a page, splats or a mesh");
@@ -62,13 +62,13 @@ pub fn faults(export: &ExportSpec) -> Vec<Fault> {
     let file = &export.file;
     found.unless(file.is_empty() || is_file_name(file), "file", || {
         let shown: String = file.chars().take(80).collect();
-        format!("'{shown}' is not a plain name of a file")
+        format!("'{shown}' is not a plain file name")
     });
     found.0
 }
 
 /// The motions that a form contains.
-fn check_motions(found: &mut Faults, export: &ExportSpec, form: ExportForm) {
+fn check_motions(found: &mut SpecFaults, export: &ExportSpec, form: ExportForm) {
     let count = export.motions.len();
     if form.is_still() {
         found.unless(count <= 1, "motions", || {
@@ -93,7 +93,7 @@ fn check_motions(found: &mut Faults, export: &ExportSpec, form: ExportForm) {
     });
 }
 
-fn check_mesh(found: &mut Faults, export: &ExportSpec, form: ExportForm) {
+fn check_mesh(found: &mut SpecFaults, export: &ExportSpec, form: ExportForm) {
     for (field, value, range) in [
         ("triangles", export.triangles, &TRIANGLES),
         ("texture", export.texture, &TEXTURES),
@@ -108,7 +108,7 @@ fn check_mesh(found: &mut Faults, export: &ExportSpec, form: ExportForm) {
     }
 }
 
-fn check_motion(found: &mut Faults, at: &str, motion: &ExportMotion) {
+fn check_motion(found: &mut SpecFaults, at: &str, motion: &ExportMotion) {
     let field = |name: &str| format!("{at}.{name}");
     let bytes = motion.name.len();
     let plain = bytes <= NAME_BYTES && !motion.name.chars().any(char::is_control);

@@ -1,6 +1,6 @@
 //! Poses, cameras and motions of orders.
 
-use super::Faults;
+use super::SpecFaults;
 use super::scene::{MAX_PICTURES, SIDES};
 use crate::pose_track::{MAX_JOINTS, Skeleton};
 use crate::v1::{BodyPose, Camera, MotionClip, View};
@@ -10,7 +10,7 @@ use std::fmt::Display;
 trait Number: Copy + Display + Into<f64> {}
 impl<T: Copy + Display + Into<f64>> Number for T {}
 
-impl Faults {
+impl SpecFaults {
     /// 1 to [`MAX_PICTURES`] pictures.
     pub(super) fn count(&mut self, field: &str, count: usize) {
         let good = (1..=MAX_PICTURES as usize).contains(&count);

@@ -21,7 +21,7 @@ pub const SPEC_BYTES: usize = 8 << 20;
 
 /// A fault of an order.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
+pub struct SpecFault {
     /// Path of the field, e.g. `orbit.size`.
     pub field: String,
     /// What is wrong with it.
@@ -30,8 +30,8 @@ pub struct Fault {
 
 /// All faults of an order, with paths that begin with its kind, e.g. `train.seconds`. Files of a capture are
 /// checked when they are uploaded.
-pub fn job(spec: &JobSpec) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn job(spec: &JobSpec) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     let bytes = spec.encoded_len();
     found.unless(bytes <= SPEC_BYTES, "", || {
         format!("{bytes} bytes; at most {SPEC_BYTES} are allowed, so split the job")
@@ -51,11 +51,11 @@ pub fn job(spec: &JobSpec) -> Vec<Fault> {
 
 /// The faults found so far.
 #[derive(Debug, Default)]
-struct Faults(Vec<Fault>);
+struct SpecFaults(Vec<SpecFault>);
 
-impl Faults {
+impl SpecFaults {
     fn add(&mut self, field: &str, message: impl Into<String>) {
-        self.0.push(Fault {
+        self.0.push(SpecFault {
             field: field.to_owned(),
             message: message.into(),
         });
@@ -81,8 +81,8 @@ impl Faults {
     }
 
     /// The faults of the message in `field`.
-    fn within_field(&mut self, field: &str, faults: Vec<Fault>) {
-        self.0.extend(faults.into_iter().map(|fault| Fault {
+    fn within_field(&mut self, field: &str, faults: Vec<SpecFault>) {
+        self.0.extend(faults.into_iter().map(|fault| SpecFault {
             field: join(field, &fault.field),
             message: fault.message,
         }));

@@ -1,7 +1,7 @@
 //! Orders to render.
 
 use super::scene::MAX_PICTURES;
-use super::{Fault, Faults, scene};
+use super::{SpecFault, SpecFaults, scene};
 use crate::render_needs::{model_of, other_models};
 use crate::tiers;
 use crate::v1::render_quality::Want;
@@ -15,8 +15,8 @@ const RATES: RangeInclusive<f32> = 0.0..=120.0;
 const MIXTURES: RangeInclusive<usize> = 1..=100;
 
 /// All faults of an order to render.
-pub fn faults(render: &RenderSpec) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn faults(render: &RenderSpec) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     check_background(&mut found, render);
     found.between("fps", render.fps, &RATES);
     if let Some(quality) = &render.quality {
@@ -43,7 +43,7 @@ pub fn faults(render: &RenderSpec) -> Vec<Fault> {
     found.0
 }
 
-fn check_pictures(found: &mut Faults, render: &RenderSpec, what: &What) {
+fn check_pictures(found: &mut SpecFaults, render: &RenderSpec, what: &What) {
     match what {
         What::Views(list) => {
             found.count("views.views", list.views.len());
@@ -110,12 +110,12 @@ pub fn too_many(pictures: u64, people: u64) -> Option<String> {
 }
 
 /// Checks the models of a scene: at least one actor must use the render's.
-fn check_models(found: &mut Faults, render: &RenderSpec, scene: &Scene) {
+fn check_models(found: &mut SpecFaults, render: &RenderSpec, scene: &Scene) {
     let mut models = scene.actors.iter().map(|actor| model_of(render, actor));
     let own = scene.actors.is_empty() || models.any(|model| model == render.model);
     found.unless(own, "scene.actors", || {
         format!(
-            "nobody is of {}: render the scene with the model of an actor",
+            "no actor belongs to {}: render the scene with the model of an actor",
             render.model
         )
     });
@@ -128,7 +128,7 @@ fn check_models(found: &mut Faults, render: &RenderSpec, scene: &Scene) {
     });
 }
 
-fn check_between(found: &mut Faults, render: &RenderSpec, between: &Between) {
+fn check_between(found: &mut SpecFaults, render: &RenderSpec, between: &Between) {
     let shares = between.shares.len();
     let (least, most) = (MIXTURES.start(), MIXTURES.end());
     found.unless(MIXTURES.contains(&shares), "between.shares", || {
@@ -147,7 +147,7 @@ fn check_between(found: &mut Faults, render: &RenderSpec, between: &Between) {
     });
 }
 
-fn check_background(found: &mut Faults, render: &RenderSpec) {
+fn check_background(found: &mut SpecFaults, render: &RenderSpec) {
     let colour = &render.background;
     let in_unit = |value: &f32| (0.0..=1.0).contains(value);
     let good = matches!(colour.len(), 0 | 3) && colour.iter().all(in_unit);
@@ -161,7 +161,7 @@ fn check_background(found: &mut Faults, render: &RenderSpec) {
 }
 
 /// Checks the ranges of the goal for each frame.
-fn check_quality(found: &mut Faults, quality: &RenderQuality) {
+fn check_quality(found: &mut SpecFaults, quality: &RenderQuality) {
     let mut above_zero = |name: &str, value: f64| {
         let field = format!("quality.{name}");
         found.unless(value.is_finite() && value > 0.0, &field, || {
@@ -183,7 +183,7 @@ fn check_quality(found: &mut Faults, quality: &RenderQuality) {
 }
 
 /// What the pictures show.
-fn check_layer(found: &mut Faults, render: &RenderSpec) {
+fn check_layer(found: &mut SpecFaults, render: &RenderSpec) {
     let layer = Layer::try_from(render.layer);
     found.unless(layer.is_ok(), "layer", || {
         format!("{} is not known", render.layer)

@@ -1,6 +1,6 @@
 //! Scenes, and the limits of pictures.
 
-use super::{Fault, Faults};
+use super::{SpecFault, SpecFaults};
 use crate::names::Collection;
 use crate::v1::actor::Motion;
 use crate::v1::scene_camera::Path;
@@ -20,9 +20,10 @@ pub const SIDES: RangeInclusive<u32> = 8..=MAX_SIDE;
 pub const FOV: f64 = 35.0;
 /// Bytes of the picture behind a scene: it must fit in one message with the rest of the request.
 pub const LARGEST_BACKDROP: usize = 3 << 20;
-/// Maximum side of that picture, pixels: that of a frame of a capture.
+/// Maximum side of the backdrop, pixels: as large as a frame of a capture may be.
 pub const BACKDROP_SIDE: u32 = crate::pose_track::MAX_SIDE;
-/// Maximum number of its pixels: that of the largest rendered picture. Scaling needs 16 bytes of memory per pixel.
+/// Maximum number of pixels of the backdrop: as many as the largest rendered picture has. Scaling needs 16 bytes of
+/// memory per pixel.
 pub const BACKDROP_PIXELS: u64 = MAX_SIDE as u64 * MAX_SIDE as u64;
 /// Farthest position from the middle of a scene, metres.
 const FARTHEST: f64 = 1000.0;
@@ -38,8 +39,8 @@ const FOVS: RangeInclusive<f64> = 1.0..=150.0;
 const SWEEP: f64 = 36_000.0;
 
 /// All faults of a scene.
-pub fn faults(scene: &Scene) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn faults(scene: &Scene) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     let count = scene.actors.len();
     let (least, most) = (ACTORS.start(), ACTORS.end());
     found.unless(ACTORS.contains(&count), "actors", || {
@@ -69,11 +70,11 @@ pub fn faults(scene: &Scene) -> Vec<Fault> {
     found.0
 }
 
-impl Faults {
+impl SpecFaults {
     /// A light, at `field`.
     pub(super) fn light(&mut self, field: &str, light: &Light) {
         match &light.of {
-            None => self.add(field, "says neither neutral nor whose"),
+            None => self.add(field, "must be neutral or name a subject"),
             Some(light::Of::Neutral(neutral)) => {
                 let field = format!("{field}.neutral");
                 self.unless(*neutral, &field, || "false: leave the light out".into());
@@ -102,7 +103,7 @@ impl Faults {
     }
 }
 
-fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
+fn check_actor(found: &mut SpecFaults, at: &str, actor: &Actor) {
     let field = |name: &str| format!("{at}.{name}");
     match &actor.motion {
         None => found.add(&field("motion"), "is missing"),
@@ -144,7 +145,7 @@ fn check_actor(found: &mut Faults, at: &str, actor: &Actor) {
 }
 
 /// Checks the camera's path. Returns whether it is a list of cameras.
-fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
+fn check_camera(found: &mut SpecFaults, scene: &Scene) -> bool {
     let Some(SceneCamera { path }) = &scene.camera else {
         return false;
     };
@@ -176,7 +177,7 @@ fn check_camera(found: &mut Faults, scene: &Scene) -> bool {
 }
 
 /// Whether cameras filmed the motion of actor number `actor`.
-fn check_filmed(found: &mut Faults, field: &str, scene: &Scene, actor: u32) {
+fn check_filmed(found: &mut SpecFaults, field: &str, scene: &Scene, actor: u32) {
     let motion = scene.actors.get(actor as usize);
     let motion = motion.and_then(|actor| actor.motion.as_ref());
     let filmed = matches!(motion, Some(Motion::Capture(_)));
@@ -185,7 +186,7 @@ fn check_filmed(found: &mut Faults, field: &str, scene: &Scene, actor: u32) {
     });
 }
 
-fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
+fn check_orbit(found: &mut SpecFaults, orbit: &SceneOrbit) {
     found.between("camera.orbit.azimuth", orbit.azimuth, &(-SWEEP..=SWEEP));
     found.between("camera.orbit.elevation", orbit.elevation, &(-89.0..=89.0));
     found.between("camera.orbit.sweep", orbit.sweep, &(-SWEEP..=SWEEP));
@@ -193,13 +194,13 @@ fn check_orbit(found: &mut Faults, orbit: &SceneOrbit) {
     check_fov(found, "camera.orbit.fov", orbit.fov);
 }
 
-fn check_fov(found: &mut Faults, field: &str, fov: f64) {
+fn check_fov(found: &mut SpecFaults, field: &str, fov: f64) {
     if fov != 0.0 {
         found.between(field, fov, &FOVS);
     }
 }
 
-fn check_keys(found: &mut Faults, keys: &CameraKeys) {
+fn check_keys(found: &mut SpecFaults, keys: &CameraKeys) {
     found.unless(!keys.keys.is_empty(), "camera.keys", || {
         "the list is empty".into()
     });

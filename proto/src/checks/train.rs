@@ -1,6 +1,6 @@
 //! Orders to train.
 
-use super::{Fault, Faults};
+use super::{SpecFault, SpecFaults};
 use crate::pose_track::MAX_SIDE;
 use crate::tiers::SPLATS;
 use crate::v1::{AppearancePrior, ExposureLearning, PoseRefinement, TrainSpec};
@@ -17,8 +17,8 @@ const CHECKPOINT_SECONDS: RangeInclusive<f64> = 0.1..=90.0 * 86_400.0;
 const DEGREES: RangeInclusive<u32> = 0..=2;
 
 /// All faults of an order to train.
-pub fn faults(train: &TrainSpec) -> Vec<Fault> {
-    let mut found = Faults::default();
+pub fn faults(train: &TrainSpec) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     found.between("seconds", train.seconds, &SECONDS);
     let (steps, size) = (train.steps, train.image_size);
     found.unless(i64::try_from(steps).is_ok(), "steps", || {
@@ -68,9 +68,9 @@ pub fn faults(train: &TrainSpec) -> Vec<Fault> {
     found.0
 }
 
-/// Faults of an order to train a model of this `tier`.
-pub fn of_tier(train: &TrainSpec, tier: &str) -> Vec<Fault> {
-    let mut found = Faults::default();
+/// SpecFaults of an order to train a model of this `tier`.
+pub fn of_tier(train: &TrainSpec, tier: &str) -> Vec<SpecFault> {
+    let mut found = SpecFaults::default();
     let degree = train.harmonics.unwrap_or_default();
     found.unless(degree == 0 || tier == SPLATS, "harmonics", || {
         format!("the tier {tier} has fields, whose colours do not depend on the view")

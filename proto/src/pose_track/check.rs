@@ -5,17 +5,17 @@ use super::{
     violation,
 };
 use crate::v1::Violation;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 /// Most violations reported per capture, since a wrong unit repeats in every frame.
 const MAX_VIOLATIONS: usize = 20;
-/// Largest distortion coefficient; those of fish-eye lenses stay below 10.
+/// Largest distortion coefficient. Coefficients of fish-eye lenses stay below 10.
 const MAX_DISTORTION: f64 = 100.0;
 
 /// Collects violations, up to a limit.
-pub(super) struct Report(Vec<Violation>);
+pub(super) struct Violations(Vec<Violation>);
 
-impl Report {
+impl Violations {
     pub fn new() -> Self {
         Self(Vec::new())
     }
@@ -66,7 +66,7 @@ impl Report {
     }
 }
 
-/// The same violations, of another file.
+/// The violations with another file's name.
 pub(super) fn located(violations: Vec<Violation>, file: &str) -> Vec<Violation> {
     let at = |violation: Violation| Violation {
         file: file.to_owned(),
@@ -78,7 +78,7 @@ pub(super) fn located(violations: Vec<Violation>, file: &str) -> Vec<Violation> 
 impl PoseTrack {
     /// All violations, with frame and field; empty for a valid track.
     pub fn check(&self) -> Vec<Violation> {
-        let mut report = Report::new();
+        let mut report = Violations::new();
         self.skeleton.check_into(&mut report);
         let [width, height] = self.image_size;
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
@@ -133,39 +133,17 @@ impl PoseTrack {
         }
         report.0
     }
-
-    /// Frames without an image among `images` (the frame numbers of all images), after the two
-    /// counts if there are more poses than images. Images without a pose are not a violation:
-    /// they are not used.
-    pub fn check_images(&self, images: &BTreeSet<u32>) -> Vec<Violation> {
-        let mut report = Report::new();
-        if self.frames.len() > images.len() {
-            report.add(
-                "SIZE_MISMATCH",
-                None,
-                "frames",
-                format!("{} poses for {} images", self.frames.len(), images.len()),
-            );
-        }
-        for frame in &self.frames {
-            if !images.contains(&frame.index) {
-                let message = "there is a pose for this frame, but no image";
-                report.add("MISSING", Some(frame.index), "index", message);
-            }
-        }
-        report.0
-    }
 }
 
 impl Skeleton {
     /// All violations, by field; empty for a valid skeleton.
     pub fn check(&self) -> Vec<Violation> {
-        let mut report = Report::new();
+        let mut report = Violations::new();
         self.check_into(&mut report);
         report.0
     }
 
-    fn check_into(&self, report: &mut Report) {
+    fn check_into(&self, report: &mut Violations) {
         let joints = self.parents.len();
         if joints == 0 || joints > MAX_JOINTS {
             report.add(
@@ -254,7 +232,7 @@ impl Skeleton {
 }
 
 impl Frame {
-    fn check(&self, joints: usize, report: &mut Report) {
+    fn check(&self, joints: usize, report: &mut Violations) {
         let at = Some(self.index);
         if self.pose.len() != 3 * joints {
             report.add(
@@ -289,7 +267,7 @@ impl Frame {
         self.check_rotation(report);
     }
 
-    fn check_rotation(&self, report: &mut Report) {
+    fn check_rotation(&self, report: &mut Violations) {
         let at = Some(self.index);
         let r = |i: usize, j: usize| self.e[i][j];
         let worst = (0..3)

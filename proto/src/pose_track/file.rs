@@ -1,6 +1,6 @@
 //! The pose track in files: constant cameras, and either convention of pixel centres.
 
-use super::check::{Report, located};
+use super::check::{Violations, located};
 use super::{
     BINARY_FILE, FILE, Frame, NO_DISTORTION, PoseTrack, Skeleton, describe, is_binary, violation,
 };
@@ -107,7 +107,7 @@ impl PoseTrack {
         } else {
             FileTrack::from_json(bytes)?
         };
-        let mut report = Report::new();
+        let mut report = Violations::new();
         let track = file.resolved(&mut report);
         let violations = report.into_violations();
         if violations.is_empty() {
@@ -153,7 +153,7 @@ impl FileTrack {
 
     /// The track with a camera in every frame and pixel centres at +0.5, checked.
     fn checked(self) -> Result<PoseTrack, Vec<Violation>> {
-        let mut report = Report::new();
+        let mut report = Violations::new();
         let track = self.resolved(&mut report);
         let mut violations = report.into_violations();
         violations.extend(track.check());
@@ -164,7 +164,7 @@ impl FileTrack {
         }
     }
 
-    fn resolved(self, report: &mut Report) -> PoseTrack {
+    fn resolved(self, report: &mut Violations) -> PoseTrack {
         let shift = 0.5 - self.pixel_centre;
         if shift != 0.0 && shift != 0.5 {
             let message = format!(
@@ -215,7 +215,7 @@ impl TryFrom<FileTrack> for PoseTrack {
     type Error = String;
 
     fn try_from(file: FileTrack) -> Result<Self, String> {
-        let mut report = Report::new();
+        let mut report = Violations::new();
         let track = file.resolved(&mut report);
         match report.into_violations().first() {
             None => Ok(track),

@@ -140,7 +140,6 @@ impl PoseTrack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::collections::BTreeSet;
 
     fn track() -> PoseTrack {
         let identity = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
@@ -277,28 +276,6 @@ mod tests {
             assert!(line.starts_with(expected), "{expected}: {line}");
         }
         assert!(PoseTrack::from_binary(b"\xff\xff").is_err());
-    }
-
-    #[test]
-    fn poses_without_images_are_named() {
-        let mut track = track();
-        assert!(track.check_images(&BTreeSet::from([16, 17])).is_empty());
-        track.frames.push(Frame {
-            index: 18,
-            ..track.frames[0].clone()
-        });
-        let found: Vec<String> = track
-            .check_images(&BTreeSet::from([17]))
-            .iter()
-            .map(describe)
-            .collect();
-        assert_eq!(
-            found,
-            [
-                "poses.json: frames: 2 poses for 1 images",
-                "poses.json frame 18: index: there is a pose for this frame, but no image"
-            ]
-        );
     }
 
     #[test]

@@ -58,7 +58,7 @@ pub fn unify(track: &mut PoseTrack) -> Option<String> {
         frame.pose = pose.flatten().copied().collect();
     }
     Some(format!(
-        "{}: whoever has this tree can be trained together",
+        "{}: people with this joint hierarchy can be trained together",
         said.join("; ")
     ))
 }

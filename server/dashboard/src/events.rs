@@ -8,24 +8,22 @@ use super::asker::Asker;
 use super::assets::BUILD;
 use super::fault::Fault;
 use super::query::Fields;
-use axum::body::Body;
 use axum::extract::RawQuery;
 use axum::http::HeaderMap;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::header::CACHE_CONTROL;
+use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
+use futures::StreamExt;
 use futures::stream::{self, BoxStream};
-use futures::{Stream, StreamExt};
 use std::collections::BTreeMap;
-use std::convert::Infallible;
+use std::future::ready;
 use std::time::Duration;
-use tokio::time::{Instant, Interval, MissedTickBehavior, interval_at};
-use tokio_util::sync::CancellationToken;
 use tonic::Status;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{Job, ListJobsRequest, WatchJobRequest, WatchJobsRequest, WatchJobsResponse};
 
-/// Interval of events that say only that the service is there. A reader that hears nothing for twice as long has lost it;
-/// what is no job, such as a worker, is looked at again then.
+/// Silence after which an event says only that the service is there. A reader that hears nothing for twice as long has lost
+/// it; what is no job, such as a worker, is looked at again then.
 const TICK: Duration = Duration::from_secs(15);
 /// Most answers of a watch that become one event.
 const TOGETHER: usize = 64;
@@ -45,64 +43,23 @@ pub async fn stream(
         ("", model) => of_jobs(&asker, model, after).await?,
         (job, _) => of_job(&asker, job, &after).await?,
     };
-    let hello = event("hello", None, BUILD.as_str());
-    let mut ticks = interval_at(Instant::now() + TICK, TICK);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let events = Events {
-        changes: Some(changes),
-        ticks,
-        drain: asker.drain().clone(),
-    };
-    let events = stream::once(async { hello }).chain(events.stream());
-    let body = Body::from_stream(events.map(Ok::<_, Infallible>));
-    Ok(([(CONTENT_TYPE, "text/event-stream")], body).into_response())
+    let changes = changes
+        // The page of an ended job stays open.
+        .chain(stream::pending())
+        // After an error the reader comes again, and gets the reason.
+        .take_while(|change| ready(change.is_ok()))
+        .take_until(asker.drain().clone().cancelled_owned());
+    let hello = event("hello", BUILD.as_str());
+    let events = stream::once(ready(Ok(hello))).chain(changes);
+    let tick = KeepAlive::new().interval(TICK).event(tick());
+    let events = Sse::new(events).keep_alive(tick);
+    Ok(([(CACHE_CONTROL, "no-store")], events).into_response())
 }
 
-/// Changes of jobs with ticks between them, until the service ends.
-struct Events {
-    /// `None` once a watched job has ended: the page stays open.
-    changes: Option<BoxStream<'static, Result<String, Status>>>,
-    ticks: Interval,
-    drain: CancellationToken,
-}
-
-impl Events {
-    fn stream(self) -> impl Stream<Item = String> + Send + 'static {
-        stream::unfold(self, |mut events| async move {
-            let next = events.next().await?;
-            Some((next, events))
-        })
-    }
-
-    async fn next(&mut self) -> Option<String> {
-        loop {
-            let change = async {
-                match &mut self.changes {
-                    Some(changes) => changes.next().await,
-                    None => std::future::pending().await,
-                }
-            };
-            tokio::select! {
-                biased;
-                () = self.drain.cancelled() => return None,
-                change = change => match change {
-                    Some(Ok(event)) => return Some(event),
-                    // The reader comes again, and gets the reason.
-                    Some(Err(_)) => return None,
-                    None => self.changes = None,
-                },
-                _ = self.ticks.tick() => return Some(event("tick", None, "")),
-            }
-        }
-    }
-}
+type Changes = BoxStream<'static, Result<Event, Status>>;
 
 /// The changes of one job, after the sequence number `after`.
-async fn of_job(
-    asker: &Asker,
-    id: &str,
-    after: &str,
-) -> Result<BoxStream<'static, Result<String, Status>>, Status> {
+async fn of_job(asker: &Asker, id: &str, after: &str) -> Result<Changes, Status> {
     let request = WatchJobRequest {
         name: format!("jobs/{id}"),
         after_sequence: after.parse().unwrap_or(0),
@@ -115,17 +72,13 @@ async fn of_job(
     let events = watch.into_inner().map(|answer| {
         let job = answer?.job.unwrap_or_default();
         let id = job.sequence.to_string();
-        Ok(event("change", Some(&id), &told(&[job], &[])))
+        Ok(change(&id, &told(&[job], &[])))
     });
     Ok(events.boxed())
 }
 
 /// The changes of all jobs of a model, or of all models without one, unless nothing has changed since the event `after`.
-async fn of_jobs(
-    asker: &Asker,
-    model: &str,
-    after: String,
-) -> Result<BoxStream<'static, Result<String, Status>>, Status> {
+async fn of_jobs(asker: &Asker, model: &str, after: String) -> Result<Changes, Status> {
     let model = match model {
         "" => String::new(),
         id => format!("models/{id}"),
@@ -162,16 +115,12 @@ async fn of_jobs(
         let first = after.take();
         let event = match event {
             Ok((id, _)) if first.as_deref() == Some(id.as_str()) => None,
-            Ok((id, data)) => Some(Ok(event_of_change(&id, &data))),
+            Ok((id, data)) => Some(Ok(change(&id, &data))),
             Err(error) => Some(Err(error)),
         };
-        std::future::ready(event)
+        ready(event)
     });
     Ok(events.boxed())
-}
-
-fn event_of_change(id: &str, data: &str) -> String {
-    event("change", Some(id), data)
 }
 
 /// What a reader of all jobs knows.
@@ -239,15 +188,23 @@ fn told(jobs: &[Job], deleted: &[String]) -> String {
     serde_json::json!({ "jobs": jobs, "deleted": deleted }).to_string()
 }
 
-/// An event in the form of the standard. `data` is one line.
-fn event(kind: &str, id: Option<&str>, data: &str) -> String {
-    let id = id.map_or_else(String::new, |id| format!("id: {id}\n"));
-    format!("event: {kind}\n{id}data: {data}\n\n")
+fn change(id: &str, data: &str) -> Event {
+    Event::default().event("change").id(id).data(data)
+}
+
+/// Browsers drop an event without data.
+fn tick() -> Event {
+    event("tick", "{}")
+}
+
+fn event(kind: &str, data: &str) -> Event {
+    Event::default().event(kind).data(data)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::body::to_bytes;
     use yoto_proto::v1::job;
 
     fn job(name: &str, second: i64, state: job::State, sequence: u64) -> Job {
@@ -297,11 +254,16 @@ mod tests {
         assert_ne!(later.event(answer(&open)).expect("told").0, third);
     }
 
-    #[test]
-    fn an_event_is_lines_and_an_empty_one() {
+    #[tokio::test]
+    async fn an_event_is_lines_and_an_empty_one() {
+        let events = [change("7", "{}"), event("hello", "v"), tick()];
+        let events = stream::iter(events.map(Ok::<_, Status>));
+        let sent = to_bytes(Sse::new(events).into_response().into_body(), usize::MAX).await;
         assert_eq!(
-            event("change", Some("7"), "{}"),
-            "event: change\nid: 7\ndata: {}\n\n"
+            sent.expect("ends"),
+            "event: change\nid: 7\ndata: {}\n\n\
+             event: hello\ndata: v\n\n\
+             event: tick\ndata: {}\n\n"
         );
         let data = told(&[job("jobs/a\nb", 1, job::State::Queued, 1)], &[]);
         assert!(!data.contains('\n'), "{data}");

@@ -14,15 +14,15 @@ use yoto_request::RequestError;
 const BASIC: &str = "Basic ";
 
 /// What of a call says who makes it.
-pub struct Head {
+pub struct CallHead {
     pub method: Method,
     pub uri: Uri,
     pub headers: HeaderMap,
-    pub key: Option<Sent>,
+    pub key: Option<SentKey>,
 }
 
 /// What a caller has sent as its key; empty if it is none.
-pub enum Sent {
+pub enum SentKey {
     /// By a program, which chose to send it.
     Chosen(String),
     /// By a browser, in the cookie of a session or as the password of a user of any name. It sends it with every request to this
@@ -30,12 +30,12 @@ pub enum Sent {
     Kept(String),
 }
 
-impl Sent {
+impl SentKey {
     /// The key, if the caller meant to send it.
     ///
     /// # Errors
     /// When a page of another site has the browser send it.
-    pub fn of_caller(&self, head: &Head) -> Result<&str, RequestError> {
+    pub fn of_caller(&self, head: &CallHead) -> Result<&str, RequestError> {
         match self {
             Self::Chosen(key) => Ok(key),
             Self::Kept(key) => {
@@ -48,7 +48,7 @@ impl Sent {
     }
 }
 
-impl Head {
+impl CallHead {
     /// Takes the key out of the request: nothing behind the layer needs it, or can log it. For a `page`, it can be in a cookie, or a
     /// password.
     pub fn of(request: &mut Request<Body>, page: bool) -> Self {
@@ -62,10 +62,10 @@ impl Head {
             request.headers_mut().remove(COOKIE);
         }
         // A header without a key of this service may be a proxy's.
-        let is_own = |sent: &Sent| match sent {
-            Sent::Chosen(key) | Sent::Kept(key) => !key.is_empty(),
+        let is_own = |sent: &SentKey| match sent {
+            SentKey::Chosen(key) | SentKey::Kept(key) => !key.is_empty(),
         };
-        let session = session.as_deref().map(own).map(Sent::Kept);
+        let session = session.as_deref().map(own).map(SentKey::Kept);
         let key = match chosen {
             Some(chosen) if is_own(&chosen) || session.is_none() => Some(chosen),
             _ => session,
@@ -80,14 +80,14 @@ impl Head {
 }
 
 /// A scheme has no case. Other credentials than a key are none.
-fn sent_as(text: &str, page: bool) -> Sent {
+fn sent_as(text: &str, page: bool) -> SentKey {
     let behind = |scheme: &str| {
         let (found, rest) = text.split_at_checked(scheme.len())?;
         found.eq_ignore_ascii_case(scheme).then_some(rest)
     };
     match behind(BASIC).filter(|_| page) {
-        Some(encoded) => Sent::Kept(password(encoded).as_deref().map(own).unwrap_or_default()),
-        None => Sent::Chosen(behind(SCHEME).map(own).unwrap_or_default()),
+        Some(encoded) => SentKey::Kept(password(encoded).as_deref().map(own).unwrap_or_default()),
+        None => SentKey::Chosen(behind(SCHEME).map(own).unwrap_or_default()),
     }
 }
 

@@ -1,7 +1,7 @@
 //! The layer that authorizes each call of a listener.
 
 use super::Callers;
-use super::credentials::Head;
+use super::credentials::CallHead;
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
 use super::rules::{self, Rule};
@@ -61,7 +61,7 @@ pub struct Authorized<S> {
 
 /// The form of a request, and so of a refusal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Form {
+enum RequestForm {
     /// A call of gRPC.
     Grpc,
     /// A call over HTTP.
@@ -75,7 +75,7 @@ enum Form {
     Plain,
 }
 
-impl Form {
+impl RequestForm {
     fn of(request: &Request<Body>) -> Self {
         let path = request.uri().path();
         if is_grpc(request.headers()) {
@@ -139,7 +139,7 @@ impl Admission {
 
 impl AccessLayer {
     /// Who makes the call.
-    async fn admit(&self, request: &Head, rule: Rule) -> Result<Admitted, RequestError> {
+    async fn admit(&self, request: &CallHead, rule: Rule) -> Result<Admitted, RequestError> {
         if let Admission::Process(tenant) = &self.admission {
             return Ok((Caller::trusted(tenant.clone()), None));
         }
@@ -242,13 +242,18 @@ where
         let next = self.inner.clone();
         let mut inner = std::mem::replace(&mut self.inner, next);
         Box::pin(async move {
-            let form = Form::of(&request);
+            let form = RequestForm::of(&request);
             // A form is not sent again after a sign-in.
             let to = match (form, request.uri().path_and_query()) {
-                (Form::Page, Some(page)) if request.method() == Method::GET => page.to_string(),
+                (RequestForm::Page, Some(page)) if request.method() == Method::GET => {
+                    page.to_string()
+                }
                 _ => String::new(),
             };
-            let head = Head::of(&mut request, matches!(form, Form::Page | Form::Script));
+            let head = CallHead::of(
+                &mut request,
+                matches!(form, RequestForm::Page | RequestForm::Script),
+            );
             let path = request.uri().path();
             let rule = match rules::of_request(request.method(), path) {
                 None => return Ok(form.unknown()),
@@ -256,9 +261,11 @@ where
                 Some(rule) => rule,
             };
             let streams = match form {
-                Form::Grpc => !is_unary(path),
-                Form::Json => transcoding::streams(request.method(), path),
-                Form::Page | Form::Script | Form::Plain => rules::streams(request.method(), path),
+                RequestForm::Grpc => !is_unary(path),
+                RequestForm::Json => transcoding::streams(request.method(), path),
+                RequestForm::Page | RequestForm::Script | RequestForm::Plain => {
+                    rules::streams(request.method(), path)
+                }
             };
             let (caller, sha256) = match access.admit(&head, rule).await {
                 Ok(admitted) => admitted,
@@ -283,7 +290,7 @@ where
 async fn until<E>(
     answer: impl Future<Output = Result<Response<Body>, E>>,
     mut ended: Ended,
-    form: Form,
+    form: RequestForm,
     sign_in: &SignInPage,
 ) -> Result<Response<Body>, E> {
     tokio::select! {

@@ -84,11 +84,7 @@ impl Request {
 
 /// The position in a token, which is the hex of `list:digest:position`.
 fn position(list: &str, token: &str) -> Option<i64> {
-    let mut bytes = Vec::with_capacity(token.len() / 2);
-    for pair in token.as_bytes().chunks(2) {
-        bytes.push(u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?);
-    }
-    let text = String::from_utf8(bytes).ok()?;
+    let text = String::from_utf8(hex::decode(token)?).ok()?;
     text.strip_prefix(list)?.strip_prefix(':')?.parse().ok()
 }
 

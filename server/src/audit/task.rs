@@ -2,7 +2,7 @@
 //! for each.
 
 use super::Audit;
-use super::writer::{BATCH, Wanted};
+use super::writer::{BATCH, QueuedEntry};
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 use yoto_store::Store;
@@ -31,7 +31,7 @@ pub async fn run(audit: Arc<Audit>, store: Arc<Store>, stop: CancellationToken) 
 }
 
 /// Writes the batch and empties it. If that fails, those who wait learn of it by the end of their channels.
-async fn write(store: &Store, batch: &mut Vec<Wanted>) {
+async fn write(store: &Store, batch: &mut Vec<QueuedEntry>) {
     let (entries, waiting): (Vec<_>, Vec<_>) =
         batch.drain(..).map(|it| (it.entry, it.written)).unzip();
     match store.append_audit(&entries).await {

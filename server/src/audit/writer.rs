@@ -8,7 +8,7 @@ use yoto_store::NewAuditEntry;
 pub(super) const BATCH: usize = 256;
 
 /// An entry to write, and who waits for it.
-pub(super) struct Wanted {
+pub(super) struct QueuedEntry {
     pub(super) entry: NewAuditEntry,
     /// Gets the entry's number. Without it the entry was not written.
     pub(super) written: Option<oneshot::Sender<u64>>,
@@ -17,11 +17,11 @@ pub(super) struct Wanted {
 /// The way to the writer.
 #[derive(Debug)]
 pub struct Audit {
-    sender: mpsc::Sender<Wanted>,
-    receiver: tokio::sync::Mutex<Option<mpsc::Receiver<Wanted>>>,
+    sender: mpsc::Sender<QueuedEntry>,
+    receiver: tokio::sync::Mutex<Option<mpsc::Receiver<QueuedEntry>>>,
 }
 
-impl std::fmt::Debug for Wanted {
+impl std::fmt::Debug for QueuedEntry {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         self.entry.fmt(out)
     }
@@ -39,7 +39,7 @@ impl Default for Audit {
 
 impl Audit {
     /// The end at which entries arrive, once.
-    pub(super) async fn receiver(&self) -> Option<mpsc::Receiver<Wanted>> {
+    pub(super) async fn receiver(&self) -> Option<mpsc::Receiver<QueuedEntry>> {
         self.receiver.lock().await.take()
     }
 
@@ -49,7 +49,7 @@ impl Audit {
     /// When the entry can't be written: the call must not begin.
     pub async fn begin(&self, entry: NewAuditEntry) -> Result<u64, RequestError> {
         let (written, number) = oneshot::channel();
-        let wanted = Wanted {
+        let wanted = QueuedEntry {
             entry,
             written: Some(written),
         };
@@ -60,7 +60,7 @@ impl Audit {
 
     /// Writes that a call has ended, some time later.
     pub async fn end(&self, entry: NewAuditEntry) {
-        let wanted = Wanted {
+        let wanted = QueuedEntry {
             entry,
             written: None,
         };
@@ -71,7 +71,7 @@ impl Audit {
 
     /// [`Self::end`] for a caller who can't wait. The entry is lost if too many wait already.
     pub fn end_now(&self, entry: NewAuditEntry) {
-        let wanted = Wanted {
+        let wanted = QueuedEntry {
             entry,
             written: None,
         };

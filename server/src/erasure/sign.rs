@@ -51,19 +51,14 @@ mod tests {
     use super::*;
     use ring::signature::{ED25519, UnparsedPublicKey};
 
-    fn unhex(text: &str) -> Vec<u8> {
-        let pair = |at: usize| u8::from_str_radix(&text[at..at + 2], 16);
-        let bytes = (0..text.len()).step_by(2).map(pair);
-        bytes.collect::<Result<_, _>>().expect("hex")
-    }
-
     #[test]
     fn the_key_stays_and_its_signature_holds_for_the_report_alone() {
         let folder = tempfile::tempdir().expect("a folder");
         let first = sign(folder.path(), "{}".to_owned()).expect("signs");
         let again = sign(folder.path(), "{}".to_owned()).expect("signs");
         assert_eq!(first.public_key, again.public_key);
-        let [key, signature] = [&first.public_key, &first.signature].map(|it| unhex(it));
+        let [key, signature] =
+            [&first.public_key, &first.signature].map(|it| hex::decode(it).expect("hex"));
         let key = UnparsedPublicKey::new(&ED25519, key);
         key.verify(b"{}", &signature).expect("holds");
         key.verify(b"{ }", &signature)

@@ -8,7 +8,7 @@ pub mod manifest;
 pub mod place;
 pub mod room;
 
-use place::Place;
+use place::ObjectsPlace;
 use url::Url;
 
 /// Where the objects of a coordinator are.
@@ -19,5 +19,5 @@ pub struct Storage {
     /// The id of the object store: a random number that only the database and the store have.
     pub id: String,
     /// The place, for operations that the object store's interface lacks.
-    pub place: Place,
+    pub place: ObjectsPlace,
 }

@@ -17,8 +17,8 @@ const UNKNOWN: u64 = u64::MAX;
 
 /// The place of the objects.
 #[derive(Debug)]
-pub struct Place {
-    store: Kind,
+pub struct ObjectsPlace {
+    store: Backing,
     /// Bytes that the store may have.
     limit: Option<u64>,
     /// Bytes that it had at the last collection.
@@ -26,12 +26,12 @@ pub struct Place {
 }
 
 #[derive(Debug)]
-enum Kind {
+enum Backing {
     Folder(ObjectDisk),
     Remote(Objects),
 }
 
-impl Place {
+impl ObjectsPlace {
     /// Opens the store at `url`, and tries everything that the service does if it is remote.
     ///
     /// # Errors
@@ -40,12 +40,12 @@ impl Place {
         let (store, objects) = match url.scheme() {
             "file" => {
                 let (disk, objects) = ObjectDisk::open(url)?;
-                (Kind::Folder(disk), objects)
+                (Backing::Folder(disk), objects)
             }
             _ => {
                 let objects = Objects::open_with(url, &config.environment)?;
                 objects.check(Rights::All).await?;
-                (Kind::Remote(objects.clone()), objects)
+                (Backing::Remote(objects.clone()), objects)
             }
         };
         let place = Self {
@@ -62,8 +62,8 @@ impl Place {
     /// When it does not, or can't be seen.
     pub async fn is_there(&self) -> Result<(), ObjectsError> {
         match &self.store {
-            Kind::Folder(disk) => disk.is_there().await,
-            Kind::Remote(_) => Ok(()),
+            Backing::Folder(disk) => disk.is_there().await,
+            Backing::Remote(_) => Ok(()),
         }
     }
 
@@ -73,8 +73,8 @@ impl Place {
     /// When the disk fails.
     pub async fn make_private(&self, folder: &str) -> Result<(), ObjectsError> {
         match &self.store {
-            Kind::Folder(disk) => disk.make_private(folder).await,
-            Kind::Remote(_) => Ok(()),
+            Backing::Folder(disk) => disk.make_private(folder).await,
+            Backing::Remote(_) => Ok(()),
         }
     }
 
@@ -84,8 +84,8 @@ impl Place {
     /// When the store fails.
     pub async fn folders(&self) -> Result<Vec<Folder>, ObjectsError> {
         let found = match &self.store {
-            Kind::Folder(disk) => disk.folders().await?,
-            Kind::Remote(objects) => remote_folders(objects).await?,
+            Backing::Folder(disk) => disk.folders().await?,
+            Backing::Remote(objects) => remote_folders(objects).await?,
         };
         let bytes = found.iter().map(|it| it.bytes).sum();
         self.used.store(bytes, Ordering::Relaxed);
@@ -98,8 +98,8 @@ impl Place {
     /// When the store fails; some objects may be gone then.
     pub async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
         match &self.store {
-            Kind::Folder(disk) => disk.delete_folder(folder).await,
-            Kind::Remote(objects) => objects.delete_folder(folder).await,
+            Backing::Folder(disk) => disk.delete_folder(folder).await,
+            Backing::Remote(objects) => objects.delete_folder(folder).await,
         }
     }
 
@@ -107,8 +107,8 @@ impl Place {
     /// folder of it. `None` if neither is known.
     pub fn room(&self) -> Option<Room> {
         let disk = match &self.store {
-            Kind::Folder(disk) => disk.room(),
-            Kind::Remote(_) => None,
+            Backing::Folder(disk) => disk.room(),
+            Backing::Remote(_) => None,
         };
         let used = self.used.load(Ordering::Relaxed);
         let limited = self.limit.filter(|_| used != UNKNOWN).map(|total| Room {
@@ -179,7 +179,7 @@ mod tests {
         let url = Url::from_directory_path(dir.path()).expect("a URL");
         let mut config = ServerConfig::new(dir.path());
         config.storage.limit_bytes = Some(10);
-        let (place, objects) = Place::open(&url, &config).await.expect("opens");
+        let (place, objects) = ObjectsPlace::open(&url, &config).await.expect("opens");
         let on_disk = place.room().expect("has a disk").total;
         assert!(on_disk > 10, "nothing is counted yet");
         objects

@@ -2,7 +2,7 @@
 
 use crate::data_dir::DataDirLock;
 use crate::data_dir::{DATABASE_FILE, create_dir, objects_url, open_store};
-use crate::objects::place::Place;
+use crate::objects::place::ObjectsPlace;
 use crate::{ServerConfig, ServerError};
 use url::Url;
 use yoto_store::binding;
@@ -20,7 +20,7 @@ pub async fn adopt(config: &ServerConfig) -> Result<Url, ServerError> {
     let data_dir = create_dir(&config.data_dir)?;
     let lock = DataDirLock::take(&data_dir)?;
     let url = objects_url(config, &data_dir)?;
-    let (_, objects) = Place::open(&url, config).await?;
+    let (_, objects) = ObjectsPlace::open(&url, config).await?;
     let store = open_store(config, &data_dir).await?;
     let adopted = binding::adopt(&objects, &store).await;
     store.close().await;

@@ -1,8 +1,7 @@
 //! The task that sends.
 
 use super::attributes::{nanos, resource, scope};
-use super::exposition::{Unreadable, families};
-use super::figures::{Period, metric};
+use super::figures::{Period, metrics};
 use super::spans;
 use super::wire::Wire;
 use crate::config::OtlpConfig;
@@ -27,6 +26,7 @@ use tonic::transport::Channel;
 use tonic::{Code, Request, Response, Status};
 use yoto_process::metrics::METRICS;
 use yoto_proto::names::Collection;
+use yoto_proto::retry::{FailureCause, failure_cause};
 
 /// Time limit of a call.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -39,9 +39,7 @@ enum Fault {
     #[error("{0}")]
     Store(#[from] yoto_store::StoreError),
     #[error("{0}")]
-    Figures(#[from] Unreadable),
-    #[error("{0}")]
-    Text(#[from] fmt::Error),
+    Figures(#[from] fmt::Error),
     #[error("{}", told(.0))]
     Call(Status),
     #[error("the collector does not answer within {} s", PATIENCE.as_secs())]
@@ -68,16 +66,11 @@ impl Fault {
     /// Whether the same call would fail again, as OTLP has it. Broken connections have other codes.
     fn is_final(&self) -> bool {
         match self {
-            Self::Call(status) => matches!(
-                status.code(),
-                Code::InvalidArgument
-                    | Code::NotFound
-                    | Code::AlreadyExists
-                    | Code::PermissionDenied
-                    | Code::FailedPrecondition
-                    | Code::Unimplemented
-                    | Code::Unauthenticated
-            ),
+            // OTLP lets a client repeat a call after OUT_OF_RANGE.
+            Self::Call(status) => {
+                let code = status.code();
+                code != Code::OutOfRange && failure_cause(code) == FailureCause::Call
+            }
             // The rest was accepted.
             Self::Partly { .. } => true,
             _ => false,
@@ -158,19 +151,19 @@ impl Push {
     }
 
     async fn send_figures(&self) -> Result<(), Fault> {
-        let text = figures::read(&self.context).await?;
+        let rows = figures::read_now(&self.context).await;
         let period = Period {
             start: self.started,
             now: nanos(self.context.config.clock.time()).max(self.started),
         };
-        let families = families(&text)?;
-        let metrics = families.iter().map(|it| metric(it, period)).collect();
+        let mut sent = metrics(METRICS.registry(), period)?;
+        sent.extend(metrics(&rows, period)?);
         let body = ExportMetricsServiceRequest {
             resource_metrics: vec![ResourceMetrics {
                 resource: Some(self.resource.clone()),
                 scope_metrics: vec![ScopeMetrics {
                     scope: Some(scope()),
-                    metrics,
+                    metrics: sent,
                     ..ScopeMetrics::default()
                 }],
                 ..ResourceMetrics::default()

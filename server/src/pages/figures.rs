@@ -43,18 +43,16 @@ pub async fn exposed(context: &Context, last: &LastText) -> Result<String, fmt::
 }
 
 /// The text of all figures as they are now.
-///
-/// # Errors
-/// As [`exposed`].
-pub async fn read(context: &Context) -> Result<String, fmt::Error> {
+async fn read(context: &Context) -> Result<String, fmt::Error> {
     let mut text = String::new();
-    METRICS.encode(&mut text)?;
+    encode_registry(&mut text, METRICS.registry())?;
     encode_registry(&mut text, &read_now(context).await)?;
     encode_eof(&mut text)?;
     Ok(text)
 }
 
-async fn read_now(context: &Context) -> Registry {
+/// The figures beside those of [`METRICS`]. Those of rows are missing while the database can't be read.
+pub async fn read_now(context: &Context) -> Registry {
     let mut registry = Registry::with_prefix("yoto");
     let ready = Gauge::<i64>::default();
     ready.set(i64::from(context.health.found().faults().is_empty()));

@@ -10,14 +10,14 @@
 //! other key does, on all coordinators of a database. Programs keep keys that are made for them.
 
 mod fetch;
-mod found;
 mod grants;
 mod issuer;
+mod issuer_cache;
 mod page;
 mod routes;
 mod session;
 
-pub use found::Found;
+pub use issuer_cache::IssuerCache;
 pub use page::{asked, signed_out};
 pub use routes::routes;
 pub use session::sign_out;

@@ -18,10 +18,10 @@ impl TraceParent {
     /// Reads `version-trace-span-flags`, all in lower-case hex digits. Versions after 00 may have more fields behind.
     pub fn parse(text: &str) -> Option<Self> {
         let mut fields = text.split('-');
-        let [version] = bytes(fields.next()?)?;
-        let trace: [u8; 16] = bytes(fields.next()?)?;
-        let span: [u8; 8] = bytes(fields.next()?)?;
-        let [flags] = bytes(fields.next()?)?;
+        let [version] = hex::decode_array(fields.next()?)?;
+        let trace: [u8; 16] = hex::decode_array(fields.next()?)?;
+        let span: [u8; 8] = hex::decode_array(fields.next()?)?;
+        let [flags] = hex::decode_array(fields.next()?)?;
         let whole = version != 0 || fields.next().is_none();
         let valid = version != 0xff && whole && trace != [0; 16] && span != [0; 8];
         valid.then_some(Self { trace, span, flags })
@@ -34,19 +34,6 @@ impl fmt::Display for TraceParent {
         let Self { trace, span, flags } = self;
         write!(out, "00-{}-{}-{flags:02x}", hex(trace), hex(span))
     }
-}
-
-/// `N` bytes in lower-case hex digits.
-fn bytes<const N: usize>(text: &str) -> Option<[u8; N]> {
-    let is_digit = |it: u8| it.is_ascii_digit() || (b'a'..=b'f').contains(&it);
-    if text.len() != 2 * N || !text.bytes().all(is_digit) {
-        return None;
-    }
-    let mut bytes = [0; N];
-    for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
-    }
-    Some(bytes)
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! Objects are removed once nothing refers to them, and never before.
 
 use crate::support;
-use crate::support::{
-    Service, Trained, assert_refused, chunks, eventually, file, headers, id, job_name,
-};
+use crate::support::{Service, Trained, assert_refused, chunks, file, headers, id, job_name};
 use std::fs;
+use std::sync::Arc;
 use std::time::Duration;
 use tonic::Code;
 use yoto_proto::keys;
@@ -13,6 +12,7 @@ use yoto_proto::v1::{
 };
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_server::ServerConfig;
+use yoto_server::clock::ManualClock;
 
 const HOUR: Duration = Duration::from_secs(3600);
 
@@ -306,9 +306,12 @@ async fn open_uploads_share_the_room_on_the_disk() {
 
 #[tokio::test]
 async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
+    let clock = Arc::new(ManualClock::at(1e9));
+    let own = clock.clone();
     let service = Service::start_with(|config| {
         at_once(config);
-        config.upload.expiry = Duration::from_secs(1);
+        config.clock = own;
+        config.upload.expiry = HOUR;
     })
     .await;
     let ada = service.subject("Ada").await;
@@ -327,13 +330,14 @@ async fn an_upload_ends_after_its_idle_time_and_frees_its_request_id() {
     let half = chunks(&upload.name, &[file("poses.json", b"{")]);
     service.write(half).await.expect("writes");
     let key = keys::upload_folder(id(&upload.name));
+    clock.advance(0.9 * HOUR.as_secs_f64());
+    service.collect(false, false).await;
+    assert!(service.has(&key), "it may go on");
+    clock.advance(0.2 * HOUR.as_secs_f64());
     service.collect(true, false).await;
     assert!(service.has(&key), "nothing was to change");
-    eventually("the upload is idle for too long", async || {
-        service.collect(false, false).await;
-        (!service.has(&key)).then_some(())
-    })
-    .await;
+    service.collect(false, false).await;
+    assert!(!service.has(&key), "it was idle for too long");
     assert!(!service.has("uploads"));
     assert!(service.get_subject(&ada.name).await.captures.is_empty());
     let late = chunks(&upload.name, &files);

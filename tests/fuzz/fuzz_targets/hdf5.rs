@@ -1,8 +1,7 @@
 //! A file of HDF5 as the importer of PeopleSnapshot reads it: arrays of their declared shapes, or a fault.
 #![no_main]
 
-// The importer would bring the whole client with it, so its reader is a module here, beside what it uses of the client.
-extern crate self as yoto_client;
+// The importer's reader is private, so it is a module here, beside what it uses of the importer.
 #[allow(dead_code)]
 #[path = "../../../client/import/src/source/hdf5.rs"]
 mod hdf5;
@@ -11,9 +10,9 @@ use hdf5::Hdf5;
 use libfuzzer_sys::fuzz_target;
 use std::path::{Path, PathBuf};
 
-/// The client's error: what is wrong.
+/// The importer's error: what is wrong.
 #[derive(Debug)]
-pub struct ClientError(String);
+pub struct ImportError(String);
 
 /// The importer's folder, with one file.
 pub struct Source(PathBuf);
@@ -34,8 +33,8 @@ impl Source {
         _: Option<u32>,
         _: &str,
         message: impl Into<String>,
-    ) -> ClientError {
-        ClientError(message.into())
+    ) -> ImportError {
+        ImportError(message.into())
     }
 }
 
@@ -49,7 +48,7 @@ fuzz_target!(|bytes: &[u8]| {
     let source = Source(file.path().to_owned());
     let open = match Hdf5::open(&source, "file") {
         Ok(open) => open,
-        Err(ClientError(message)) => return assert!(!message.is_empty()),
+        Err(ImportError(message)) => return assert!(!message.is_empty()),
     };
     if let Ok((shape, values)) = open.unchecked("pose") {
         assert_eq!(shape.iter().product::<u64>(), values.len() as u64);

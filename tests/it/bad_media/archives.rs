@@ -41,7 +41,7 @@ fn zip_bomb() -> anyhow::Result<Vec<u8>> {
     Ok(writer.finish()?.into_inner())
 }
 
-/// The same as a tar.gz.
+/// A tar.gz with the same content.
 fn gzip_bomb() -> anyhow::Result<Vec<u8>> {
     let mut header = tar::Header::new_ustar();
     header.set_path("frames/000000.png")?;

@@ -31,8 +31,8 @@ impl Database {
         Some(Self::on(running()?))
     }
 
-    /// The same on a server of its own that syncs each commit to the disk, for measurements and crashes. It ends with the
-    /// process.
+    /// A database on a server of its own that syncs each commit to the disk, for measurements and crashes. It ends
+    /// with the process.
     ///
     /// # Panics
     /// As [`Self::create`].

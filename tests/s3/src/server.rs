@@ -63,7 +63,7 @@ impl Server {
         Self::start_with(Setup::default())
     }
 
-    /// The same with a setup.
+    /// Starts a server with a setup.
     ///
     /// # Panics
     /// When it can't start.

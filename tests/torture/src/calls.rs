@@ -10,6 +10,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 use yoto_client::Addresses;
+use yoto_proto::retry::{FailureCause, failure_cause};
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::model_service_client::ModelServiceClient;
 use yoto_proto::v1::subject_service_client::SubjectServiceClient;
@@ -52,15 +53,7 @@ where
 
 /// Whether a broken connection or an end of the coordinator can cause this failure.
 pub fn is_transient(code: Code) -> bool {
-    matches!(
-        code,
-        Code::Unavailable
-            | Code::Cancelled
-            | Code::Unknown
-            | Code::Internal
-            | Code::Aborted
-            | Code::DeadlineExceeded
-    )
+    failure_cause(code) == FailureCause::Connection
 }
 
 /// A client of the service.

@@ -38,7 +38,7 @@ macro_rules! rows {
 }
 
 impl Records {
-    /// The tokens of all leases of `jobs/{id}`, oldest first. The n-th is that of the attempt with number n.
+    /// The tokens of all leases of `jobs/{id}`, oldest first. Attempt number n has the n-th.
     ///
     /// # Errors
     /// When the database can't be read.

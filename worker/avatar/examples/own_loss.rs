@@ -9,7 +9,7 @@ use std::error::Error;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::{LossTerm, Objective, Patches};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_synthetic::SyntheticPerson;
 
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for image in &film {
         shard.push(image)?;
     }
-    let person = Person {
+    let person = TrainPerson {
         slot: 0,
         name: actor.name().into(),
         shard: Arc::new(shard.finish()?),

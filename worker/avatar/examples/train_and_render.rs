@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::render::{RenderView, Rendered};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_synthetic::SyntheticPerson;
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         for image in &film {
             shard.push(image)?;
         }
-        people.push(Person {
+        people.push(TrainPerson {
             slot,
             name: actor.name().into(),
             shard: Arc::new(shard.finish()?),

@@ -4,11 +4,11 @@ use crate::config::{Appearance, Encoding, ModelConfig, Numerics, Precision, Unpo
 use crate::field::canonical::Canonical;
 use crate::field::non_rigid::NonRigid;
 use crate::field::pose_shapes::PoseShapes;
-use crate::field::splats::{FirstSplats, Splats};
+use crate::field::splats::{SplatValues, Splats};
 use crate::identity::blend::Blend;
 use crate::identity::pose_condition::PoseCondition;
 use crate::init::Initial;
-use crate::motion::body::{Body, hash_grid};
+use crate::motion::body::{CanonicalBody, hash_grid};
 use crate::motion::correction::PoseCorrection;
 use crate::motion::posed;
 use crate::motion::released;
@@ -66,7 +66,7 @@ pub struct PartCount {
 /// An identity in a pose at one point of the run: everything that is computed once per frame.
 pub struct Posed {
     slot: usize,
-    progress: f64,
+    schedule_progress: f64,
     /// `[K + 1, V]` motion weights.
     pub weights: Tensor<2>,
     /// `[K, 12]` posed body to canonical.
@@ -122,7 +122,7 @@ impl Avatar {
                 (Some(canonical), Vec::new())
             }
             Appearance::Splats(splats) => {
-                let nobody = FirstSplats::of_nobody(splats.count);
+                let nobody = SplatValues::at_origin(splats.count);
                 let of = |slot| Splats::new(&init, slot, &nobody, splats.harmonics);
                 (None, (0..identities).map(of).collect())
             }
@@ -163,7 +163,7 @@ impl Avatar {
         }
     }
 
-    /// Poses the identity in `slot`. `progress` is the completed fraction of the run; it
+    /// Poses the identity in `slot`. `schedule_progress` is the completed fraction of the run; it
     /// determines which parts of the model are active.
     ///
     /// # Panics
@@ -171,16 +171,16 @@ impl Avatar {
     pub fn pose(
         &self,
         config: &ModelConfig,
-        body: &Body,
+        body: &CanonicalBody,
         slot: usize,
         pose: &Pose,
-        progress: f64,
+        schedule_progress: f64,
     ) -> Posed {
         let slot = Self::own_slot(config, slot);
         let mut vector = posed::pose_vector(body, pose);
-        let corrected = config.schedule.corrects(progress);
+        let corrected = config.schedule.corrects(schedule_progress);
         let transforms = match config.numerics {
-            Numerics::Sound => self.bones(config, body, pose, vector.clone(), progress),
+            Numerics::Sound => self.bones(config, body, pose, vector.clone(), schedule_progress),
             Numerics::Reference => {
                 vector = vector + released::POSE_SHIFT;
                 let correction =
@@ -189,7 +189,7 @@ impl Avatar {
             }
         };
         let code = (!self.codes.is_empty()).then(|| self.codes[slot].val());
-        let moves = config.schedule.moves_points(progress);
+        let moves = config.schedule.moves_points(schedule_progress);
         let conditioned = match (self.condition.as_ref().filter(|_| moves), &code) {
             (Some(condition), Some(code)) => Some(condition.forward(
                 &config.condition,
@@ -201,13 +201,13 @@ impl Avatar {
         };
         Posed {
             slot,
-            progress,
+            schedule_progress,
             weights: self.motion.volume(slot, body.log_prior.clone()),
             transforms,
             pose: vector,
             code,
             conditioned,
-            shaped_by: (config.active_pose_shapes(progress)).map(|_| pose.clone()),
+            shaped_by: (config.active_pose_shapes(schedule_progress)).map(|_| pose.clone()),
         }
     }
 
@@ -216,12 +216,12 @@ impl Avatar {
     pub(crate) fn bones(
         &self,
         config: &ModelConfig,
-        body: &Body,
+        body: &CanonicalBody,
         pose: &Pose,
         vector: Tensor<1>,
-        progress: f64,
+        schedule_progress: f64,
     ) -> Tensor<2> {
-        if config.schedule.corrects(progress) {
+        if config.schedule.corrects(schedule_progress) {
             posed::corrected_transforms(body, pose, self.correction.forward(vector))
         } else {
             posed::transforms(body, pose)
@@ -230,10 +230,10 @@ impl Avatar {
 
     /// Canonical points `[N, 3]`, metres, before the non-rigid field, and foreground likelihoods
     /// `[N]` of `points` `[N, 3]` of the posed body.
-    pub(crate) fn unposed(
+    pub(crate) fn unpose(
         &self,
         config: &ModelConfig,
-        body: &Body,
+        body: &CanonicalBody,
         posed: &Posed,
         points: Tensor<2>,
         near: Option<Tensor<2>>,
@@ -269,7 +269,7 @@ impl Avatar {
     }
 
     /// `canonical` points `[N, 3]`, metres, after the non-rigid field.
-    pub(crate) fn moved(
+    pub(crate) fn apply_non_rigid(
         &self,
         config: &ModelConfig,
         posed: &Posed,
@@ -277,21 +277,32 @@ impl Avatar {
     ) -> Tensor<2> {
         let (pose, code) = (posed.pose.clone(), posed.conditioned.clone());
         self.non_rigid
-            .forward(config, canonical, pose, code, posed.progress)
+            .forward(config, canonical, pose, code, posed.schedule_progress)
     }
 
     /// Appends an identity that is the mixture of two others; of splats, it has those of the first.
     pub(crate) fn append(&mut self, blend: &Blend) {
-        blend.append(&mut self.codes);
-        self.motion.append(blend);
-        if let Some(shapes) = &mut self.pose_shapes {
+        // All fields, so that a further one is not forgotten.
+        let Self {
+            codes,
+            motion,
+            correction: _,
+            condition: _,
+            non_rigid: _,
+            pose_shapes,
+            canonical,
+            splats,
+        } = self;
+        blend.append(codes);
+        motion.append(blend);
+        if let Some(shapes) = pose_shapes {
             shapes.append(blend);
         }
-        if let Some(field) = &mut self.canonical {
+        if let Some(field) = canonical {
             field.append(blend);
         }
-        if let Some(splats) = self.splats.get(blend.from) {
-            self.splats.push(splats.clone());
+        if let Some(of_first) = splats.get(blend.from).cloned() {
+            splats.push(of_first);
         }
     }
 
@@ -304,11 +315,22 @@ impl Avatar {
 
     /// Sets the precision that the fields' networks multiply in.
     pub(crate) fn set_precision(&mut self, precision: Precision) {
-        self.non_rigid.set_precision(precision);
-        if let Some(shapes) = &mut self.pose_shapes {
+        // All fields, so that a further one is not forgotten.
+        let Self {
+            codes: _,
+            motion: _,
+            correction: _,
+            condition: _,
+            non_rigid,
+            pose_shapes,
+            canonical,
+            splats: _,
+        } = self;
+        non_rigid.set_precision(precision);
+        if let Some(shapes) = pose_shapes {
             shapes.set_precision(precision);
         }
-        if let Some(field) = &mut self.canonical {
+        if let Some(field) = canonical {
             field.set_precision(precision);
         }
     }
@@ -319,40 +341,6 @@ impl Avatar {
             .into_iter()
             .next()
             .expect("every model has parameters")
-    }
-
-    /// Parameters and bytes of each part, in the order in which data passes through them. Parts
-    /// that the variant lacks are absent.
-    pub fn part_counts(&self) -> Vec<PartCount> {
-        let codes: usize = self.codes.iter().map(|code| code.val().dims()[0]).sum();
-        let parts = [
-            ("motion", self.motion.num_params()),
-            ("correction", self.correction.num_params()),
-            ("codes", codes),
-            (
-                "condition",
-                self.condition.as_ref().map_or(0, Module::num_params),
-            ),
-            ("non_rigid", self.non_rigid.num_params()),
-            (
-                "pose_shapes",
-                self.pose_shapes.as_ref().map_or(0, Module::num_params),
-            ),
-            (
-                "canonical",
-                self.canonical.as_ref().map_or(0, Module::num_params),
-            ),
-            ("splats", self.splats.num_params() - self.flags()),
-        ];
-        parts
-            .into_iter()
-            .filter(|(_, parameters)| *parameters > 0)
-            .map(|(part, parameters)| PartCount {
-                part: part.to_owned(),
-                parameters: parameters as u64,
-                bytes: 4 * parameters as u64,
-            })
-            .collect()
     }
 }
 

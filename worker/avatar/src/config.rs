@@ -3,6 +3,7 @@
 //! code.
 
 mod appearance;
+mod capabilities;
 mod check;
 mod exposure;
 mod field;
@@ -17,6 +18,7 @@ mod sharing;
 mod splats;
 
 pub use appearance::Appearance;
+pub use capabilities::Capabilities;
 pub(crate) use check::check_precision;
 pub use exposure::{ExposureConfig, LearnExposure};
 pub use field::{CanonicalConfig, DensityActivation, Encoding, FieldConfig, MarchConfig};
@@ -24,7 +26,7 @@ pub use pose_shapes::PoseShapesConfig;
 pub(crate) use refinement::RefinementStage;
 pub use refinement::{Extent, Refine, RefinementConfig};
 pub use resolution::Resolution;
-pub use sampling::{SamplingConfig, Turns};
+pub use sampling::{SamplingConfig, SamplingStrategy};
 pub use schedule::Schedule;
 pub use setting::Setting;
 pub use splats::SplatConfig;
@@ -117,7 +119,7 @@ pub enum Numerics {
     /// Bounded, with finite gradients (docs/research/paper.md marks each place where they differ).
     #[default]
     Sound,
-    /// Those of the released HumanNeRF program, for comparisons with it.
+    /// The numerics of the released HumanNeRF program, for comparisons with it.
     Reference,
 }
 

@@ -9,7 +9,7 @@ use thiserror::Error;
 pub struct ReadError(String);
 
 impl ReadError {
-    /// What the device said.
+    /// The device's message.
     pub(crate) fn into_message(self) -> String {
         self.0
     }

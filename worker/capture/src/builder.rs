@@ -63,7 +63,7 @@ impl<W: Write> ShardBuilder<W> {
     /// The bytes before the crops, and the writer of the crops. Head and crops together are a shard.
     ///
     /// # Errors
-    /// As [`ShardBuilder::finish`].
+    /// The same errors as [`ShardBuilder::finish`].
     pub fn finish_head(self) -> Result<(Vec<u8>, W), CaptureError> {
         let (head, _, _, pixels) = self.head()?;
         Ok((head, pixels))

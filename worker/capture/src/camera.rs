@@ -112,7 +112,7 @@ impl Camera {
     /// The camera of `frame`, for images of `image_size` (width, height).
     ///
     /// # Errors
-    /// As [`Camera::from_proto`].
+    /// The same errors as [`Camera::from_proto`].
     pub fn from_frame(frame: &pose_track::Frame, image_size: [u32; 2]) -> Result<Self, ViewError> {
         Self::from_matrices(image_size, frame.k, frame.e)
     }
@@ -120,7 +120,7 @@ impl Camera {
     /// A camera from its size (width, height), intrinsics and extrinsics.
     ///
     /// # Errors
-    /// As [`Camera::from_proto`].
+    /// The same errors as [`Camera::from_proto`].
     pub fn from_matrices(
         size: [u32; 2],
         k: [[f64; 3]; 3],
@@ -180,7 +180,7 @@ impl Camera {
         }
     }
 
-    /// The same view in an image of another size. Each axis has a scale of its own, since each side is
+    /// This view in an image of another size. Each axis has a scale of its own, since each side is
     /// rounded by itself. As pixel centres are at +0.5, the intrinsics need no shift.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let scale = [
@@ -197,7 +197,7 @@ impl Camera {
         }
     }
 
-    /// The same view with its longest side reduced to `longest_side` pixels, as in [`fitted_size`]: 0
+    /// This view with its longest side reduced to `longest_side` pixels, as in [`fitted_size`]: 0
     /// changes nothing, and images never grow.
     pub fn scaled_to(&self, longest_side: u32) -> Self {
         let (width, height) = fitted_size(self.width, self.height, longest_side);
@@ -244,7 +244,7 @@ impl Camera {
         up
     }
 
-    /// The same camera with another frame as its world; `to_world` leads from that frame to this world.
+    /// This camera with another frame as its world; `to_world` leads from that frame to this world.
     pub fn in_frame(&self, to_world: &Mat34) -> Self {
         let e = &self.e;
         let row = |i: usize| -> [f64; 4] {

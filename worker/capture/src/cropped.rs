@@ -212,7 +212,7 @@ impl CroppedFrames {
     /// These frames in an unlinked file in `folder`, unless they are already in a file.
     ///
     /// # Errors
-    /// As [`Self::resized`].
+    /// The same errors as [`Self::resized`].
     pub fn kept_in(mut self, folder: &Path) -> Result<Self, CaptureError> {
         if let Bytes::Memory(bytes) = &self.bytes {
             self.bytes = written(Some(folder), |to| to.write_all(bytes))?;

@@ -145,7 +145,7 @@ impl CaptureFolder {
     /// Decodes the training frame at `position` in the track.
     ///
     /// # Errors
-    /// As [`HeldOutView::read`], or if there is no frame at `position`.
+    /// The same errors as [`HeldOutView::read`], and when there is no frame at `position`.
     pub fn read(&self, position: usize) -> Result<FrameImage, CaptureError> {
         let frames = &self.track.frames;
         let index = frames
@@ -170,7 +170,7 @@ impl CaptureFolder {
     /// All training frames as a shard.
     ///
     /// # Errors
-    /// As [`CaptureFolder::read`].
+    /// The same errors as [`CaptureFolder::read`].
     pub fn shard(&self) -> Result<Shard, CaptureError> {
         let mut builder = ShardBuilder::new(self.track.clone());
         let positions: Vec<usize> = (0..self.track.frames.len()).collect();

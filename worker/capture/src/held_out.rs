@@ -92,7 +92,7 @@ impl HeldOutView {
     /// Decodes the picture.
     ///
     /// # Errors
-    /// As [`FrameImage::decode`], or if a file is missing or can't be read.
+    /// The same errors as [`FrameImage::decode`], and when a file is missing or can't be read.
     pub fn read(&self) -> Result<FrameImage, CaptureError> {
         read_frame(
             (&self.frame_path, &self.mask_path),

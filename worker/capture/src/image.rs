@@ -66,7 +66,7 @@ impl FrameImage {
         }
     }
 
-    /// The same frame with its longest side reduced to `longest_side` pixels by exact area averaging:
+    /// This frame with its longest side reduced to `longest_side` pixels by exact area averaging:
     /// each pixel weighs as much as its overlap. Colours are premultiplied, so a plain average is right.
     /// 0 changes nothing, and frames never grow, as in [`fitted_size`], which cameras use too.
     pub fn resized(&self, longest_side: u32) -> Self {

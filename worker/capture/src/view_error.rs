@@ -6,7 +6,7 @@
 pub struct ViewError {
     /// The field at fault, named as in the message or file it came from.
     pub field: String,
-    /// What is wrong with it.
+    /// The fault, in words.
     pub message: String,
 }
 

@@ -65,7 +65,7 @@ pub(crate) fn mean_colours(
         }
     }
     let colours = shades.iter().zip(&person.splats).map(|(shade, splat)| {
-        let inward = from_quaternion(splat.turn.map(f64::from)).map(|row| -row[2]);
+        let inward = from_quaternion(splat.rotation.map(f64::from)).map(|row| -row[2]);
         let gained = shine::gained(&splat.harmonics, inward);
         std::array::from_fn(|c| shade[c] * (splat.colour[c] + gained[c]))
     });
@@ -110,7 +110,7 @@ pub(crate) fn blend(shares: &[(u16, f32)], bones: &[Mat34]) -> Mat34 {
 
 /// A splat's axes in the world, column by column. They may be sheared, since a blend of rotations is no rotation.
 fn posed_axes(splat: &SkinnedSplat, transform: &Mat34) -> Mat3 {
-    let axes = from_quaternion(splat.turn.map(f64::from));
+    let axes = from_quaternion(splat.rotation.map(f64::from));
     let linear = |r: usize, c: usize| (0..3).map(|k| transform[r][k] * axes[k][c]).sum::<f64>();
     std::array::from_fn(|r| std::array::from_fn(|c| linear(r, c)))
 }

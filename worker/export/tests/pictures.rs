@@ -6,7 +6,7 @@ use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, SkinnedSplats};
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::transform::IDENTITY;
@@ -24,14 +24,14 @@ const SIZE: u32 = 96;
 const STEPS: u64 = 40;
 
 /// A training of one synthetic person, with its light and motion weights on the way.
-fn trainer() -> (Trainer, Person) {
+fn trainer() -> (Trainer, TrainPerson) {
     let made_up = &SyntheticPerson::cast(1, 7)[0];
     let (track, images) = made_up.capture(12, SIZE);
     let mut builder = ShardBuilder::new(track);
     for image in &images {
         builder.push(image).expect("a synthetic frame is valid");
     }
-    let person = Person {
+    let person = TrainPerson {
         slot: 0,
         name: made_up.name().into(),
         shard: Arc::new(builder.finish().expect("all frames are there")),
@@ -88,7 +88,7 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
     };
     let rows: Vec<f32> = splats.iter().flat_map(row).collect();
     let narrow = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
-    let sight = View {
+    let body_view = View {
         width: camera.width as usize,
         height: camera.height as usize,
         k: [narrow(&camera.k[0]), narrow(&camera.k[1])],
@@ -100,7 +100,7 @@ fn picture(splats: &[Gaussian], camera: &Camera) -> Vec<f32> {
         rows: &rows,
         light: &[0.0; 24],
     };
-    render(&[(numbers, &sight)]).expect("somebody").rgb
+    render(&[(numbers, &body_view)]).expect("somebody").rgb
 }
 
 #[test]
@@ -147,7 +147,7 @@ fn exported_gaussians_draw_the_renderer_s_picture() {
 }
 
 /// Mean squared difference of `person` to `whole` over frames of their capture.
-fn error(person: &SkinnedSplats, whole: &SkinnedSplats, film: &Person) -> f64 {
+fn error(person: &SkinnedSplats, whole: &SkinnedSplats, film: &TrainPerson) -> f64 {
     let track = &film.shard.track;
     let frames = [0, 3, 7, 10].map(|index| &track.frames[index]);
     let errors = frames.map(|frame| {

@@ -42,7 +42,8 @@ pub struct View {
 /// A person of a picture.
 #[derive(Clone, Debug)]
 pub struct Actor {
-    /// Index of the model that draws them in [`Bodies::models`](crate::Bodies::models).
+    /// Index of the model that draws them in [`Bodies::models`](crate::Bodies::models); a renderer of one model does not
+    /// read it.
     pub model: usize,
     /// Slot of the identity in that model.
     pub slot: usize,
@@ -52,18 +53,20 @@ pub struct Actor {
     pub light: Light,
 }
 
-/// Light on a person.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Light on a person. Fields have it in their colours, so that models of splats alone can be lit
+/// otherwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Light {
-    /// That of the person's own capture, in whose world they stand.
+    /// The light of the person's own capture, in whose world they stand.
+    #[default]
     Own,
-    /// None: colours alone.
+    /// No light: colours alone.
     Neutral,
-    /// That of a capture.
+    /// The light of another capture.
     Of {
         /// Slot of the capture's identity.
         slot: usize,
-        /// From the view's world to that of the capture.
+        /// Rotation from the view's world to that of the capture.
         rotation: [[f32; 3]; 3],
     },
 }

@@ -20,7 +20,7 @@ impl Array {
         (kept(&self.shape) == kept(shape)).then_some(&self.values)
     }
 
-    /// As [`Self::squeezed`], for a length known at compile time.
+    /// The numbers of [`Self::squeezed`], for a length known at compile time.
     pub fn fixed<const N: usize>(&self) -> Option<[f64; N]> {
         self.squeezed(&[N])?.try_into().ok()
     }

@@ -57,7 +57,7 @@ pub struct Bvh {
     /// One row per frame: the values of every joint's channels, in order. Angles in radians. Some writers have numbers
     /// that are not finite.
     pub frames: Vec<Vec<f64>>,
-    /// What is not as the header says.
+    /// Notes about differences from the header.
     pub notes: Vec<String>,
 }
 
@@ -349,7 +349,7 @@ type Motion = (f64, Vec<Vec<f64>>, Vec<String>);
 
 /// The numbers of a motion.
 struct Table {
-    /// Of whole frames.
+    /// The channel values of all whole frames, frame by frame.
     numbers: Vec<f64>,
     /// Whether the file has a part of one more frame.
     is_cut: bool,

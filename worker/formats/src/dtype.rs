@@ -19,7 +19,7 @@ impl Dtype {
         }
     }
 
-    /// The same with another byte order.
+    /// This type with another byte order.
     pub fn with_order(&self, big_endian: bool) -> Self {
         Self {
             big_endian,

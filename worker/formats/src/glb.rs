@@ -72,7 +72,7 @@ impl Numbers {
         self.accessors.len() - 1
     }
 
-    /// As [`Numbers::rows`], with the minimum and maximum of each column, which glTF demands for positions and times.
+    /// Adds rows as [`Numbers::rows`] does, with the minimum and maximum of each column, which glTF demands for positions and times.
     pub fn bounded<const N: usize>(&mut self, rows: &[[f32; N]], target: Target) -> usize {
         let accessor = self.rows(rows, target);
         let bound = |start: f32, choose: fn(f32, f32) -> f32| -> Vec<f32> {

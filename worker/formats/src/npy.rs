@@ -53,18 +53,18 @@ pub fn read(bytes: &[u8]) -> Result<Value, NpyError> {
     read_without(bytes, &[])
 }
 
-/// As [`read`], with [`Value::Nothing`] for dictionary values with keys in `without`.
+/// Reads as [`read`] does, with [`Value::Nothing`] for dictionary values with keys in `without`.
 ///
 /// # Errors
-/// As [`read`].
+/// The same errors as [`read`].
 pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, NpyError> {
     read_within(bytes, without, &mut Budget::default())
 }
 
-/// As [`read_without`], for one of several arrays in a file; their pickles share `budget`.
+/// Reads as [`read_without`] does, for one of several arrays in a file; their pickles share `budget`.
 ///
 /// # Errors
-/// As [`read`].
+/// The same errors as [`read`].
 pub(crate) fn read_within(
     bytes: &[u8],
     without: &[&str],

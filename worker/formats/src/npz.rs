@@ -46,11 +46,11 @@ pub fn read(bytes: &[u8], limit: u64) -> Result<Value, NpzError> {
     read_without(bytes, limit, &[])
 }
 
-/// As [`read`], with [`Value::Nothing`] for arrays and dictionary values with names in `without`. Such arrays are not
+/// Reads as [`read`] does, with [`Value::Nothing`] for arrays and dictionary values with names in `without`. Such arrays are not
 /// unpacked, and don't count towards the limit.
 ///
 /// # Errors
-/// As [`read`].
+/// The same errors as [`read`].
 pub fn read_without(bytes: &[u8], limit: u64, without: &[&str]) -> Result<Value, NpzError> {
     let mut archive = ZipArchive::new(Cursor::new(bytes))?;
     if archive.len() > MAX_ARRAYS {

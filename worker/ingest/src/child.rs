@@ -4,7 +4,7 @@ use super::backdrop;
 use super::confinement::{Room, confine};
 use super::failure::ReadFailure;
 use super::film::{self, FilmReader};
-use super::order::{Line, Order, Outcome, Task};
+use super::order::{Order, Outcome, ReplyLine, Task};
 use super::prepare::prepare;
 use nix::sys::resource::{Resource, setrlimit};
 use std::ffi::OsString;
@@ -36,7 +36,7 @@ pub fn become_ingest_child_if_asked(films: Option<FilmReader>) {
         (Some(memory), Some(seconds)) => run(Path::new(order), memory, seconds, films),
         _ => Outcome::Machine("the child was started with invalid limits".into()),
     };
-    say(&Line::End(outcome));
+    say(&ReplyLine::End(outcome));
     std::process::exit(0);
 }
 
@@ -67,7 +67,7 @@ fn run(order: &Path, memory: u64, seconds: u64, films: Option<FilmReader>) -> Ou
     if let Err(error) = confine(&room) {
         return Outcome::Machine(format!("confining the child: {error}"));
     }
-    let tell = |progress| say(&Line::At(progress));
+    let tell = |progress| say(&ReplyLine::At(progress));
     let prepared = match order.task {
         Task::Capture => film::found(&mut order, films, tell).and_then(|film| {
             let mut prepared = prepare(&order, &ffmpeg, &mut { tell })?;
@@ -109,7 +109,7 @@ fn limit(memory: u64, seconds: u64, file_bytes: u64) -> nix::Result<()> {
     setrlimit(Resource::RLIMIT_AS, memory, memory)
 }
 
-fn say(line: &Line) {
+fn say(line: &ReplyLine) {
     let Ok(mut text) = serde_json::to_string(line) else {
         return;
     };

@@ -8,20 +8,20 @@ use yoto_media::edge::{BackgroundBuilder, KnownBackground};
 use yoto_media::video::Ffmpeg;
 use yoto_proto::media_plan::{Background, EdgeSetting, MaskSource};
 
-/// Frames that a background is learned from, at most.
+/// A background is learned from at most this number of frames.
 const FRAMES: usize = 24;
 
 /// Treatment of the masks' edges.
 #[derive(Debug, Clone)]
 pub(super) enum Edges {
-    /// As the masks have them.
+    /// The edges of the masks.
     Given,
     /// Solved from colours, before this background.
     Solved(Arc<KnownBackground>),
 }
 
 impl Edges {
-    /// What was done, for people.
+    /// A note about the treatment, for people.
     pub fn note(&self) -> Option<String> {
         let Self::Solved(known) = self else {
             return None;

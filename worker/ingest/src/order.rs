@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use yoto_media::{Limits, archive::Files};
 use yoto_proto::v1::Violation;
 
-/// What a child reads.
+/// The task of a child: the data that it reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Task {
     /// The files of a capture.
@@ -17,7 +17,7 @@ pub(super) enum Task {
 /// The child's order.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Order {
-    /// What it reads.
+    /// Its task.
     pub(super) task: Task,
     /// The child's own folder.
     pub(super) folder: PathBuf,
@@ -61,7 +61,7 @@ impl Order {
 
 /// One line of the child's reply.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) enum Line {
+pub(super) enum ReplyLine {
     /// Its current work, to locate a crash.
     At(Progress),
     /// Its outcome.
@@ -99,7 +99,7 @@ pub(super) enum Outcome {
     /// Shard and report are written.
     Done(Prepared),
     /// The upload is at fault.
-    Rejected(Vec<Found>),
+    Rejected(Vec<JsonViolation>),
     /// This machine is at fault.
     Machine(String),
 }
@@ -115,7 +115,7 @@ pub(super) struct Prepared {
 
 /// A violation, as JSON.
 #[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Found {
+pub(super) struct JsonViolation {
     code: String,
     file: String,
     frame: Option<u32>,
@@ -123,7 +123,7 @@ pub(super) struct Found {
     message: String,
 }
 
-impl From<Violation> for Found {
+impl From<Violation> for JsonViolation {
     fn from(found: Violation) -> Self {
         Self {
             code: found.code,
@@ -135,8 +135,8 @@ impl From<Violation> for Found {
     }
 }
 
-impl From<Found> for Violation {
-    fn from(found: Found) -> Self {
+impl From<JsonViolation> for Violation {
+    fn from(found: JsonViolation) -> Self {
         Self {
             code: found.code,
             file: found.file,

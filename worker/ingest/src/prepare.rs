@@ -9,7 +9,7 @@ use super::reader::Reader;
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::time::{Duration, Instant};
-use yoto_capture::check::{Checker, Grade, Report};
+use yoto_capture::check::{CheckReport, Checker, Grade};
 use yoto_capture::{CaptureError, ShardBuilder};
 use yoto_media::video::Ffmpeg;
 use yoto_proto::pose_track::{self, violation};
@@ -86,7 +86,7 @@ fn decode<W: Write>(
     reader: &mut Reader,
     builder: &mut ShardBuilder<W>,
     tell: &mut dyn FnMut(Progress),
-) -> Result<(Report, Duration), ReadFailure> {
+) -> Result<(CheckReport, Duration), ReadFailure> {
     let track = &capture.track;
     let total = track.frames.len();
     let mut checker = Checker::new(track.clone())
@@ -149,7 +149,7 @@ fn peak_memory() -> Option<String> {
 }
 
 /// Warnings for the owner of a valid capture.
-fn warnings(report: &Report) -> Vec<String> {
+fn warnings(report: &CheckReport) -> Vec<String> {
     let measures = report.measures.iter();
     measures
         .filter(|it| it.grade != Grade::Pass)

@@ -1,7 +1,7 @@
 //! The child's work on small captures, whole and broken, in this process.
 
 use super::*;
-use yoto_capture::{Shard, check::Report};
+use yoto_capture::{Shard, check::CheckReport};
 use yoto_media::Limits;
 use yoto_proto::pose_track::{self, FILE, Frame, PoseTrack, describe};
 
@@ -94,7 +94,7 @@ fn mask(side: u32, coverage: u8) -> Vec<u8> {
 #[allow(clippy::type_complexity)]
 fn prepared(
     files: &[(String, Vec<u8>)],
-) -> Result<(Shard, Prepared, Vec<Progress>, Report), ReadFailure> {
+) -> Result<(Shard, Prepared, Vec<Progress>, CheckReport), ReadFailure> {
     let dir = tempfile::tempdir().expect("a folder");
     let mut order = Order::new(dir.path(), &Limits::default());
     for (number, (path, bytes)) in files.iter().enumerate() {

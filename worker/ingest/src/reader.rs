@@ -8,9 +8,9 @@ use super::order::Progress;
 use yoto_capture::FrameImage;
 use yoto_media::edge;
 use yoto_media::lens::Undistortion;
-use yoto_media::source::{Source, Wanted, read_still};
+use yoto_media::source::{Source, WantedFrames, read_still};
 use yoto_media::video::Ffmpeg;
-use yoto_media::{Fault, Picture, compose, mask};
+use yoto_media::{MediaFault, Picture, compose, mask};
 use yoto_proto::media_plan::{
     Background, BackgroundSetting, MaskKind, MaskSource, MediaPlan, Pictures,
 };
@@ -40,7 +40,7 @@ enum Masks {
 }
 
 impl Reader {
-    /// As [`Capture::reader`].
+    /// The same errors as [`Capture::reader`].
     pub(super) fn open(
         capture: &Capture,
         positions: &[usize],
@@ -67,7 +67,7 @@ impl Reader {
                 total: indices.len(),
                 ..Progress::default()
             });
-            let wanted = Wanted {
+            let wanted = WantedFrames {
                 indices,
                 fps: track.fps,
                 timing: plan.timing,
@@ -225,7 +225,11 @@ impl Reader {
             _ => picture.alpha.clone().ok_or_else(|| {
                 let message = "the capture has no masks/, no video of masks and no picture of the \
                                clean background, and this picture has no alpha channel";
-                ReadFailure::at(Fault::new("NO_MASK", message).into(), name, Some(index))
+                ReadFailure::at(
+                    MediaFault::new("NO_MASK", message).into(),
+                    name,
+                    Some(index),
+                )
             }),
         }
     }

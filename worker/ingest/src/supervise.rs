@@ -2,7 +2,7 @@
 
 use super::child::ARGUMENT;
 use super::failure::{IngestError, machine};
-use super::order::{Line, Order, Outcome, Progress};
+use super::order::{Order, Outcome, Progress, ReplyLine};
 use super::settings::IngestSettings;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
@@ -81,11 +81,11 @@ pub(super) fn run<E>(
     loop {
         let mut moved = None;
         match running.lines.recv_timeout(LOOK) {
-            Ok(Line::At(now)) => {
+            Ok(ReplyLine::At(now)) => {
                 progress = now;
                 moved = Some(&progress);
             }
-            Ok(Line::End(end)) => outcome = Some(end),
+            Ok(ReplyLine::End(end)) => outcome = Some(end),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => break,
         }
@@ -212,7 +212,7 @@ impl Ended<'_> {
 /// A started child with threads that read its output; killed when dropped.
 struct Running {
     child: Child,
-    lines: Receiver<Line>,
+    lines: Receiver<ReplyLine>,
     complaints: Option<std::thread::JoinHandle<String>>,
 }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use yoto_avatar::evaluate::Protocol;
 use yoto_avatar::evaluate::protocol::Pictures;
 use yoto_avatar::render::FrameExposure;
-use yoto_avatar::train::{Person, Trainer};
+use yoto_avatar::train::{TrainPerson, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::{CaptureError, CaptureFolder, FrameImage, HeldOutView, Shard};
@@ -57,8 +57,8 @@ impl Split {
 pub(super) struct Recording {
     pub name: String,
     pub shard: Arc<Shard>,
-    pub novel_view: Vec<View>,
-    pub novel_pose: Vec<View>,
+    pub novel_view: Vec<HeldOutPicture>,
+    pub novel_pose: Vec<HeldOutPicture>,
     /// The synthetic person that it shows, if it shows one.
     pub actor: Option<SyntheticPerson>,
     /// Exact poses of the training frames, where training has others.
@@ -67,7 +67,7 @@ pub(super) struct Recording {
 
 /// A held-out picture.
 #[derive(Debug)]
-pub(super) struct View {
+pub(super) struct HeldOutPicture {
     /// `camera-frame`, unique inside its split.
     pub label: String,
     /// The pose that the capture gives.
@@ -84,14 +84,14 @@ pub(super) struct View {
 
 /// A capture to measure on.
 #[derive(Debug, Clone)]
-pub enum Film {
+pub enum CaptureSource {
     /// A folder with pictures from other cameras or of other poses.
     Studio(PathBuf),
     /// One camera's frames, some of which are held out.
     OneCamera(PathBuf, OneCamera),
 }
 
-impl Film {
+impl CaptureSource {
     /// Its folder or archive.
     pub(super) fn path(&self) -> &Path {
         match self {
@@ -108,28 +108,28 @@ pub(super) fn read_all(
     protocol: &Protocol,
     screen: &dyn Screen,
 ) -> anyhow::Result<Vec<Recording>> {
-    let films: Vec<Film> = folders.iter().cloned().map(Film::Studio).collect();
-    read_films(&films, size, HeldOut::Every(0), protocol, screen)
+    let sources: Vec<CaptureSource> = folders.iter().cloned().map(CaptureSource::Studio).collect();
+    read_sources(&sources, size, HeldOut::Every(0), protocol, screen)
 }
 
-/// The same for `films`; of those of one camera, frames are `held_out`.
-pub(super) fn read_films(
-    films: &[Film],
+/// Reads the captures of `sources` as [`read_all`] does. Of a capture of one camera, frames are `held_out`.
+pub(super) fn read_sources(
+    sources: &[CaptureSource],
     size: u32,
     held_out: HeldOut,
     protocol: &Protocol,
     screen: &dyn Screen,
 ) -> anyhow::Result<Vec<Recording>> {
     let mut recordings: Vec<Recording> = Vec::new();
-    for film in films {
-        let path = film.path();
+    for source in sources {
+        let path = source.path();
         let size = protocol.size(size);
-        let recording = match film {
-            Film::Studio(folder) => {
+        let recording = match source {
+            CaptureSource::Studio(folder) => {
                 screen.note(&format!("reading {}", folder.display()));
                 read(folder, size, protocol)
             }
-            Film::OneCamera(_, film) => one_camera::recording(film, held_out, size),
+            CaptureSource::OneCamera(_, source) => one_camera::recording(source, held_out, size),
         };
         let recording = recording.with_context(|| format!("the capture {}", path.display()))?;
         ensure!(
@@ -147,11 +147,11 @@ pub(super) fn read_films(
 /// is measured at the exact ones.
 pub(super) fn train_on_poses_of(
     file: &str,
-    films: &[Film],
+    sources: &[CaptureSource],
     recordings: &mut [Recording],
 ) -> anyhow::Result<()> {
-    for (film, recording) in films.iter().zip(recordings) {
-        let path = film.path().join(file);
+    for (source, recording) in sources.iter().zip(recordings) {
+        let path = source.path().join(file);
         let bytes = std::fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
         let others = PoseTrack::from_file(file, &bytes)
             .map_err(CaptureError::Invalid)
@@ -177,8 +177,8 @@ pub(super) fn train_on_poses_of(
 
 fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording> {
     let folder = CaptureFolder::open(path)?;
-    let view = |held_out: &HeldOutView| -> anyhow::Result<View> {
-        Ok(View {
+    let view = |held_out: &HeldOutView| -> anyhow::Result<HeldOutPicture> {
+        Ok(HeldOutPicture {
             label: format!("{}-{:06}", held_out.camera_name, held_out.frame),
             given: held_out.pose.clone(),
             pose: held_out.pose.clone(),
@@ -190,7 +190,9 @@ fn read(path: &Path, size: u32, protocol: &Protocol) -> anyhow::Result<Recording
     };
     let views = |held_out: &[HeldOutView]| {
         let taken = held_out.iter().filter(|view| protocol.takes(view.frame));
-        taken.map(view).collect::<anyhow::Result<Vec<View>>>()
+        taken
+            .map(view)
+            .collect::<anyhow::Result<Vec<HeldOutPicture>>>()
     };
     let recording = Recording {
         name: name_of(path)?,
@@ -226,7 +228,7 @@ fn name_of(path: &Path) -> anyhow::Result<String> {
 
 impl Recording {
     /// All pictures of a split.
-    pub(super) fn split(&self, split: Split) -> &[View] {
+    pub(super) fn split(&self, split: Split) -> &[HeldOutPicture] {
         match split {
             Split::NovelView => &self.novel_view,
             Split::NovelPose => &self.novel_pose,
@@ -245,7 +247,11 @@ impl Recording {
     }
 
     /// A fixed subset of a split, of at most `wanted` pictures.
-    pub(super) fn subset(&self, split: Split, wanted: usize) -> impl Iterator<Item = &View> {
+    pub(super) fn subset(
+        &self,
+        split: Split,
+        wanted: usize,
+    ) -> impl Iterator<Item = &HeldOutPicture> {
         let views = self.split(split);
         subset_of(views.len(), wanted).filter_map(|index| views.get(index))
     }
@@ -290,8 +296,8 @@ impl Recording {
     }
 
     /// This person in `slot` of a model to be trained.
-    pub(super) fn person(&self, slot: usize) -> Person {
-        Person {
+    pub(super) fn person(&self, slot: usize) -> TrainPerson {
+        TrainPerson {
             slot,
             name: self.name.clone(),
             shard: Arc::clone(&self.shard),

@@ -1,7 +1,7 @@
 //! Synthetic people as recordings: filmed by one camera, known from every side, in clothes whose
 //! motion is known.
 
-use crate::captures::{Recording, View};
+use crate::captures::{HeldOutPicture, Recording};
 use anyhow::Context;
 use std::sync::Arc;
 use yoto_avatar::render::FrameExposure;
@@ -36,7 +36,7 @@ fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
         shard.push(image)?;
     }
     let shard = shard.finish().context("packing a synthetic capture")?;
-    let view = |camera: &Camera, number: usize, pose: &Pose, frame: usize| View {
+    let view = |camera: &Camera, number: usize, pose: &Pose, frame: usize| HeldOutPicture {
         label: format!("cam{number:02}-{frame:06}"),
         given: pose.clone(),
         pose: pose.clone(),
@@ -46,7 +46,7 @@ fn recording(person: SyntheticPerson, size: u32) -> anyhow::Result<Recording> {
         exposure: FrameExposure::NEUTRAL,
     };
     let cameras = SyntheticPerson::held_out_cameras(size);
-    let seen_by = |poses: &[Pose], every: usize| -> Vec<View> {
+    let seen_by = |poses: &[Pose], every: usize| -> Vec<HeldOutPicture> {
         let chosen: Vec<(usize, &Pose)> = poses.iter().enumerate().step_by(every).collect();
         (0..)
             .zip(&cameras)

@@ -11,7 +11,7 @@
 use crate::captures::Recording;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
-use yoto_avatar::render::{FollowedSplats, Renderer};
+use yoto_avatar::render::{Renderer, TrackedSplats};
 use yoto_capture::camera::Pose;
 use yoto_synthetic::SyntheticPerson;
 
@@ -39,11 +39,11 @@ pub struct DisplacementError {
 /// The error in some poses, millimetres: of what changes with the pose.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct PoseError {
-    /// Of the model.
+    /// Error of the model.
     pub error_mm: f64,
-    /// Of the model's skinning, without the non-rigid field and pose blend shapes.
+    /// Error of the model's skinning, without the non-rigid field and pose blend shapes.
     pub skinned_mm: f64,
-    /// Of true skinning of clothes that never move.
+    /// Error of true skinning of clothes that never move.
     pub still_mm: f64,
 }
 
@@ -151,10 +151,8 @@ fn of_splats(
     actor: &SyntheticPerson,
     poses: &[Pose],
 ) -> anyhow::Result<Option<([f64; 3], usize)>> {
-    let follow = |poses: &[Pose]| -> anyhow::Result<Option<Vec<FollowedSplats>>> {
-        let each = poses
-            .iter()
-            .map(|pose| renderer.followed_splats(slot, pose));
+    let follow = |poses: &[Pose]| -> anyhow::Result<Option<Vec<TrackedSplats>>> {
+        let each = poses.iter().map(|pose| renderer.track_splats(slot, pose));
         let each: Result<_, _> = each.collect();
         each.with_context(|| format!("the splats of {}", actor.name()))
     };
@@ -188,7 +186,7 @@ fn of_splats(
 fn part_of(
     actor: &SyntheticPerson,
     filmed: &[Pose],
-    in_film: &[FollowedSplats],
+    in_film: &[TrackedSplats],
     splat: usize,
 ) -> Option<(usize, [f64; 3])> {
     let parts = (0..actor.cloth_parts()).map(|part| {

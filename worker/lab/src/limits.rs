@@ -4,21 +4,21 @@
 use crate::captures::Recording;
 use yoto_avatar::evaluate::RegionError;
 use yoto_capture::Shard;
-use yoto_capture::check::{Checker, Grade, Kind, Measure};
+use yoto_capture::check::{Checker, Grade, Measure, MeasureKind};
 use yoto_capture::skeleton::SkeletonError;
 
 /// Measures that need no background in the pictures.
-const MEASURES: [Kind; 10] = [
-    Kind::Timing,
-    Kind::Silhouette,
-    Kind::Masks,
-    Kind::Views,
-    Kind::Jumps,
-    Kind::Jitter,
-    Kind::Precision,
-    Kind::Duplicates,
-    Kind::Blur,
-    Kind::Exposure,
+const MEASURES: [MeasureKind; 10] = [
+    MeasureKind::Timing,
+    MeasureKind::Silhouette,
+    MeasureKind::Masks,
+    MeasureKind::Views,
+    MeasureKind::Jumps,
+    MeasureKind::Jitter,
+    MeasureKind::Precision,
+    MeasureKind::Duplicates,
+    MeasureKind::Blur,
+    MeasureKind::Exposure,
 ];
 
 /// A sentence on the capture of `recording`; `errors` are those of all measured pictures.
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
     use yoto_avatar::evaluate::Region;
 
-    fn measure(kind: Kind, grade: Grade) -> Measure {
+    fn measure(kind: MeasureKind, grade: Grade) -> Measure {
         Measure {
             kind,
             grade,
@@ -97,16 +97,16 @@ mod tests {
             });
         let all = [
             // Pictures without background agree with their masks by definition.
-            measure(Kind::ImageInMask, Grade::Fail),
-            measure(Kind::Blur, Grade::Warn),
-            measure(Kind::Views, Grade::Fail),
-            measure(Kind::Jitter, Grade::Fail),
+            measure(MeasureKind::ImageInMask, Grade::Fail),
+            measure(MeasureKind::Blur, Grade::Warn),
+            measure(MeasureKind::Views, Grade::Fail),
+            measure(MeasureKind::Jitter, Grade::Fail),
         ];
         assert_eq!(
             sentence(&all, &errors),
             "what limits this capture is its view coverage (3 of 12): the back will be guessed"
         );
-        let fine = [measure(Kind::Views, Grade::Pass)];
+        let fine = [measure(MeasureKind::Views, Grade::Pass)];
         assert!(
             sentence(&fine, &errors)
                 .ends_with("most of the error, 60 %, is in the region \"outline\"")

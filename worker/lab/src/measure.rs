@@ -1,6 +1,6 @@
 //! Renders held-out pictures and compares them with ground truth.
 
-use crate::captures::{Recording, Split, View};
+use crate::captures::{HeldOutPicture, Recording, Split};
 use crate::display::Display;
 use anyhow::Context;
 use image::{GenericImage, RgbImage};
@@ -38,7 +38,7 @@ pub(super) fn person(
     recording: &Recording,
     split: Split,
     count: usize,
-    mut on_picture: impl FnMut(&View, &Examined) -> anyhow::Result<()>,
+    mut on_picture: impl FnMut(&HeldOutPicture, &Examined) -> anyhow::Result<()>,
 ) -> anyhow::Result<Score> {
     let mut mean = Mean::default();
     for view in recording.subset(split, count) {
@@ -87,7 +87,7 @@ pub(super) fn subject(
     })
 }
 
-fn examine(examiner: &Examiner, slot: usize, view: &View) -> anyhow::Result<Examined> {
+fn examine(examiner: &Examiner, slot: usize, view: &HeldOutPicture) -> anyhow::Result<Examined> {
     let truth = Truth {
         pose: &view.pose,
         camera: &view.camera,
@@ -105,7 +105,7 @@ pub(super) fn write_pair(
     folder: &Path,
     recording: &Recording,
     split: Split,
-    view: &View,
+    view: &HeldOutPicture,
     examined: &Examined,
 ) -> anyhow::Result<()> {
     let (width, height) = (view.truth.width, view.truth.height);

@@ -1,6 +1,6 @@
 //! Captures as users have them: one camera, and no pictures besides the film.
 
-use crate::captures::{Recording, Split, View};
+use crate::captures::{HeldOutPicture, Recording, Split};
 use anyhow::{Context, ensure};
 use std::path::Path;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ impl OneCamera {
     }
 }
 
-/// Which frames of a film are held out.
+/// The frames of a capture that are held out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HeldOut {
     /// One frame of each run of this length, as poses.
@@ -100,7 +100,7 @@ pub(super) fn recording(
             Some(Split::NovelView) => &mut novel_view,
             Some(Split::NovelPose) => &mut novel_pose,
         };
-        pictures.push(View {
+        pictures.push(HeldOutPicture {
             label: format!("frame-{:06}", frame.index),
             given: Pose::from_frame(frame)?,
             pose: Pose::from_frame(frame)?,

@@ -4,7 +4,7 @@
 //! removes the gauge of the model.
 
 use crate::alignment::Alignment;
-use crate::captures::{Recording, Split, View};
+use crate::captures::{HeldOutPicture, Recording, Split};
 use crate::display::Screen;
 use anyhow::Context;
 use yoto_avatar::evaluate::{Examiner, Mean, Score, SplitScores, Truth};
@@ -46,7 +46,8 @@ pub(super) fn aligned(
     count: usize,
     screen: &dyn Screen,
 ) -> anyhow::Result<SplitScores> {
-    let pose = |slot: usize, it: &View| Ok(alignments[slot - first_slot].apply_to(&it.pose));
+    let pose =
+        |slot: usize, it: &HeldOutPicture| Ok(alignments[slot - first_slot].apply_to(&it.pose));
     scores(
         examiner,
         recordings,
@@ -65,7 +66,7 @@ fn scores(
     count: usize,
     screen: &dyn Screen,
     title: &str,
-    pose: impl Fn(usize, &View) -> anyhow::Result<Pose>,
+    pose: impl Fn(usize, &HeldOutPicture) -> anyhow::Result<Pose>,
 ) -> anyhow::Result<SplitScores> {
     let mut display = screen.begin(title);
     let mut done = 0;

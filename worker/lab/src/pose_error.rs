@@ -1,4 +1,4 @@
-//! How far the joints of training poses are from those of the exact ones.
+//! The distances of the joints of training poses from those of the exact ones.
 
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::Pose;
@@ -8,9 +8,9 @@ use yoto_capture::skeleton::transform::{length, sub};
 /// Mean distance of joints from their exact places over all frames, millimetres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PoseErrors {
-    /// Of the poses that training was given.
+    /// Error of the poses that training was given.
     pub given_mm: f64,
-    /// Of those poses as training has refined them; absent where it does not.
+    /// Error of those poses as training has refined them; absent where it does not refine them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refined_mm: Option<f64>,
 }

@@ -5,14 +5,14 @@
 //! seed give comparable figures between versions.
 
 use crate::alignment::Alignment;
-use crate::captures::{self, Film, Recording, Split, View};
+use crate::captures::{self, CaptureSource, HeldOutPicture, Recording, Split};
 use crate::display::Screen;
 use crate::limits;
 use crate::measure;
 use crate::one_camera::HeldOut;
 use crate::other_poses;
 use crate::pose_error::PoseErrors;
-use crate::report::{Curve, CurvePoint, Report, Settings};
+use crate::report::{Curve, CurvePoint, QualityReport, Settings};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
 use anyhow::{Context, ensure};
@@ -33,8 +33,8 @@ const CURVE_POINTS: f64 = 10.0;
 #[derive(Debug, Clone)]
 pub struct QualityOptions {
     /// Captures, one per person.
-    pub captures: Vec<Film>,
-    /// Which frames of a capture of one camera are held out.
+    pub captures: Vec<CaptureSource>,
+    /// The frames of a capture of one camera that are held out.
     pub held_out: HeldOut,
     /// Longest side of the pictures, pixels.
     pub size: u32,
@@ -62,7 +62,7 @@ pub struct QualityOptions {
     pub seed: u64,
     /// Folder for truth and render of each held-out picture side by side.
     pub pictures: Option<PathBuf>,
-    /// What is known of people before.
+    /// Knowledge of people before the training.
     pub prior: Prior,
     /// Checkpoint of a model that the person of the one capture joins, in place of a new model.
     pub join: Option<PathBuf>,
@@ -77,11 +77,11 @@ pub struct QualityOptions {
 /// # Errors
 /// The first failure: a capture that can't be read, an unknown tier or variant, training that
 /// diverges.
-pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<Report> {
+pub fn run(options: &QualityOptions, screen: &dyn Screen) -> anyhow::Result<QualityReport> {
     let mut config = ModelConfig::named(&options.tier, &options.variant)?;
     config = config.with(&options.settings)?;
     let protocol = Protocol::named(HELD_OUT)?;
-    let mut recordings = captures::read_films(
+    let mut recordings = captures::read_sources(
         &options.captures,
         options.size,
         options.held_out,
@@ -217,7 +217,7 @@ fn finish(
     curve: Curve,
     picked: &PickedDevice,
     screen: &dyn Screen,
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<QualityReport> {
     let protocol = Protocol::named(HELD_OUT)?;
     let examiner = Examiner::new(
         trainer.renderer(),
@@ -225,7 +225,7 @@ fn finish(
         lpips(options.lpips.as_ref(), picked)?,
     );
     let mut display = screen.begin("evaluating");
-    let measured = |pictures: &[View]| pictures.len().min(options.measured);
+    let measured = |pictures: &[HeldOutPicture]| pictures.len().min(options.measured);
     let total: usize = recordings
         .iter()
         .map(|it| measured(&it.novel_view) + measured(&it.novel_pose))
@@ -304,7 +304,7 @@ fn finish(
     let limits = recordings.iter().map(|it| limits::limit(it, &all));
     let limits: Vec<String> = limits.collect::<Result<_, _>>()?;
     let progress = trainer.progress();
-    Ok(Report {
+    Ok(QualityReport {
         mean: SplitScores::mean(&subjects),
         fitted,
         aligned,

@@ -10,16 +10,16 @@ use yoto_avatar::evaluate::{SplitScores, SubjectScore, split_table};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct QualityReport {
     /// One entry per person.
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
     pub mean: SplitScores,
-    /// The same after a fit of the held-out pictures' poses, with the model as it is; absent if it
+    /// The averages after a fit of the held-out pictures' poses, with the model as it is; absent if it
     /// was not requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fitted: Option<SplitScores>,
-    /// The same with the held-out poses moved by the mean change from exact training poses to those
+    /// The averages with the held-out poses moved by the mean change from exact training poses to those
     /// that the model was learned from; absent where it was learned from exact ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aligned: Option<SplitScores>,
@@ -48,10 +48,10 @@ pub struct Report {
     /// Parts of the model that become active during a run, and were at its end.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub active_parts: Vec<String>,
-    /// Whose poses are refined and why, and what became of single frames.
+    /// The people whose poses are refined and why, and what became of single frames.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Of training poses that are not the exact ones, the mean over the people.
+    /// Errors of training poses that are not the exact ones, as means over the people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose_errors: Option<PoseErrors>,
     /// Seconds to render a frame at the evaluated size.
@@ -116,7 +116,7 @@ impl Curve {
     }
 }
 
-impl Report {
+impl QualityReport {
     /// Writes `report.json`, and creates its folder.
     ///
     /// # Errors
@@ -196,7 +196,7 @@ mod tests {
         }
     }
 
-    fn report() -> Report {
+    fn report() -> QualityReport {
         let subject = |name: &str, psnr: f64| SubjectScore {
             name: name.into(),
             scores: SplitScores {
@@ -206,7 +206,7 @@ mod tests {
             black_image_psnr: 18.0,
         };
         let subjects = vec![subject("ada", 28.0), subject("bob", 26.0)];
-        Report {
+        QualityReport {
             mean: SplitScores::mean(&subjects),
             fitted: None,
             aligned: None,
@@ -263,7 +263,7 @@ mod tests {
             }
         }
         assert_eq!(json["subjects"][0]["name"], "ada");
-        let read: Report = serde_json::from_value(json).expect("reads back");
+        let read: QualityReport = serde_json::from_value(json).expect("reads back");
         assert_eq!(read, report());
     }
 

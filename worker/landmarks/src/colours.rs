@@ -2,7 +2,7 @@
 
 /// Levels that colours of one person differ by in different light and poses: lightness, and differences of channels.
 const SPREAD: [f32; 3] = [32.0, 14.0, 14.0];
-/// Difference of colours, in spreads, above which a figure is somebody else.
+/// A body whose colours differ by more than this, in spreads, is another person.
 pub const OTHER_COLOURS: f32 = 3.0;
 
 /// Levels of red, green and blue as lightness, red less green, and yellow less blue.

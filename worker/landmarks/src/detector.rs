@@ -16,7 +16,7 @@ pub(crate) const BOXES: usize = 2254;
 const LAYERS: [(usize, usize); 3] = [(8, 2), (16, 2), (32, 6)];
 /// Least score of a person.
 const LOWEST_SCORE: f32 = 0.5;
-/// Overlap (intersection over union) above which boxes show the same person.
+/// Boxes that overlap more than this (intersection over union) show the same person.
 const SAME: f32 = 0.3;
 
 /// The anchors' positions, from 0 to 1.
@@ -35,7 +35,7 @@ pub(crate) fn anchors() -> Vec<[f32; 2]> {
 
 /// A box of the detector, with coordinates from 0 to 1.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct DetectedBox {
     score: f32,
     /// Left, top, right, bottom.
     sides: [f32; 4],
@@ -52,7 +52,7 @@ pub(crate) fn people(
     whole: Region,
 ) -> Vec<Region> {
     let boxes = boxes.as_chunks::<NUMBERS>().0.iter();
-    let mut found: Vec<Found> = anchors
+    let mut found: Vec<DetectedBox> = anchors
         .iter()
         .zip(boxes)
         .zip(scores)
@@ -73,7 +73,7 @@ pub(crate) fn people(
 }
 
 /// The square around the person of the box `best`.
-fn region(best: &Found, found: &[Found], whole: Region) -> Option<Region> {
+fn region(best: &DetectedBox, found: &[DetectedBox], whole: Region) -> Option<Region> {
     let (mut hips, mut circle, mut weight) = ([0.0; 2], [0.0; 2], 0.0);
     for same in found.iter().filter(|other| shared(best, other) > SAME) {
         weight += same.score;
@@ -87,7 +87,7 @@ fn region(best: &Found, found: &[Found], whole: Region) -> Option<Region> {
     Region::around(mean(hips), mean(circle))
 }
 
-fn found(anchor: [f32; 2], numbers: &[f32; NUMBERS], score: f32) -> Option<Found> {
+fn found(anchor: [f32; 2], numbers: &[f32; NUMBERS], score: f32) -> Option<DetectedBox> {
     let score = 1.0 / (1.0 + (-score.clamp(-100.0, 100.0)).exp());
     if score < LOWEST_SCORE || !numbers.iter().all(|number| number.is_finite()) {
         return None;
@@ -95,7 +95,7 @@ fn found(anchor: [f32; 2], numbers: &[f32; NUMBERS], score: f32) -> Option<Found
     let [x, y, width, height, hips_x, hips_y, circle_x, circle_y, ..] =
         numbers.map(|number| number / SIDE as f32);
     let [x, y] = [anchor[0] + x, anchor[1] + y];
-    Some(Found {
+    Some(DetectedBox {
         score,
         sides: [
             x - width / 2.0,
@@ -109,7 +109,7 @@ fn found(anchor: [f32; 2], numbers: &[f32; NUMBERS], score: f32) -> Option<Found
 }
 
 /// The intersection over union of two boxes.
-fn shared(a: &Found, b: &Found) -> f32 {
+fn shared(a: &DetectedBox, b: &DetectedBox) -> f32 {
     let area =
         |[left, top, right, bottom]: [f32; 4]| (right - left).max(0.0) * (bottom - top).max(0.0);
     let both = area([

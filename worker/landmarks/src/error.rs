@@ -20,7 +20,7 @@ pub enum LandmarkError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         error: std::io::Error,
     },
     /// A file is not a model that this program can run.
@@ -28,7 +28,7 @@ pub enum LandmarkError {
     Model {
         /// The file.
         path: PathBuf,
-        /// What about it.
+        /// The fault, in words.
         message: String,
     },
     /// The pixels do not make a picture of the given size.

@@ -26,5 +26,5 @@ mod watcher;
 pub use error::LandmarkError;
 pub use mask::{Outline, PERSON, clean, parts};
 pub use model::PoseModel;
-pub use people::{Figure, Person, Sighting, Target, people};
-pub use watcher::{Seen, Watcher};
+pub use people::{BodySquare, PersonTrack, Sighting, Target, people};
+pub use watcher::{PersonLandmarks, Watcher};

@@ -1,7 +1,7 @@
-//! The people of a clip, and which of them a figure in a picture is.
+//! The people of a clip, and the identity of a body in a picture.
 //!
-//! Whoever is looked for from picture to picture may be somebody else after they were lost. So the figures that were found are cut
-//! where one is too far from the one before to be the same body, and the parts are joined again where place or colours allow it.
+//! A search from picture to picture may find another person after it lost the first. So the sequence of bodies is cut
+//! where a body is too far from the one before to be the same, and the parts are joined again where place or colours allow it.
 
 use crate::colours::{OTHER_COLOURS, difference};
 
@@ -10,7 +10,7 @@ pub(crate) type Colours = [Option<[f32; 3]>; 2];
 
 /// A body in a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Figure {
+pub struct BodySquare {
     /// The middle of the hips, pixels.
     pub hips: [f32; 2],
     /// Side of the square around the body, pixels.
@@ -20,9 +20,9 @@ pub struct Figure {
 
 /// A person in some pictures of a clip.
 #[derive(Clone, Debug)]
-pub struct Person {
+pub struct PersonTrack {
     /// Number of the picture and figure, in ascending order.
-    pub seen: Vec<(usize, Figure)>,
+    pub seen: Vec<(usize, BodySquare)>,
 }
 
 /// Motion between two pictures, as a share of the body's square: at once, and for each picture in between. At 30 frames per second a
@@ -30,22 +30,22 @@ pub struct Person {
 const MOTION: [f32; 2] = [0.3, 0.1];
 /// Largest motion that is followed, however long it took.
 const FARTHEST: f32 = 1.5;
-/// Pictures within which nobody comes back at another place.
+/// Within this number of pictures, nobody returns at another place.
 const SOON: usize = 30;
 /// Largest change of size, natural logarithm.
 const GROWTH: f32 = 0.6;
-/// Difference of colours below which figures that were lost in between are one person's.
+/// Bodies that were lost in between are the same person if their colours differ by less than this.
 const SAME_COLOURS: f32 = 1.5;
-/// Pictures without the person, in those that follow each other, after which colours tell whether a figure is the same person.
+/// After this number of consecutive pictures without the person, colours decide whether a body is the same person.
 const LOST: usize = 3;
-/// By how much a figure must resemble another person more before it is taken for them, spreads.
+/// A body is taken for another person if it resembles them more by at least this, spreads.
 const CLEARLY: f32 = 0.5;
-/// Fewest pictures in which somebody is seen who is told from the person: others may be shadows.
+/// Another person must be seen in at least this number of pictures: others may be shadows.
 const FEWEST: usize = 2;
-/// Figures nearer than this, as a share of the square, are at one place.
+/// Bodies nearer than this, as a share of the square, are at one place.
 const TOUCHING: f32 = 0.15;
 
-impl Figure {
+impl BodySquare {
     /// Side of the square over the body's length.
     pub const MARGIN: f32 = crate::region::MARGIN;
 
@@ -77,21 +77,21 @@ impl Figure {
     }
 }
 
-impl Person {
-    /// How much is known of the person: pictures, and size in them.
+impl PersonTrack {
+    /// The person's weight: number of pictures times size.
     fn weight(&self) -> f32 {
         self.seen.iter().map(|(_, figure)| figure.side).sum()
     }
 
     /// The difference of colours to the figure seen that is most alike.
-    fn difference(&self, figure: &Figure) -> Option<f32> {
+    fn difference(&self, figure: &BodySquare) -> Option<f32> {
         let all = self.seen.iter();
         all.filter_map(|(_, seen)| seen.difference(figure))
             .min_by(f32::total_cmp)
     }
 
     /// Where the person is in the picture `at`, between two in which they are seen, at most `gap` apart.
-    fn figure_at(&self, at: usize, gap: usize) -> Option<Figure> {
+    fn figure_at(&self, at: usize, gap: usize) -> Option<BodySquare> {
         let next = self.seen.partition_point(|(picture, _)| *picture < at);
         let after = self.seen.get(next);
         if let Some((picture, figure)) = after
@@ -105,7 +105,7 @@ impl Person {
         }
         let share = (at - first) as f32 / (last - first) as f32;
         let mixed = |a: f32, b: f32| a + share * (b - a);
-        Some(Figure {
+        Some(BodySquare {
             hips: [0, 1].map(|axis| mixed(a.hips[axis], b.hips[axis])),
             side: mixed(a.side, b.side),
             colours: [None; 2],
@@ -114,8 +114,8 @@ impl Person {
 
     /// Whether the figure wears what the person never does: some part is of another colour than in all pictures that show the
     /// most parts of both. An arm before the torso gives it skin's colour in some, often where the legs are hidden.
-    fn is_unlike(&self, figure: &Figure) -> bool {
-        let parts = |seen: &Figure| seen.differences(figure).count();
+    fn is_unlike(&self, figure: &BodySquare) -> bool {
+        let parts = |seen: &BodySquare| seen.differences(figure).count();
         let all = || self.seen.iter().map(|(_, seen)| seen);
         let most = all().map(parts).max().unwrap_or(0);
         let telling = all().filter(|seen| most > 0 && parts(seen) == most);
@@ -126,7 +126,7 @@ impl Person {
     }
 
     /// Whether the figure in the picture `at`, after the last cut at `cut`, can be the person, who was lost before.
-    fn comes_back(&self, at: usize, figure: &Figure, cut: usize) -> bool {
+    fn comes_back(&self, at: usize, figure: &BodySquare, cut: usize) -> bool {
         let Some((last, before)) = self.seen.last() else {
             return false;
         };
@@ -139,23 +139,23 @@ impl Person {
     }
 }
 
-/// What was found in one picture.
+/// A body found in one picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Sighting {
     /// Number of the picture.
     pub at: usize,
     /// The body.
-    pub figure: Figure,
+    pub figure: BodySquare,
     /// Whether the picture shows another scene than the sighting before, or the same from elsewhere: then a body may be anywhere.
     pub is_cut: bool,
 }
 
 /// The people of a clip, those who are largest and seen longest first, from one sighting per picture, in ascending order.
-pub fn people(sightings: &[Sighting]) -> Vec<Person> {
-    let mut people: Vec<Person> = Vec::new();
+pub fn people(sightings: &[Sighting]) -> Vec<PersonTrack> {
+    let mut people: Vec<PersonTrack> = Vec::new();
     let mut current = None;
     let mut last_cut = 0;
-    let mut before: Option<(usize, Figure)> = None;
+    let mut before: Option<(usize, BodySquare)> = None;
     // Of pictures that follow each other.
     let steps = sightings.windows(2).map(|pair| pair[1].at - pair[0].at);
     let lost = LOST * steps.min().unwrap_or(1).max(1);
@@ -166,9 +166,9 @@ pub fn people(sightings: &[Sighting]) -> Vec<Person> {
         // Somebody else may come to where a body was lost; one that is followed keeps its place in odd light.
         let is_other = |last: usize| {
             let person = current.and_then(|index| people.get(index));
-            at - last > lost && person.is_some_and(|person: &Person| person.is_unlike(&figure))
+            at - last > lost && person.is_some_and(|person: &PersonTrack| person.is_unlike(&figure))
         };
-        let is_same_body = |(last, before): &(usize, Figure)| {
+        let is_same_body = |(last, before): &(usize, BodySquare)| {
             figure.is_reached(before, at - last) && !is_other(*last)
         };
         if is_cut || !before.as_ref().is_some_and(is_same_body) {
@@ -180,7 +180,7 @@ pub fn people(sightings: &[Sighting]) -> Vec<Person> {
             Some(person) => person.seen.push((at, figure)),
             None => {
                 current = Some(people.len());
-                people.push(Person {
+                people.push(PersonTrack {
                     seen: vec![(at, figure)],
                 });
             }
@@ -196,25 +196,26 @@ fn allowed(pictures: usize) -> f32 {
     (MOTION[0] + MOTION[1] * pictures as f32).min(FARTHEST)
 }
 
-/// One of several people, who is told from the others.
+/// One of several people, distinguished from the others.
 #[derive(Clone, Debug)]
 pub struct Target {
-    person: Person,
-    others: Vec<Person>,
-    /// Pictures between two in which a person's place is known in between.
+    person: PersonTrack,
+    others: Vec<PersonTrack>,
+    /// A person's place is interpolated between pictures at most this number apart.
     gap: usize,
-    /// Where the person was told last.
-    last: Option<(usize, Figure)>,
+    /// The last picture and place of the person.
+    last: Option<(usize, BodySquare)>,
 }
 
 impl Target {
     /// The person `index` of `people`, whose pictures are at most `step` apart. `None` without others who are seen more than once: then
-    /// whoever is found is the person.
-    pub fn new(people: &[Person], index: usize, step: usize) -> Option<Self> {
+    /// any person found is the one.
+    pub fn new(people: &[PersonTrack], index: usize, step: usize) -> Option<Self> {
         let person = people.get(index)?.clone();
-        let is_other = |(at, other): &(usize, &Person)| *at != index && other.seen.len() >= FEWEST;
+        let is_other =
+            |(at, other): &(usize, &PersonTrack)| *at != index && other.seen.len() >= FEWEST;
         let others = people.iter().enumerate().filter(is_other);
-        let others: Vec<Person> = others.map(|(_, other)| other.clone()).collect();
+        let others: Vec<PersonTrack> = others.map(|(_, other)| other.clone()).collect();
         (!others.is_empty()).then_some(Self {
             person,
             others,
@@ -224,12 +225,12 @@ impl Target {
     }
 
     /// Tells that the figure in the picture `at` is the person.
-    pub(crate) fn saw(&mut self, at: usize, figure: Figure) {
+    pub(crate) fn saw(&mut self, at: usize, figure: BodySquare) {
         self.last = Some((at, figure));
     }
 
     /// Whether the person was told a short while ago, too far away to be the figure in the picture `at`.
-    fn is_too_soon(&self, at: usize, figure: &Figure) -> bool {
+    fn is_too_soon(&self, at: usize, figure: &BodySquare) -> bool {
         self.last.is_some_and(|(last, before)| {
             let passed = at.saturating_sub(last);
             passed <= self.gap && !figure.is_reached(&before, passed)
@@ -238,7 +239,7 @@ impl Target {
 
     /// Distance of the figure in the picture `at` from where the person is: as seen before and after, else not far from where they
     /// were told last.
-    fn own_place(&self, at: usize, figure: &Figure) -> Option<f32> {
+    fn own_place(&self, at: usize, figure: &BodySquare) -> Option<f32> {
         let seen = self.person.figure_at(at, self.gap);
         seen.map(|expected| figure.distance(&expected)).or_else(|| {
             let (last, before) = self.last?;
@@ -250,13 +251,13 @@ impl Target {
 
     /// Whether the figure in the picture `at` is the person: nearer to their place than to that of others, and not more like
     /// another in its colours.
-    pub(crate) fn is_person(&self, at: usize, figure: &Figure) -> bool {
+    pub(crate) fn is_person(&self, at: usize, figure: &BodySquare) -> bool {
         self.cost(at, figure).is_some()
     }
 
-    /// How far the figure in the picture `at` is from the person's place and colours; `None` if it is somebody else, or nobody can tell.
-    pub(crate) fn cost(&self, at: usize, figure: &Figure) -> Option<f32> {
-        let place = |person: &Person| {
+    /// The distance of the body in the picture `at` from the person's place and colours; `None` if it is another person, or undecided.
+    pub(crate) fn cost(&self, at: usize, figure: &BodySquare) -> Option<f32> {
+        let place = |person: &PersonTrack| {
             let expected = person.figure_at(at, self.gap)?;
             Some(figure.distance(&expected))
         };
@@ -296,15 +297,15 @@ mod tests {
     const RED: [f32; 3] = [110.0, 90.0, 40.0];
     const BLUE: [f32; 3] = [90.0, -40.0, -70.0];
 
-    fn figure(x: f32, torso: [f32; 3]) -> Figure {
-        Figure {
+    fn figure(x: f32, torso: [f32; 3]) -> BodySquare {
+        BodySquare {
             hips: [x, 300.0],
             side: 400.0,
             colours: [Some(torso), None],
         }
     }
 
-    fn sighting(at: usize, figure: Figure) -> Sighting {
+    fn sighting(at: usize, figure: BodySquare) -> Sighting {
         Sighting {
             at,
             figure,
@@ -313,7 +314,7 @@ mod tests {
     }
 
     /// A dancer in red at 300, followed up to picture 40; then a bystander in blue at 1200.
-    fn two() -> Vec<Person> {
+    fn two() -> Vec<PersonTrack> {
         let red = (0..=40).map(|at| sighting(at, figure(300.0, RED)));
         let blue = (41..=60).map(|at| sighting(at, figure(1200.0, BLUE)));
         people(&red.chain(blue).collect::<Vec<_>>())
@@ -321,7 +322,7 @@ mod tests {
 
     #[test]
     fn who_is_suddenly_elsewhere_is_somebody_else() {
-        let seen = |people: Vec<Person>| -> Vec<usize> {
+        let seen = |people: Vec<PersonTrack>| -> Vec<usize> {
             people.iter().map(|person| person.seen.len()).collect()
         };
         assert_eq!(seen(two()), [41, 20]);
@@ -358,7 +359,7 @@ mod tests {
 
     #[test]
     fn an_arm_before_the_torso_makes_nobody_alike() {
-        let wears = |torso, legs| Figure {
+        let wears = |torso, legs| BodySquare {
             colours: [Some(torso), legs],
             ..figure(300.0, torso)
         };
@@ -390,7 +391,7 @@ mod tests {
 
     #[test]
     fn the_largest_who_is_seen_longest_comes_first() {
-        let small = Figure {
+        let small = BodySquare {
             side: 100.0,
             ..figure(1200.0, BLUE)
         };

@@ -1,7 +1,7 @@
 //! Follows one person from picture to picture.
 
 use crate::colours::opponent;
-use crate::people::{Colours, Figure, Target};
+use crate::people::{BodySquare, Colours, Target};
 use crate::region::{Region, View};
 use crate::{LandmarkError, Outline, PoseModel};
 
@@ -20,26 +20,26 @@ pub struct Watcher {
     target: Option<Target>,
 }
 
-/// Most people of one picture that are looked at, the most certain first.
+/// At most this number of people is examined in one picture, the most certain first.
 const MOST_PEOPLE: usize = 5;
-/// Likelihood from which on a landmark is in sight.
+/// Least likelihood of a landmark in sight.
 const IN_SIGHT: f32 = 0.5;
 
 /// A person in a picture. The 33 points are BlazePose's.
 #[derive(Clone, Debug)]
-pub struct Seen {
+pub struct PersonLandmarks {
     /// x and y in pixels from the picture's corner, z in pixels from the hips (away from the camera
     /// is positive), visibility from 0 to 1.
     pub picture: [[f32; 4]; 33],
     /// Metres from the middle of the hips, in the camera's axes (x right, y down, z forward);
     /// visibility from 0 to 1.
     pub space: [[f32; 4]; 33],
-    /// Where the person is.
+    /// The person's outline.
     pub outline: Outline,
     /// Likelihood of a person, from 0 to 1.
     pub score: f32,
     /// Place, size and colours of the body; `None` if its square can't be told.
-    pub figure: Option<Figure>,
+    pub figure: Option<BodySquare>,
 }
 
 impl Watcher {
@@ -52,7 +52,7 @@ impl Watcher {
         }
     }
 
-    /// Follows `target` from here on; `None` follows whoever is found.
+    /// Follows `target` from here on; `None` follows the first person found.
     pub fn follow(&mut self, target: Option<Target>) {
         self.target = target;
         self.expected = None;
@@ -64,7 +64,7 @@ impl Watcher {
     }
 
     /// The person in the picture `at` of the clip, `rgb`, `[height, width, 3]`, of `size` (width, height); `None` without a
-    /// person, or if nobody can be told to be the one who is followed.
+    /// person, or if no person is surely the followed one.
     ///
     /// # Errors
     /// [`LandmarkError::Picture`] if `rgb` does not have that size.
@@ -73,7 +73,7 @@ impl Watcher {
         at: usize,
         rgb: &[u8],
         size: [usize; 2],
-    ) -> Result<Option<Seen>, LandmarkError> {
+    ) -> Result<Option<PersonLandmarks>, LandmarkError> {
         let view = view(rgb, size)?;
         if let Some(region) = self.expected.take()
             && let Some((seen, next)) = self.look_in(view, region)
@@ -91,7 +91,7 @@ impl Watcher {
             self.expected = next.flatten();
             return Ok(seen);
         }
-        let mut best: Option<(f32, Seen, Option<Region>)> = None;
+        let mut best: Option<(f32, PersonLandmarks, Option<Region>)> = None;
         for region in regions.into_iter().take(MOST_PEOPLE) {
             let Some((seen, next)) = self.look_in(view, region) else {
                 continue;
@@ -113,7 +113,7 @@ impl Watcher {
         }))
     }
 
-    fn is_target(&mut self, at: usize, seen: &Seen) -> bool {
+    fn is_target(&mut self, at: usize, seen: &PersonLandmarks) -> bool {
         let Some(target) = &mut self.target else {
             return true;
         };
@@ -125,15 +125,15 @@ impl Watcher {
     }
 
     /// The person in `region`, and where they are expected next.
-    fn look_in(&mut self, view: View, region: Region) -> Option<(Seen, Option<Region>)> {
+    fn look_in(&mut self, view: View, region: Region) -> Option<(PersonLandmarks, Option<Region>)> {
         let looked = self.model.look(view, region);
         let landmarks = looked.landmarks.filter(|_| looked.score >= LOWEST_SCORE)?;
-        let figure = landmarks.next.map(|square| Figure {
+        let figure = landmarks.next.map(|square| BodySquare {
             hips: square.centre,
             side: square.side,
             colours: colours(view, &landmarks.picture),
         });
-        let seen = Seen {
+        let seen = PersonLandmarks {
             picture: landmarks.picture,
             space: landmarks.space,
             outline: self.model.outline(view, region),

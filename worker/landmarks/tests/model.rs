@@ -2,7 +2,9 @@
 //! without it if `YOTO_TEST_POSE_MODEL` is `required`.
 
 use std::path::{Path, PathBuf};
-use yoto_landmarks::{LandmarkError, PoseModel, Seen, Sighting, Target, Watcher, people};
+use yoto_landmarks::{
+    LandmarkError, PersonLandmarks, PoseModel, Sighting, Target, Watcher, people,
+};
 use yoto_media::{Limits, Picture, decode_still};
 
 fn model() -> Option<PoseModel> {
@@ -21,7 +23,7 @@ fn person() -> Picture {
     decode_still(include_bytes!("person.png"), &Limits::default()).expect("a picture")
 }
 
-fn look(watcher: &mut Watcher, picture: &Picture) -> Option<Seen> {
+fn look(watcher: &mut Watcher, picture: &Picture) -> Option<PersonLandmarks> {
     let size = [picture.width, picture.height];
     watcher.look(0, &picture.rgb, size).expect("a picture")
 }
@@ -139,7 +141,7 @@ fn one_of_two_people_is_followed() {
     let pictures: Vec<Picture> = (0..10)
         .map(|at| scene(if at < 5 { 4 * at } else { 345 }, at >= 5))
         .collect();
-    let look = |watcher: &mut Watcher| -> Vec<Option<Seen>> {
+    let look = |watcher: &mut Watcher| -> Vec<Option<PersonLandmarks>> {
         let all = pictures.iter().enumerate();
         let mut look = |(at, it): (usize, &Picture)| watcher.look(at, &it.rgb, [720, 400]);
         all.map(|it| look(it).expect("a picture")).collect()

@@ -10,15 +10,15 @@ pub enum MattingError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         error: std::io::Error,
     },
-    /// The file is no ONNX, or has operators that are not known.
+    /// The file is not ONNX, or has unknown operators.
     #[error("{}: {message}", path.display())]
     Load {
         /// The file.
         path: PathBuf,
-        /// What about it.
+        /// The fault, in words.
         message: String,
     },
     /// The inputs or outputs are not those of a matting model.
@@ -30,7 +30,7 @@ pub enum MattingError {
     Form {
         /// The file.
         path: PathBuf,
-        /// What about it.
+        /// The fault, in words.
         message: String,
     },
     /// The network failed on a picture, or its output is not a matte.
@@ -38,7 +38,7 @@ pub enum MattingError {
     Run {
         /// The file.
         path: PathBuf,
-        /// What about it.
+        /// The fault, in words.
         message: String,
     },
     /// The pixels do not make a picture of the given size.

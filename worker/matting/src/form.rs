@@ -13,7 +13,7 @@ const RVM_WHOLE: usize = 512;
 
 /// The form of a matting model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum ModelForm {
     /// One picture in, a matte out.
     Single,
     /// RVM: it also takes its memory of the pictures before.
@@ -94,10 +94,10 @@ impl Signature {
         })
     }
 
-    pub fn form(&self) -> Form {
+    pub fn form(&self) -> ModelForm {
         match self.recurrence {
-            Some(_) => Form::Recurrent,
-            None => Form::Single,
+            Some(_) => ModelForm::Recurrent,
+            None => ModelForm::Single,
         }
     }
 
@@ -105,15 +105,15 @@ impl Signature {
     pub fn seen(&self, width: usize, height: usize) -> [usize; 2] {
         let (long, short) = (width.max(height) as f64, width.min(height) as f64);
         let scale = match self.form() {
-            Form::Single => (SHORTER as f64 / short).min(LONGEST as f64 / long),
-            Form::Recurrent => LONGEST as f64 / long,
+            ModelForm::Single => (SHORTER as f64 / short).min(LONGEST as f64 / long),
+            ModelForm::Recurrent => LONGEST as f64 / long,
         };
         let open = |side: usize| match self.form() {
-            Form::Single => {
+            ModelForm::Single => {
                 let steps = (side as f64 * scale.min(1.0) / MULTIPLE as f64).round();
                 (steps as usize).max(1) * MULTIPLE
             }
-            Form::Recurrent => ((side as f64 * scale.min(1.0)).round() as usize).max(1),
+            ModelForm::Recurrent => ((side as f64 * scale.min(1.0)).round() as usize).max(1),
         };
         let [rows, columns] = self.size;
         [

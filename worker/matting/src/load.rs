@@ -11,13 +11,13 @@ const PATIENCE: Duration = Duration::from_secs(180);
 /// The network of an ONNX file.
 ///
 /// # Errors
-/// In words, when the file is none that can be run, or is not read in time.
+/// In words, when the file can't be run, or is not read in time.
 pub fn network(path: &Path) -> Result<Model, String> {
     let file = path.to_owned();
     within(PATIENCE, move || {
         Model::load_file(&file).map_err(|error| {
             format!(
-                "is no ONNX file that can be run: {error} (whole 32-bit floats are needed, and operators \
+                "is not an ONNX file that can be run: {error} (whole 32-bit floats are needed, and operators \
                  that rten knows)"
             )
         })

@@ -4,7 +4,7 @@ use crate::form::{Axes, Signature, name};
 use crate::load;
 use crate::output::{Coverage, coverage};
 use crate::person::{one, stretched};
-use crate::{Form, Levels, MattingError};
+use crate::{Levels, MattingError, ModelForm};
 use image::{RgbImage, imageops};
 use rten::{Model, NodeId, Value, ValueOrView};
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ impl Matter {
     }
 
     /// The model's form.
-    pub fn form(&self) -> Form {
+    pub fn form(&self) -> ModelForm {
         self.signature.form()
     }
 
@@ -89,7 +89,7 @@ impl Matter {
 
     /// The person in a picture `rgb`, `[height, width, 3]`, of `size` (width, height).
     ///
-    /// Of several people, it is the one in `expected` (a mask of the picture's size), or the largest.
+    /// If there are several people, the matte shows the one in `expected` (a mask of the picture's size), or the largest.
     ///
     /// # Errors
     /// [`MattingError::Picture`] if `rgb` or `expected` does not have that size; [`MattingError::Run`] if the

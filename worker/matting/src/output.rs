@@ -18,7 +18,7 @@ pub(crate) struct Coverage {
 /// them is not between 0 and 1.
 ///
 /// # Errors
-/// What is wrong with the value.
+/// The fault of the value, in words.
 pub(crate) fn coverage(value: &Value, logits: &mut bool) -> Result<Coverage, String> {
     let tensor = value.as_tensor_view::<f32>();
     let tensor = tensor.ok_or_else(|| format!("is of {}, not of floats", value.dtype()))?;

@@ -4,7 +4,7 @@ mod networks;
 
 use networks::{Network, bright};
 use std::path::{Path, PathBuf};
-use yoto_matting::{Form, Levels, Matte, Matter, MattingError};
+use yoto_matting::{Levels, Matte, Matter, MattingError, ModelForm};
 
 /// Opens `network` as a file.
 fn open(network: Network, levels: Levels) -> Result<Matter, MattingError> {
@@ -64,7 +64,7 @@ const TWO: [[usize; 4]; 2] = [[10, 10, 20, 40], [60, 20, 12, 24]];
 #[test]
 fn the_largest_person_is_taken_or_the_expected_one() {
     let mut matter = open(bright(0, 0), Levels::Signed).expect("a model");
-    assert_eq!(matter.form(), Form::Single);
+    assert_eq!(matter.form(), ModelForm::Single);
     let matte = matter.look(&picture(&TWO), SIZE, None).expect("a matte");
     assert_eq!(
         [at(&matte, 20, 30), at(&matte, 66, 30), at(&matte, 45, 5)],
@@ -111,7 +111,7 @@ fn other_levels_are_another_matte() {
 #[test]
 fn a_recurrent_network_is_given_what_it_has_seen() {
     let mut matter = open(recurrent(), Levels::Unit).expect("a model");
-    assert_eq!(matter.form(), Form::Recurrent);
+    assert_eq!(matter.form(), ModelForm::Recurrent);
     let first = matter.look(&picture(&TWO), SIZE, None).expect("a matte");
     assert!(!first.is_somebody, "it has seen nothing before");
     let second = matter.look(&picture(&TWO), SIZE, None).expect("a matte");
@@ -143,7 +143,7 @@ fn files_that_are_no_matting_models_are_named_with_what_is_wrong() {
     ] {
         let text = open_at(&write(name, bytes));
         assert!(
-            text.contains(name) && text.contains("no ONNX file"),
+            text.contains(name) && text.contains("not an ONNX file"),
             "{text}"
         );
     }

@@ -12,7 +12,7 @@ const DECODER_SLACK: u64 = 16 << 20;
 /// Decodes a PNG or JPEG. Its size is checked first: a file of 3 kB can declare 10^12 pixels.
 ///
 /// # Errors
-/// What is wrong with the picture, for its sender.
+/// The fault of the picture, for its sender.
 pub fn decode(bytes: &[u8]) -> Result<RgbImage, String> {
     let format = image::guess_format(bytes).map_err(|error| error.to_string())?;
     if !matches!(format, ImageFormat::Png | ImageFormat::Jpeg) {

@@ -11,7 +11,7 @@ pub const MEMORY_LIMIT: &str = "MEMORY_LIMIT";
 /// A fault of a user's file, without its location.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{message}")]
-pub struct Fault {
+pub struct MediaFault {
     /// For programs: `UNDECODABLE`, `TOO_LARGE`, `SIZE_MISMATCH`, `UNSAFE_PATH`, …
     pub code: &'static str,
     /// Human-readable.
@@ -22,7 +22,7 @@ pub struct Fault {
     pub field: String,
 }
 
-impl Fault {
+impl MediaFault {
     /// A fault of the file as a whole.
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         Self {
@@ -38,14 +38,14 @@ impl Fault {
         Self::new("UNDECODABLE", message)
     }
 
-    /// The same, at a frame of the video.
+    /// This fault at a frame of the video.
     #[must_use]
     pub fn in_frame(mut self, frame: usize) -> Self {
         self.frame = u32::try_from(frame).ok();
         self
     }
 
-    /// The same, at a field of the file.
+    /// This fault at a field of the file.
     #[must_use]
     pub fn in_field(mut self, field: impl Into<String>) -> Self {
         self.field = field.into();
@@ -69,7 +69,7 @@ impl Fault {
 pub enum MediaError {
     /// The user's file is at fault.
     #[error(transparent)]
-    Bad(#[from] Fault),
+    Bad(#[from] MediaFault),
     /// This machine is at fault: its disk, or a missing program.
     #[error("{}: {source}", path.display())]
     Io {

@@ -8,7 +8,7 @@
 //! Also writes pictures: as [`png`] files, still or animated, as a [`film`], and on disk ([`picture_file`]).
 //!
 //! No network, no tensors, no async. Input is untrusted: sizes are compared with [`Limits`]
-//! before anything is allocated, and an error is a [`Fault`] with a code and a message, to which
+//! before anything is allocated, and an error is a [`MediaFault`] with a code and a message, to which
 //! the caller adds file and frame. Total memory and time are limited from outside: the service
 //! runs this code in a child process.
 
@@ -30,7 +30,7 @@ pub mod source;
 mod still;
 pub mod video;
 
-pub use fault::{Fault, MEMORY_LIMIT, MediaError};
+pub use fault::{MEMORY_LIMIT, MediaError, MediaFault};
 pub use limits::Limits;
 pub use orientation::Orientation;
 pub use picture::Picture;

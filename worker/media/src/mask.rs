@@ -1,6 +1,6 @@
 //! Masks: coverage 0 to 255 per pixel, from the sources of a capture.
 
-use crate::{Fault, Picture};
+use crate::{MediaFault, Picture};
 use yoto_proto::media_plan::MaskKind;
 
 /// Levels of difference to the clean background between which coverage rises from 0 to 255.
@@ -17,7 +17,7 @@ const DARKEST_COVERAGE: u8 = 32;
 ///
 /// # Errors
 /// `LOOKS_LIKE_LABELS` for a coverage mask of a few dark levels only.
-pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault> {
+pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, MediaFault> {
     match kind {
         MaskKind::Coverage => {
             let mut coverage: Vec<u8> = picture.rgb.chunks_exact(3).map(luma).collect();
@@ -30,7 +30,7 @@ pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault>
                     "its brightest pixel is {brightest} of 255: coverage has 255 inside the \
                      person; if these are labels, say so (mask kind 'labels')"
                 );
-                return Err(Fault::new("LOOKS_LIKE_LABELS", message));
+                return Err(MediaFault::new("LOOKS_LIKE_LABELS", message));
             }
             Ok(coverage)
         }
@@ -39,7 +39,7 @@ pub fn from_picture(picture: &Picture, kind: MaskKind) -> Result<Vec<u8>, Fault>
             coverage.iter_mut().for_each(|it| *it = 255 - *it);
             Ok(coverage)
         }
-        MaskKind::Labels if picture.lossy => Err(Fault::new(
+        MaskKind::Labels if picture.lossy => Err(MediaFault::new(
             "UNSUPPORTED",
             "labels can't be read from JPEG or video, which change numbers slightly; PNG preserves them",
         )),
@@ -75,14 +75,14 @@ fn luma(pixel: &[u8]) -> u8 {
 ///
 /// # Errors
 /// `SIZE_MISMATCH` when the two have different sizes.
-pub fn difference_key(picture: &Picture, plate: &Picture) -> Result<Vec<u8>, Fault> {
+pub fn difference_key(picture: &Picture, plate: &Picture) -> Result<Vec<u8>, MediaFault> {
     let (width, height) = (picture.width, picture.height);
     if (plate.width, plate.height) != (width, height) {
         let message = format!(
             "{}x{} pixels, the frame has {width}x{height}",
             plate.width, plate.height
         );
-        return Err(Fault::new("SIZE_MISMATCH", message));
+        return Err(MediaFault::new("SIZE_MISMATCH", message));
     }
     let difference: Vec<u8> = picture
         .rgb

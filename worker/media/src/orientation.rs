@@ -3,7 +3,7 @@
 /// Rotation from a stored picture to the shown one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Orientation {
-    /// As stored.
+    /// Shown as stored.
     #[default]
     AsStored,
     /// A quarter turn clockwise.

@@ -2,7 +2,7 @@
 
 /// Detected kinds of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum FileType {
     /// PNG.
     Png,
     /// JPEG.
@@ -33,43 +33,43 @@ pub enum Kind {
 pub const PREFIX: usize = 512;
 
 /// The kind of a file that starts with `bytes`.
-pub fn kind(bytes: &[u8]) -> Kind {
+pub fn kind(bytes: &[u8]) -> FileType {
     let at = |from: usize, magic: &[u8]| {
         bytes
             .get(from..from + magic.len())
             .is_some_and(|found| found == magic)
     };
     if at(0, b"\x89PNG\r\n\x1a\n") {
-        Kind::Png
+        FileType::Png
     } else if at(0, b"\xff\xd8\xff") {
-        Kind::Jpeg
+        FileType::Jpeg
     } else if at(0, b"RIFF") && at(8, b"WEBP") {
-        Kind::WebP
+        FileType::WebP
     } else if at(0, b"RIFF") && at(8, b"AVI ") {
-        Kind::Avi
+        FileType::Avi
     } else if at(0, b"\x1a\x45\xdf\xa3") {
-        Kind::Matroska
+        FileType::Matroska
     } else if at(0, b"\0\0\x01\xba") || (at(0, b"\x47") && at(188, b"\x47")) {
-        Kind::Mpeg
+        FileType::Mpeg
     } else if [&b"ftyp"[..], b"moov", b"mdat", b"wide", b"free", b"skip"]
         .iter()
         .any(|name| at(4, name))
     {
-        Kind::Mp4
+        FileType::Mp4
     } else if at(0, b"PK\x03\x04") || at(0, b"PK\x05\x06") {
-        Kind::Zip
+        FileType::Zip
     } else if at(257, b"ustar") {
-        Kind::Tar
+        FileType::Tar
     } else if at(0, b"\x1f\x8b") {
-        Kind::Gzip
+        FileType::Gzip
     } else if at(0, b"\x89HDF") || at(0, b"\x93NUMPY") {
-        Kind::Array
+        FileType::Array
     } else {
-        Kind::Unknown
+        FileType::Unknown
     }
 }
 
-impl Kind {
+impl FileType {
     /// Readable name.
     pub fn name(self) -> &'static str {
         match self {
@@ -100,13 +100,13 @@ mod tests {
 
     #[test]
     fn kinds_are_told_by_content_and_short_files_are_unknown() {
-        assert_eq!(kind(b"\x89PNG\r\n\x1a\n...."), Kind::Png);
-        assert_eq!(kind(b"\0\0\0\x20ftypisom"), Kind::Mp4);
-        assert_eq!(kind(b"RIFF\0\0\0\0AVI LIST"), Kind::Avi);
-        assert_eq!(kind(b"RIFF\0\0\0\0WEBPVP8 "), Kind::WebP);
-        assert_eq!(kind(b"PK\x03\x04"), Kind::Zip);
+        assert_eq!(kind(b"\x89PNG\r\n\x1a\n...."), FileType::Png);
+        assert_eq!(kind(b"\0\0\0\x20ftypisom"), FileType::Mp4);
+        assert_eq!(kind(b"RIFF\0\0\0\0AVI LIST"), FileType::Avi);
+        assert_eq!(kind(b"RIFF\0\0\0\0WEBPVP8 "), FileType::WebP);
+        assert_eq!(kind(b"PK\x03\x04"), FileType::Zip);
         for short in [&b""[..], b"\x89PN", b"RIFF", b"no picture at all"] {
-            assert_eq!(kind(short), Kind::Unknown);
+            assert_eq!(kind(short), FileType::Unknown);
         }
     }
 }

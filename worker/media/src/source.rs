@@ -2,7 +2,7 @@
 
 use crate::archive::Files;
 use crate::video::{Ffmpeg, Video};
-use crate::{Fault, Limits, MediaError, Picture, decode_still};
+use crate::{Limits, MediaError, MediaFault, Picture, decode_still};
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use yoto_proto::media_plan::{PICTURE_ENDINGS, Pictures, Timing, has_ending, index_in_name};
@@ -59,14 +59,14 @@ struct Clip {
 
 /// The pose frames to read, and their times.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted<'a> {
+pub struct WantedFrames<'a> {
     /// Their indices, ascending.
     pub indices: &'a [u32],
     /// Pose frames per second.
     pub fps: f64,
     /// How pose frames correspond to the frames of a video.
     pub timing: Timing,
-    /// Width and height that the pose track is of.
+    /// Width and height of the pose track's pictures.
     pub size: [u32; 2],
 }
 
@@ -79,7 +79,7 @@ impl Source {
     pub fn open(
         pictures: &Pictures,
         files: &Files,
-        wanted: Wanted<'_>,
+        wanted: WantedFrames<'_>,
         limits: &Limits,
         ffmpeg: &Ffmpeg,
         most: usize,
@@ -105,7 +105,7 @@ impl Source {
         }
     }
 
-    /// What the pictures are not as in their file, and what it lacks, for people.
+    /// Notes for people: how pictures differ from their file, and what it lacks.
     pub fn notes(&self) -> &[String] {
         match &self.of {
             Of::Stills(_) => &[],
@@ -130,7 +130,7 @@ impl Source {
         match &mut self.of {
             Of::Stills(stills) => {
                 let Some((name, path)) = stills.get(&frame) else {
-                    let fault = Fault::new("MISSING", "no picture was found for this frame");
+                    let fault = MediaFault::new("MISSING", "no picture was found for this frame");
                     return Err(at(fault.into(), "frames"));
                 };
                 read_still(path, &self.limits).map_err(|error| at(error, name))
@@ -144,7 +144,7 @@ impl Clip {
     fn open(
         name: &str,
         files: &Files,
-        wanted: Wanted<'_>,
+        wanted: WantedFrames<'_>,
         limits: &Limits,
         ffmpeg: &Ffmpeg,
         most: usize,
@@ -152,7 +152,7 @@ impl Clip {
         let bad = |error: MediaError| vec![SourceError::at(error, name, None)];
         let path = files
             .get(name)
-            .ok_or_else(|| bad(Fault::new("MISSING", "there is no such file").into()))?;
+            .ok_or_else(|| bad(MediaFault::new("MISSING", "there is no such file").into()))?;
         let by_time = wanted.timing == Timing::Time;
         let mut video = Video::open(path, limits, ffmpeg, by_time).map_err(bad)?;
         video.keep_pixels_for(wanted.size);
@@ -183,11 +183,10 @@ impl Clip {
     }
 
     fn picture(&mut self, frame: u32) -> Result<Picture, MediaError> {
-        let wanted = self
-            .frame_of
-            .get(&frame)
-            .copied()
-            .ok_or_else(|| Fault::new("MISSING", "the video has no frame for this pose"))?;
+        let wanted =
+            self.frame_of.get(&frame).copied().ok_or_else(|| {
+                MediaFault::new("MISSING", "the video has no frame for this pose")
+            })?;
         while self.last.as_ref().is_none_or(|(read, _)| *read < wanted) {
             // Frames in between are decoded, since later ones build on them, but not converted.
             let skip = self.read < wanted;
@@ -196,20 +195,20 @@ impl Clip {
                 None if skip => {}
                 None => {
                     let message = format!("the video ends after {} frames", self.read);
-                    return Err(Fault::new("MISSING", message).into());
+                    return Err(MediaFault::new("MISSING", message).into());
                 }
             }
             self.read += 1;
         }
         match &self.last {
             Some((read, picture)) if *read == wanted => Ok(picture.clone()),
-            _ => Err(Fault::new("MISSING", "frames were read out of order").into()),
+            _ => Err(MediaFault::new("MISSING", "frames were read out of order").into()),
         }
     }
 }
 
 /// The video's frame for a pose frame, or the reason why the video lacks it.
-fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, String> {
+fn frame_for(index: u32, wanted: &WantedFrames<'_>, video: &Video) -> Result<usize, String> {
     match wanted.timing {
         Timing::Index => {
             let frame = index as usize;
@@ -245,7 +244,7 @@ fn frame_for(index: u32, wanted: &Wanted<'_>, video: &Video) -> Result<usize, St
 /// Reads and decodes one still.
 ///
 /// # Errors
-/// As [`decode_still`], or if the file is over the limit.
+/// The same errors as [`decode_still`], and when the file is over the limit.
 pub fn read_still(path: &Path, limits: &Limits) -> Result<Picture, MediaError> {
     Ok(decode_still(&read_file(path, limits)?, limits)?)
 }
@@ -261,7 +260,7 @@ pub fn read_file(path: &Path, limits: &Limits) -> Result<Vec<u8>, MediaError> {
             "{size} bytes; such a file has at most {}",
             limits.file_bytes
         );
-        return Err(Fault::new("TOO_LARGE", message).into());
+        return Err(MediaFault::new("TOO_LARGE", message).into());
     }
     std::fs::read(path).map_err(MediaError::io(path))
 }

@@ -1,6 +1,6 @@
 //! Single pictures: PNG, JPEG, WebP.
 
-use crate::{Fault, Limits, MEMORY_LIMIT, Picture, sniff};
+use crate::{Limits, MEMORY_LIMIT, MediaFault, Picture, sniff};
 use image::error::LimitErrorKind;
 use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits as DecoderLimits};
 use std::io::Cursor;
@@ -15,14 +15,14 @@ const DECODER_SLACK: u64 = 16 << 20;
 ///
 /// # Errors
 /// When the bytes are not a picture, are cut short, or declare too many pixels.
-pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
+pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, MediaFault> {
     let mut decoder = open(bytes, limits)?;
     let (width, height) = decoder.dimensions();
     let mut allowed = DecoderLimits::no_limits();
     allowed.max_alloc = Some(u64::from(width) * u64::from(height) * 16 + DECODER_SLACK);
     decoder.set_limits(allowed).map_err(undecodable)?;
     let orientation = decoder.orientation().map_err(undecodable)?;
-    let lossy = !matches!(sniff::kind(bytes), sniff::Kind::Png);
+    let lossy = !matches!(sniff::kind(bytes), sniff::FileType::Png);
     let mut image = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     image.apply_orientation(orientation);
     Ok(picture(image, lossy))
@@ -31,8 +31,8 @@ pub fn decode_still(bytes: &[u8], limits: &Limits) -> Result<Picture, Fault> {
 /// Width and height in the file's header, after rotation, without decoding it.
 ///
 /// # Errors
-/// As [`decode_still`].
-pub fn still_size(bytes: &[u8], limits: &Limits) -> Result<[u32; 2], Fault> {
+/// The same errors as [`decode_still`].
+pub fn still_size(bytes: &[u8], limits: &Limits) -> Result<[u32; 2], MediaFault> {
     let mut decoder = open(bytes, limits)?;
     let (width, height) = decoder.dimensions();
     // EXIF orientations 5 to 8 exchange width and height.
@@ -46,23 +46,23 @@ pub fn still_size(bytes: &[u8], limits: &Limits) -> Result<[u32; 2], Fault> {
     })
 }
 
-fn undecodable(error: ImageError) -> Fault {
+fn undecodable(error: ImageError) -> MediaFault {
     match &error {
         ImageError::Limits(limit) if limit.kind() == LimitErrorKind::InsufficientMemory => {
-            Fault::new(MEMORY_LIMIT, "there is not enough memory to decode it")
+            MediaFault::new(MEMORY_LIMIT, "there is not enough memory to decode it")
         }
-        _ => Fault::undecodable(format!("can't be decoded: {error}")),
+        _ => MediaFault::undecodable(format!("can't be decoded: {error}")),
     }
 }
 
-fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<impl ImageDecoder + 'a, Fault> {
+fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<impl ImageDecoder + 'a, MediaFault> {
     if bytes.is_empty() {
-        return Err(Fault::new("EMPTY", "the file has no bytes"));
+        return Err(MediaFault::new("EMPTY", "the file has no bytes"));
     }
     let kind = sniff::kind(bytes);
     if !kind.is_still() {
         let message = format!("is {}; PNG, JPEG and WebP pictures are read", kind.name());
-        return Err(Fault::undecodable(message));
+        return Err(MediaFault::undecodable(message));
     }
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -76,7 +76,7 @@ fn open<'a>(bytes: &'a [u8], limits: &Limits) -> Result<impl ImageDecoder + 'a, 
             "declares {width}x{height} pixels; each side must be 1 to {}",
             limits.side
         );
-        return Err(Fault::new("TOO_LARGE", message));
+        return Err(MediaFault::new("TOO_LARGE", message));
     }
     Ok(decoder)
 }

@@ -13,7 +13,7 @@ use burn::backend::{
 use std::fmt::Debug;
 use std::marker::PhantomData;
 
-/// What an operation keeps of its forward pass for its backward pass. Gradients flow to `N` of
+/// The part of an operation's forward pass that is kept for its backward pass. Gradients flow to `N` of
 /// its inputs.
 pub(super) trait Saved<B: Backend, const N: usize>: Clone + Debug + Send + 'static {
     /// Gradients to the inputs, in the order in which [`record`] got them, from the gradient to

@@ -1,4 +1,4 @@
-//! What the `cpu` forms share as operations of the Flex backend.
+//! Shared parts of the `cpu` forms as operations of the Flex backend.
 
 use burn::tensor::TensorData;
 use burn_flex::FlexTensor;

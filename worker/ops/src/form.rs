@@ -42,12 +42,12 @@ pub enum FormError {
 
 /// A set of instructions that this machine has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Form(Kind);
+pub struct Form(InstructionSet);
 
 // Only this file makes forms, and only those that the machine can run: to run another is undefined
 // behaviour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum InstructionSet {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2,
@@ -77,7 +77,10 @@ impl Form {
     /// If the variable names no form, or one that this machine does not have.
     pub fn from_env() -> Result<Self, FormError> {
         let forms = Self::limited()?;
-        Ok(forms.last().copied().unwrap_or(Self(Kind::Portable)))
+        Ok(forms
+            .last()
+            .copied()
+            .unwrap_or(Self(InstructionSet::Portable)))
     }
 
     /// All forms of this process, at least the portable one, the best last: those that the machine can run, up to the
@@ -104,16 +107,16 @@ impl Form {
 
     /// All forms that this machine can run, the best last.
     fn detected() -> Vec<Self> {
-        let mut forms = vec![Self(Kind::Portable)];
+        let mut forms = vec![Self(InstructionSet::Portable)];
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            forms.push(Self(Kind::Avx2));
+            forms.push(Self(InstructionSet::Avx2));
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
-                forms.push(Self(Kind::Avx512));
+                forms.push(Self(InstructionSet::Avx512));
                 if is_x86_feature_detected!("avx512bf16") {
-                    forms.push(Self(Kind::Avx512Bf16));
+                    forms.push(Self(InstructionSet::Avx512Bf16));
                     if amx_with_bf16() {
-                        forms.push(Self(Kind::Amx));
+                        forms.push(Self(InstructionSet::Amx));
                     }
                 }
             }
@@ -141,22 +144,22 @@ impl Form {
     }
 
     /// The instructions, for code with a separate instance for each form.
-    pub(super) fn kind(self) -> Kind {
+    pub(super) fn kind(self) -> InstructionSet {
         self.0
     }
 
     /// Name of the form, one of [`NAMES`].
     pub fn name(self) -> &'static str {
         match self.0 {
-            Kind::Portable => "portable",
+            InstructionSet::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 => "avx2",
+            InstructionSet::Avx2 => "avx2",
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx512 => "avx512",
+            InstructionSet::Avx512 => "avx512",
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx512Bf16 => "avx512-bf16",
+            InstructionSet::Avx512Bf16 => "avx512-bf16",
             #[cfg(target_arch = "x86_64")]
-            Kind::Amx => "amx",
+            InstructionSet::Amx => "amx",
         }
     }
 
@@ -164,10 +167,15 @@ impl Form {
     #[inline]
     pub fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
-            Kind::Portable => work.run::<false>(),
-            // SAFETY: forms of these kinds are made only if AVX2 and FMA were detected.
+            InstructionSet::Portable => work.run::<false>(),
             #[cfg(target_arch = "x86_64")]
-            Kind::Avx2 | Kind::Avx512 | Kind::Avx512Bf16 | Kind::Amx => unsafe { with_avx2(work) },
+            InstructionSet::Avx2
+            | InstructionSet::Avx512
+            | InstructionSet::Avx512Bf16
+            | InstructionSet::Amx => {
+                // SAFETY: these forms are made only if AVX2 and FMA were detected.
+                unsafe { with_avx2(work) }
+            }
         }
     }
 }
@@ -271,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_limit_that_cannot_be_met_is_an_error() {
-        let portable = || vec![Form(Kind::Portable)];
+        let portable = || vec![Form(InstructionSet::Portable)];
         let error = up_to("avx512", portable()).expect_err("it has no AVX-512");
         assert_eq!(
             error.to_string(),

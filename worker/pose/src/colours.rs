@@ -6,7 +6,7 @@
 //! mistaken, cos h has the wrong sign, and the colours don't fit those of the other frames.
 
 use crate::flips::{cheapest_run, jump};
-use crate::markers::{Figure, Markers};
+use crate::markers::{FirstGuessPoints, Markers};
 use crate::{FrameKeyPoints, KeyPointSet};
 use faer::prelude::Solve;
 use faer::{Mat, Side};
@@ -47,7 +47,7 @@ pub fn patches(
     found.unwrap_or_default()
 }
 
-fn centres(figure: &Figure, frame: &FrameKeyPoints) -> Option<[[f64; 2]; PATCHES]> {
+fn centres(figure: &FirstGuessPoints, frame: &FrameKeyPoints) -> Option<[[f64; 2]; PATCHES]> {
     let at = |point: usize| frame.picture.get(point).filter(|it| it[2] > 0.0);
     let middle = |[left, right]: [usize; 2]| {
         let (a, b) = (at(left)?, at(right)?);

@@ -5,7 +5,7 @@ use crate::options::MAX_FRAMES;
 /// Why key points can't be fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PoseError {
-    /// There is no frame, or there are too many to fit together.
+    /// There are no frames, or too many to fit together.
     #[error("frames: {0} frames: 1 to {MAX_FRAMES} can be fitted together")]
     FrameCount(usize),
     /// A frame doesn't come after the one before it.
@@ -42,7 +42,7 @@ pub enum PoseError {
         /// The largest allowed.
         to: f64,
     },
-    /// A frame in which too little of the person was seen.
+    /// A frame shows too little of the person.
     #[error("frame {frame}: picture: {found} points were seen: a body needs {wanted}")]
     Unseen {
         /// The frame.

@@ -1,4 +1,4 @@
-//! Frames in which a detector mistook a body's back for its front, and so left for right.
+//! Finds frames whose detector took a body's back for its front, and so left for right.
 //!
 //! A small picture shows neither, but the motion does: of all readings of the frames, the sequence with
 //! plausible rotations is chosen.
@@ -63,7 +63,7 @@ pub(crate) fn has_jumps(stances: &[(Stance, f64)], times: &[f64]) -> bool {
     })
 }
 
-/// Of several stances per frame with their costs, the sequence with plausible rotations, and the index of
+/// The sequence with plausible rotations among several stances per frame with their costs, and the index of
 /// each chosen stance.
 pub(crate) fn steadiest(
     choices: Vec<Vec<(Stance, f64)>>,

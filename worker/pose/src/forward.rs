@@ -75,7 +75,7 @@ impl Posed {
         slopes
     }
 
-    /// As [`Posed::slopes`], for a marker.
+    /// The derivatives that [`Posed::slopes`] gives for a joint, for a marker.
     pub fn marker_slopes(&self, marker: &Marker, at: Vec3, frame: usize, width: usize) -> Slopes {
         let mut slopes = self.slopes(marker.joint, at, frame, width);
         if width > frame {

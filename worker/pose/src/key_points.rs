@@ -64,6 +64,6 @@ pub struct KeyPoints {
     pub image_size: [u32; 2],
     /// Frames per second.
     pub fps: f64,
-    /// Frames in which the person was seen, with ascending indices.
+    /// The frames that show the person, with ascending indices.
     pub frames: Vec<FrameKeyPoints>,
 }

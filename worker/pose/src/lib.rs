@@ -1,6 +1,6 @@
 //! Pose tracks from key points: inverse kinematics of all frames together.
 //!
-//! [`fit`] searches for a body with constant bone lengths and plausible joint rotations, and for its pose in
+//! [`fit()`] searches for a body with constant bone lengths and plausible joint rotations, and for its pose in
 //! every frame of a clip, so that its points project to where a detector saw them.
 //!
 //! ```text

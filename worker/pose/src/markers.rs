@@ -32,13 +32,13 @@ pub(crate) struct Markers {
     pub bones: Vec<[usize; 2]>,
     /// Each point's counterpart on the other side; a point in the middle is its own.
     pub mirror: Vec<usize>,
-    /// The points of the coarse figure.
-    pub figure: Figure,
+    /// The points for the first guess.
+    pub figure: FirstGuessPoints,
 }
 
-/// The points for a first guess, left before right; `None` for points that a set lacks.
+/// Indices of the points that a first guess needs, left before right; `None` for points that a set lacks.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Figure {
+pub(crate) struct FirstGuessPoints {
     pub shoulders: [usize; 2],
     pub elbows: [usize; 2],
     pub wrists: [usize; 2],
@@ -52,7 +52,7 @@ pub(crate) struct Figure {
 
 /// The kinds of key points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum MarkerKind {
     Nose,
     EyeInner,
     Eye,
@@ -78,12 +78,12 @@ enum Kind {
     Joint(usize),
 }
 
-use Kind::{
+use MarkerKind::{
     Ankle, BigToe, Ear, Elbow, Eye, EyeInner, EyeOuter, FootIndex, Heel, Hip, Index, Knee, MidHip,
     Mouth, Neck, Nose, Pinky, Shoulder, SmallToe, Thumb, Wrist,
 };
 
-impl Kind {
+impl MarkerKind {
     /// Joint on the left side, offset and spread.
     fn attachment(self) -> (usize, Vec3, Vec3) {
         let middle = [0.0, 0.02, 0.02];
@@ -117,7 +117,7 @@ impl Kind {
 }
 
 /// Pairs of kinds with a direction along the body.
-const BONES: [(Kind, Kind); 13] = [
+const BONES: [(MarkerKind, MarkerKind); 13] = [
     (Hip, Knee),
     (Knee, Ankle),
     (Ankle, FootIndex),
@@ -133,17 +133,17 @@ const BONES: [(Kind, Kind); 13] = [
     (Shoulder, Ear),
 ];
 /// Kinds with a direction from right to left.
-const ACROSS: [Kind; 4] = [Hip, Shoulder, Ear, EyeOuter];
+const ACROSS: [MarkerKind; 4] = [Hip, Shoulder, Ear, EyeOuter];
 
 /// The points of a set in its order: kind, and side (1 left, -1 right, 0 middle).
-fn table(set: KeyPointSet) -> Vec<(Kind, i8)> {
-    let both = |kinds: &[Kind]| -> Vec<(Kind, i8)> {
+fn table(set: KeyPointSet) -> Vec<(MarkerKind, i8)> {
+    let both = |kinds: &[MarkerKind]| -> Vec<(MarkerKind, i8)> {
         kinds
             .iter()
             .flat_map(|&kind| [(kind, 1), (kind, -1)])
             .collect()
     };
-    let row = |kinds: &[Kind], side: i8| kinds.iter().map(|&kind| (kind, side)).collect();
+    let row = |kinds: &[MarkerKind], side: i8| kinds.iter().map(|&kind| (kind, side)).collect();
     let hands = || both(&[Pinky, Index, Thumb]);
     match set {
         KeyPointSet::Coco17Hands => [table(KeyPointSet::Coco17), hands()].concat(),
@@ -173,7 +173,7 @@ fn table(set: KeyPointSet) -> Vec<(Kind, i8)> {
             row(&[BigToe, SmallToe, Heel], -1),
         ]
         .concat(),
-        KeyPointSet::Joints24 => (0..24).map(|joint| (Kind::Joint(joint), 0)).collect(),
+        KeyPointSet::Joints24 => (0..24).map(|joint| (MarkerKind::Joint(joint), 0)).collect(),
     }
 }
 
@@ -181,7 +181,7 @@ impl Markers {
     /// The markers of a set.
     pub fn of(set: KeyPointSet) -> Self {
         let table = table(set);
-        let mut kinds: Vec<Kind> = Vec::new();
+        let mut kinds: Vec<MarkerKind> = Vec::new();
         let mut attachments = Vec::new();
         let mut markers = Vec::with_capacity(table.len());
         for &(kind, side) in &table {
@@ -210,12 +210,15 @@ impl Markers {
     }
 }
 
-fn bones(table: &[(Kind, i8)]) -> Vec<[usize; 2]> {
-    if table.iter().any(|(kind, _)| matches!(kind, Kind::Joint(_))) {
+fn bones(table: &[(MarkerKind, i8)]) -> Vec<[usize; 2]> {
+    if table
+        .iter()
+        .any(|(kind, _)| matches!(kind, MarkerKind::Joint(_)))
+    {
         let tree = (1..table.len()).map(|joint| [crate::skeleton::parent(joint), joint]);
         return tree.chain([[2, 1], [17, 16], [1, 16], [2, 17]]).collect();
     }
-    let find = |kind: Kind, side: i8| table.iter().position(|&point| point == (kind, side));
+    let find = |kind: MarkerKind, side: i8| table.iter().position(|&point| point == (kind, side));
     let along = BONES.iter().flat_map(|&(from, to)| {
         [1, -1].map(|side| {
             let end = find(to, side).or_else(|| find(to, 0));
@@ -228,9 +231,9 @@ fn bones(table: &[(Kind, i8)]) -> Vec<[usize; 2]> {
     along.chain(across).flatten().collect()
 }
 
-fn mirror(table: &[(Kind, i8)]) -> Vec<usize> {
-    let other = |&(kind, side): &(Kind, i8)| match kind {
-        Kind::Joint(joint) => Some(crate::skeleton::other_side(joint)),
+fn mirror(table: &[(MarkerKind, i8)]) -> Vec<usize> {
+    let other = |&(kind, side): &(MarkerKind, i8)| match kind {
+        MarkerKind::Joint(joint) => Some(crate::skeleton::other_side(joint)),
         _ => table.iter().position(|&point| point == (kind, -side)),
     };
     table
@@ -240,17 +243,17 @@ fn mirror(table: &[(Kind, i8)]) -> Vec<usize> {
         .collect()
 }
 
-fn figure(table: &[(Kind, i8)]) -> Figure {
-    let find = |kind: Kind, joint: usize, side: i8| {
+fn figure(table: &[(MarkerKind, i8)]) -> FirstGuessPoints {
+    let find = |kind: MarkerKind, joint: usize, side: i8| {
         table
             .iter()
-            .position(|&point| point == (kind, side) || point.0 == Kind::Joint(joint))
+            .position(|&point| point == (kind, side) || point.0 == MarkerKind::Joint(joint))
     };
     let pair = |kind, left: usize| Some([find(kind, left, 1)?, find(kind, left + 1, -1)?]);
     let sure = |kind, left| pair(kind, left).unwrap_or_default();
     // The joint tree has no ears and no nose, so no joint must match; `pair` adds 1, hence the -1.
     let none = usize::MAX - 1;
-    Figure {
+    FirstGuessPoints {
         shoulders: sure(Shoulder, 16),
         elbows: sure(Elbow, 18),
         wrists: sure(Wrist, 20),

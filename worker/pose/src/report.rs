@@ -164,7 +164,7 @@ fn reprojection(problem: &Problem, stances: &[Stance], shared: &Shared) -> f64 {
     quantile(&mut distances, 0.5)
 }
 
-/// The camera's pitch with which the median body stands upright, radians.
+/// The camera's pitch that makes the median body upright, radians.
 fn down(stances: &[Stance], shared: &Shared) -> f64 {
     let lean = |stance: &Stance| {
         let way = upright::body(&Posed::new(stance, shared));

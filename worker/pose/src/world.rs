@@ -1,5 +1,5 @@
-//! The transformation from the camera's axes, in which a body is fitted, to a world in which people stand
-//! upright, since orbits and motions rotate about the world's up.
+//! The transformation from the axes of the camera, where a body is fitted, to a world where people stand
+//! upright: orbits and motions rotate about the world's up.
 
 use crate::rotation::{log_map, matmul, matvec, transpose};
 use crate::skeleton::COUNT;

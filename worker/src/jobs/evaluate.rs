@@ -12,7 +12,7 @@ use super::{JobContext, JobFailure, checkpoint, shard};
 use tradeoff::Sweep;
 use yoto_avatar::evaluate::{Examiner, LpipsMetric, Mean, Protocol, Score, Truth};
 use yoto_avatar::render::FrameExposure;
-use yoto_avatar::train::{FilmExposures, Validation, film_exposures};
+use yoto_avatar::train::{CaptureExposures, Validation, capture_exposures};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::{FrameImage, Shard};
 use yoto_proto::checks::evaluate as order;
@@ -190,7 +190,7 @@ impl Pictures {
     ) -> Result<Self, JobFailure> {
         let subject = &slot.subject;
         let (display_name, shard) = shard::with_refined_poses(context, inputs, found, subject)?;
-        let film = film_exposures(found.folder.path(), slot.slot as usize, &shard.track)
+        let film = capture_exposures(found.folder.path(), slot.slot as usize, &shard.track)
             .map_err(|error| JobFailure::failed("INTERNAL", "the exposures", &error))?;
         let frames = held_out(&shard, size, film.as_ref())?;
         Ok(Self {
@@ -205,7 +205,7 @@ impl Pictures {
 fn held_out(
     shard: &Shard,
     size: u32,
-    film: Option<&FilmExposures>,
+    film: Option<&CaptureExposures>,
 ) -> Result<Vec<Picture>, JobFailure> {
     let track = &shard.track;
     let validation = Validation::Every(HOLDOUT_EVERY);

@@ -5,7 +5,7 @@ use std::error::Error;
 use yoto_film::PlanError;
 use yoto_media::png::PngError;
 use yoto_objects::ObjectsError;
-use yoto_proto::checks::Fault;
+use yoto_proto::checks::SpecFault;
 use yoto_proto::pose_track::{describe, violation};
 use yoto_proto::v1::{JobError, Violation};
 use yoto_proto::worker::v1::end_job_request::{Cancelled, Outcome, Returned};
@@ -65,11 +65,11 @@ impl JobFailure {
 
     /// Refuses an order with `faults`; `spec` is the kind of job. The coordinator made the same checks
     /// before it queued the job, perhaps in another version.
-    pub fn refuse(spec: &str, faults: Vec<Fault>) -> Result<(), Self> {
+    pub fn refuse(spec: &str, faults: Vec<SpecFault>) -> Result<(), Self> {
         if faults.is_empty() {
             return Ok(());
         }
-        let of = |fault: Fault| violation("INVALID", spec, None, fault.field, fault.message);
+        let of = |fault: SpecFault| violation("INVALID", spec, None, fault.field, fault.message);
         Err(Self::Invalid(faults.into_iter().map(of).collect()))
     }
 

@@ -43,7 +43,7 @@ pub(crate) struct Build {
 
 /// The body part of a capsule, which decides the clothes that cover it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
+pub(crate) enum BodyPart {
     Torso,
     Neck,
     Head,
@@ -58,7 +58,7 @@ pub(crate) enum Part {
     Hem,
 }
 
-impl Part {
+impl BodyPart {
     /// The rule that moves its cloth with the pose, for parts with moving cloth.
     pub fn garment(self) -> Option<Garment> {
         match self {
@@ -73,7 +73,7 @@ impl Part {
 #[derive(Clone, Debug)]
 pub(crate) struct Capsule {
     pub joint: usize,
-    pub part: Part,
+    pub part: BodyPart,
     pub from: Vec3,
     pub to: Vec3,
     pub radii: [f64; 2],
@@ -207,7 +207,7 @@ impl Build {
             let radius = (radius * self.girth + belly) * s;
             parts.push(Capsule {
                 joint,
-                part: Part::Torso,
+                part: BodyPart::Torso,
                 from: end(-1.0),
                 to: end(1.0),
                 radii: [radius; 2],
@@ -220,7 +220,7 @@ impl Build {
             let from = scale(shoulder, 0.25);
             parts.push(Capsule {
                 joint: collar,
-                part: Part::Torso,
+                part: BodyPart::Torso,
                 from: [from[0], skeleton.rest[collar][1], shoulder[2]],
                 to: add(shoulder, [0.0, -0.005 * s, 0.0]),
                 radii: [0.062 * s, 0.056 * self.limbs * s],
@@ -245,16 +245,16 @@ impl Build {
         };
         let beside = |[x, y, z]: Vec3| add(head, scale([x, y, z], s));
         let base = add(neck, [0.0, -0.05 * s, 0.0]);
-        push(joint::NECK, Part::Neck, base, head, [0.056, 0.052]);
+        push(joint::NECK, BodyPart::Neck, base, head, [0.056, 0.052]);
         let (chin, crown) = (beside([0.0, 0.035, 0.03]), beside([0.0, 0.115, 0.012]));
-        push(joint::HEAD, Part::Head, chin, crown, [0.07, 0.092]);
+        push(joint::HEAD, BodyPart::Head, chin, crown, [0.07, 0.092]);
         let nose = beside([0.0, 0.055, 0.105]);
-        push(joint::HEAD, Part::Head, nose, nose, [0.014, 0.014]);
+        push(joint::HEAD, BodyPart::Head, nose, nose, [0.014, 0.014]);
         let (front, back) = (beside([0.0, 0.135, 0.015]), beside([0.0, 0.1, -0.03]));
-        push(joint::HEAD, Part::Hair, front, back, [0.088, 0.09]);
+        push(joint::HEAD, BodyPart::Hair, front, back, [0.088, 0.09]);
         if extras.long_hair {
             let ends = beside([0.0, -0.1, -0.075]);
-            push(joint::HEAD, Part::Hair, back, ends, [0.09, 0.06]);
+            push(joint::HEAD, BodyPart::Hair, back, ends, [0.09, 0.06]);
         }
     }
 
@@ -268,23 +268,23 @@ impl Build {
         let bones = [
             (
                 joint::L_SHOULDER,
-                Part::UpperArm,
+                BodyPart::UpperArm,
                 at(joint::L_ELBOW),
                 [0.056, 0.045],
             ),
             (
                 joint::L_ELBOW,
-                Part::Forearm,
+                BodyPart::Forearm,
                 at(joint::L_WRIST),
                 [0.045, 0.034],
             ),
             (
                 joint::L_WRIST,
-                Part::Hand,
+                BodyPart::Hand,
                 at(joint::L_HAND),
                 [0.034, 0.038],
             ),
-            (joint::L_HAND, Part::Hand, fingers, [0.038, 0.026]),
+            (joint::L_HAND, BodyPart::Hand, fingers, [0.038, 0.026]),
         ];
         for (joint, part, to, radii) in bones {
             parts.push(Capsule {
@@ -317,14 +317,14 @@ impl Build {
         };
         push(
             joint::L_HIP + side,
-            Part::Thigh,
+            BodyPart::Thigh,
             hip,
             knee,
             limb([0.09, 0.062]),
         );
         push(
             joint::L_KNEE + side,
-            Part::Shin,
+            BodyPart::Shin,
             knee,
             ankle,
             limb([0.062, 0.044]),
@@ -333,7 +333,7 @@ impl Build {
         let ball = beside(foot, 0.042, 0.0);
         push(
             joint::L_ANKLE + side,
-            Part::Foot,
+            BodyPart::Foot,
             heel,
             ball,
             [0.045 * s, 0.043 * s],
@@ -341,7 +341,7 @@ impl Build {
         let toes = beside(foot, 0.036, 0.07);
         push(
             joint::L_FOOT + side,
-            Part::Foot,
+            BodyPart::Foot,
             ball,
             toes,
             [0.043 * s, 0.034 * s],
@@ -351,10 +351,16 @@ impl Build {
         // The cloth between the legs hangs from the pelvis.
         let inner = |p: Vec3| [0.3 * p[0], p[1], p[2]];
         let middle = scale(add(hip, hem), 0.5);
-        push(joint::PELVIS, Part::Hem, inner(hip), inner(middle), radii);
+        push(
+            joint::PELVIS,
+            BodyPart::Hem,
+            inner(hip),
+            inner(middle),
+            radii,
+        );
         parts.push(Capsule {
             joint: joint::L_HIP + side,
-            part: Part::Hem,
+            part: BodyPart::Hem,
             from: hip,
             to: hem,
             radii,

@@ -90,7 +90,7 @@ impl SyntheticPerson {
         add(canonical, self.drape.posed(pose).offset(garment, canonical))
     }
 
-    /// As [`Self::traced`], of a point that true skinning carries from `rest` although clothes move.
+    /// The position of a point of moving clothes at `rest`, if skinning alone carried it: see [`Self::traced`].
     ///
     /// # Panics
     /// If there is no such part.

@@ -161,7 +161,7 @@ fn bump(x: f64, from: f64, to: f64) -> f64 {
     (t * PI).sin().powi(2)
 }
 
-/// The same angle between -π and π.
+/// The angle between -π and π.
 fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }

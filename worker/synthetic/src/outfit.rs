@@ -1,6 +1,6 @@
 //! Clothes, skin, hair and face: the colour of every point of the body in the rest pose.
 
-use super::build::{Part, joint};
+use super::build::{BodyPart, joint};
 use std::f64::consts::TAU;
 use yoto_capture::skeleton::transform::{add, scale};
 use yoto_capture::skeleton::{Skeleton, Vec3};
@@ -91,33 +91,33 @@ impl Measures {
 impl Outfit {
     /// The colour of `part` at the point `p` with the surface normal `normal`, both in the rest pose. The
     /// shading is painted on: it belongs to the body, not to the light.
-    pub fn colour(&self, part: Part, p: Vec3, normal: Vec3) -> Colour {
+    pub fn colour(&self, part: BodyPart, p: Vec3, normal: Vec3) -> Colour {
         let lit = 0.34 * normal[0] + 0.62 * normal[1] + 0.7 * normal[2];
         scale(self.paint(part, p), 0.84 + 0.15 * lit)
     }
 
-    fn paint(&self, part: Part, p: Vec3) -> Colour {
+    fn paint(&self, part: BodyPart, p: Vec3) -> Colour {
         let m = &self.measures;
         match part {
-            Part::Torso => self.torso(p),
-            Part::Neck | Part::Hand => self.skin,
-            Part::Head => self.face(p),
-            Part::Hair => self.hair,
-            Part::UpperArm => {
+            BodyPart::Torso => self.torso(p),
+            BodyPart::Neck | BodyPart::Hand => self.skin,
+            BodyPart::Head => self.face(p),
+            BodyPart::Hair => self.hair,
+            BodyPart::UpperArm => {
                 let along = (p[0].abs() - m.shoulder_x) / (m.elbow_x - m.shoulder_x);
                 self.sleeve(p, along)
             }
-            Part::Forearm => {
+            BodyPart::Forearm => {
                 let along = (p[0].abs() - m.elbow_x) / (m.wrist_x - m.elbow_x);
                 self.sleeve(p, 1.0 + along)
             }
-            Part::Thigh => self.leg(p, (m.hip[1] - p[1]) / (m.hip[1] - m.knee_y)),
-            Part::Shin => self.leg(p, 1.0 + (m.knee_y - p[1]) / (m.knee_y - m.ankle_y)),
-            Part::Foot => {
+            BodyPart::Thigh => self.leg(p, (m.hip[1] - p[1]) / (m.hip[1] - m.knee_y)),
+            BodyPart::Shin => self.leg(p, 1.0 + (m.knee_y - p[1]) / (m.knee_y - m.ankle_y)),
+            BodyPart::Foot => {
                 let sole = smooth_step(0.014 * m.scale, 0.02 * m.scale, p[1]);
                 mix(WHITE, self.shoes, sole)
             }
-            Part::Hem => {
+            BodyPart::Hem => {
                 let cloth = if self.coat { self.shirt } else { self.lower };
                 cloth.at(p[0].atan2(p[2]) / TAU, p[1], m.scale)
             }

@@ -1,6 +1,6 @@
 //! The properties of synthetic people on which training and evaluation rely.
 
-use super::build::{Part, joint};
+use super::build::{BodyPart, joint};
 use super::*;
 use yoto_capture::skeleton::transform::{add, apply, compose, inverse, length, scale, sub};
 
@@ -100,7 +100,7 @@ fn texture_sticks_to_the_body() {
         let mut compared = 0;
         let still = Drape::new(&person.skeleton, 1.0, None, 0.0);
         // Halfway along limbs, where the surface is that of one capsule unless limbs touch.
-        let kinds = [Part::UpperArm, Part::Forearm, Part::Shin];
+        let kinds = [BodyPart::UpperArm, BodyPart::Forearm, BodyPart::Shin];
         for capsule in person.capsules.iter().filter(|c| kinds.contains(&c.part)) {
             let middle = scale(add(capsule.from, capsule.to), 0.5);
             let radius = (capsule.radii[0] + capsule.radii[1]) / 2.0;

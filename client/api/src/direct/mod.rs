@@ -2,94 +2,79 @@
 //! signs.
 //!
 //! Such a URL is a secret: no error and no line of a log has it, or what the store answers to it. A store that can't be
-//! used is not tried again by the same client, so that who can't reach it loses little time.
+//! used is not tried again by the same client, so that a client that can't reach it loses little time.
 
 mod get;
-mod line;
 mod put;
+mod send;
 
-use super::tls::Tls;
-use hyper::{StatusCode, Uri};
-use line::Line;
-use std::io;
+use hyper::StatusCode;
+use hyper_util::client::legacy;
+use send::Http;
+use std::collections::HashSet;
+use std::error::Error;
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::{Mutex, OnceLock};
 use thiserror::Error;
-
-/// Longest wait until the store accepts a connection. A firewall that drops everything costs this once.
-const ACCEPT: Duration = Duration::from_secs(1);
-/// Longest wait for the beginning of an answer, with the handshake of TLS.
-const BEGIN: Duration = Duration::from_secs(3);
-/// Longest wait for the next bytes of an answer.
-const SILENCE: Duration = Duration::from_secs(30);
 
 /// Why the store did not send or take bytes. None of it has the URL.
 #[derive(Debug, Error)]
-pub(super) enum Fault {
+pub(super) enum DirectError {
     #[error("its URL is not one of HTTP")]
     Url,
     #[error("it is not encrypted, and the service is")]
-    Clear,
-    #[error("it can't be reached: {0}")]
-    Connect(io::Error),
+    Plaintext,
+    #[error("TLS can't be set up: {0}")]
+    Tls(String),
+    #[error("it can't be reached: {}", root_cause(.0))]
+    Connect(legacy::Error),
     #[error("it does not answer in time")]
-    Silent,
+    Timeout,
+    #[error("the connection broke: {}", root_cause(.0))]
+    Request(legacy::Error),
+    #[error("the connection broke: {0}")]
+    Body(#[from] hyper::Error),
     #[error("it answers with status {}", .0.as_u16())]
     Status(StatusCode),
     #[error("the size of its file differs")]
     Size,
     #[error("its file was altered")]
     Altered,
-    #[error("the connection broke: {0}")]
-    Broken(#[from] hyper::Error),
+}
+
+/// The innermost cause: the outer ones only say "client error".
+fn root_cause(error: &legacy::Error) -> &dyn Error {
+    let mut cause: &dyn Error = error;
+    while let Some(inner) = cause.source() {
+        cause = inner;
+    }
+    cause
 }
 
 /// What a client knows of the store.
 #[derive(Debug)]
 pub(super) struct Direct {
     /// Whether the store may be used without TLS.
-    clear: bool,
+    allows_plaintext: bool,
     pub(super) reads: Switch,
     pub(super) writes: Switch,
-    /// Connections that nobody uses at the moment.
-    free: Mutex<Vec<Line>>,
-    tls: Mutex<Option<Tls>>,
+    /// Made at the first request, since it reads the authorities that the system trusts.
+    http: OnceLock<Http>,
+    /// Local addresses of connections that have brought an answer.
+    used: Mutex<HashSet<SocketAddr>>,
 }
 
 impl Direct {
-    /// One that uses a store without TLS only if it may be `clear`.
-    pub(super) fn new(clear: bool) -> Self {
+    /// A store without TLS is used only if `allows_plaintext`.
+    pub(super) fn new(allows_plaintext: bool) -> Self {
         Self {
-            clear,
+            allows_plaintext,
             reads: Switch::new("the object store is not read directly"),
             writes: Switch::new("the object store is not written directly"),
-            free: Mutex::default(),
-            tls: Mutex::default(),
+            http: OnceLock::new(),
+            used: Mutex::default(),
         }
-    }
-
-    /// A connection that was kept and goes to the host of `uri`.
-    fn kept(&self, uri: &Uri) -> Option<Line> {
-        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        let at = free.iter().position(|it| it.goes_to(uri))?;
-        Some(free.swap_remove(at))
-    }
-
-    /// Keeps a connection whose answer was read to its end.
-    fn keep(&self, line: Line) {
-        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
-        free.push(line);
-    }
-
-    /// The authorities of the system, read once.
-    fn tls(&self) -> io::Result<Tls> {
-        let mut known = self.tls.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(tls) = &*known {
-            return Ok(tls.clone());
-        }
-        let tls = Tls::http1().map_err(io::Error::other)?;
-        Ok(known.insert(tls).clone())
     }
 }
 
@@ -129,7 +114,7 @@ mod tests {
     use std::collections::HashMap;
     use std::net::{Ipv4Addr, TcpListener};
 
-    async fn faults(direct: &Direct, url: &str) -> [Fault; 2] {
+    async fn errors(direct: &Direct, url: &str) -> [DirectError; 2] {
         let read = direct.get(url, 0, 9).await;
         let written = direct.put(url, &HashMap::new(), &[Bytes::new()]).await;
         match (read, written) {
@@ -139,26 +124,31 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_fault_does_not_tell_the_url() {
+    async fn an_error_does_not_tell_the_url() {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
         let address = listener.local_addr().expect("an address");
         drop(listener);
         let secret = "k?X-Amz-Signature=0f";
-        let gone = faults(&Direct::new(true), &format!("http://{address}/{secret}")).await;
+        let gone = errors(&Direct::new(true), &format!("http://{address}/{secret}")).await;
         assert!(
-            gone.iter().all(|it| matches!(it, Fault::Connect(_))),
+            gone.iter().all(|it| matches!(it, DirectError::Connect(_))),
             "{gone:?}"
         );
-        let clear = faults(&Direct::new(false), &format!("http://{address}/{secret}")).await;
+        let plaintext = errors(&Direct::new(false), &format!("http://{address}/{secret}")).await;
         assert!(
-            clear.iter().all(|it| matches!(it, Fault::Clear)),
-            "{clear:?}"
+            plaintext
+                .iter()
+                .all(|it| matches!(it, DirectError::Plaintext)),
+            "{plaintext:?}"
         );
-        let other = faults(&Direct::new(true), &format!("ftp://{address}/{secret}")).await;
-        assert!(other.iter().all(|it| matches!(it, Fault::Url)), "{other:?}");
-        let bad = faults(&Direct::new(true), "no url X-Amz-Signature=0f").await;
-        for fault in [gone, clear, other, bad].as_flattened() {
-            let told = format!("{fault} {fault:?}");
+        let other = errors(&Direct::new(true), &format!("ftp://{address}/{secret}")).await;
+        assert!(
+            other.iter().all(|it| matches!(it, DirectError::Url)),
+            "{other:?}"
+        );
+        let bad = errors(&Direct::new(true), "no url X-Amz-Signature=0f").await;
+        for error in [gone, plaintext, other, bad].as_flattened() {
+            let told = format!("{error} {error:?}");
             assert!(!told.contains("0f"), "{told}");
         }
     }

@@ -146,7 +146,7 @@ impl YotoClient {
             let (mut service, request) = (self.upload_service(), request.clone());
             async move { service.get_upload(request).await }
         };
-        let doing = format!("going on with {name}");
+        let doing = format!("continuing {name}");
         repeat(get).await.map_err(ClientError::refused(doing))
     }
 }

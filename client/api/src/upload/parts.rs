@@ -3,7 +3,7 @@
 
 use super::plan::{Part, Plan};
 use super::{Meter, UploadFile};
-use crate::direct::Fault;
+use crate::direct::DirectError;
 use crate::{ClientError, YotoClient};
 use std::sync::Arc;
 use tokio::task::JoinSet;
@@ -28,7 +28,7 @@ struct Writer<'a> {
 }
 
 /// Why no further part is written.
-enum End {
+enum WriteEnd {
     /// A stream takes the rest, unless a part was committed since the last try.
     Store(String),
     /// The service refuses or fails.
@@ -80,8 +80,8 @@ impl YotoClient {
             let written = writer.write(parts, on_commit).await;
             match written {
                 Ok(()) => {}
-                Err(End::Service(status)) => return Ok(Err(status)),
-                Err(End::Store(why)) => {
+                Err(WriteEnd::Service(status)) => return Ok(Err(status)),
+                Err(WriteEnd::Store(why)) => {
                     if committed == before {
                         self.direct.writes.give_up(&why);
                     }
@@ -95,7 +95,11 @@ impl YotoClient {
 impl Writer<'_> {
     /// Writes `parts` at once and has the service commit them one by one; `on_commit` receives the size of each. The first one
     /// that fails is the last.
-    async fn write(&mut self, parts: Vec<Part>, mut on_commit: impl FnMut(u64)) -> Result<(), End> {
+    async fn write(
+        &mut self,
+        parts: Vec<Part>,
+        mut on_commit: impl FnMut(u64),
+    ) -> Result<(), WriteEnd> {
         let new: Vec<NewPart> = (self.next..)
             .zip(&parts)
             .map(|(number, part)| NewPart {
@@ -108,7 +112,7 @@ impl Writer<'_> {
         let signed = self.sign(new.clone()).await?;
         let written = self.put(&parts, signed).await;
         for ((part, new), written) in parts.into_iter().zip(new).zip(written) {
-            written.map_err(|fault| End::Store(fault.to_string()))?;
+            written.map_err(|fault| WriteEnd::Store(fault.to_string()))?;
             let bytes = part.bytes;
             self.commit(part, new).await?;
             on_commit(bytes);
@@ -116,7 +120,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    async fn sign(&mut self, parts: Vec<NewPart>) -> Result<Vec<SignedPart>, End> {
+    async fn sign(&mut self, parts: Vec<NewPart>) -> Result<Vec<SignedPart>, WriteEnd> {
         let asked = parts.len();
         let request = SignPartsRequest {
             upload: self.upload.to_owned(),
@@ -127,19 +131,19 @@ impl Writer<'_> {
             Ok(answer) => answer.into_inner(),
             Err(status) if status.code() == Code::Unimplemented => {
                 let why = "the service is of an earlier version";
-                return Err(End::Store(why.into()));
+                return Err(WriteEnd::Store(why.into()));
             }
-            Err(status) => return Err(End::Service(status)),
+            Err(status) => return Err(WriteEnd::Service(status)),
         };
         if answer.parts.len() != asked {
-            return Err(End::Store("the service signs no URLs".into()));
+            return Err(WriteEnd::Store("the service signs no URLs".into()));
         }
         self.number = answer.writer;
         Ok(answer.parts)
     }
 
     /// What becomes of each part.
-    async fn put(&self, parts: &[Part], signed: Vec<SignedPart>) -> Vec<Result<(), Fault>> {
+    async fn put(&self, parts: &[Part], signed: Vec<SignedPart>) -> Vec<Result<(), DirectError>> {
         let mut tasks = JoinSet::new();
         for (at, (part, signed)) in parts.iter().zip(signed).enumerate() {
             let (direct, chunks) = (Arc::clone(&self.client.direct), part.chunks.clone());
@@ -148,7 +152,7 @@ impl Writer<'_> {
                 (at, direct.put(url, headers, &chunks).await)
             });
         }
-        let mut written: Vec<_> = parts.iter().map(|_| Err(Fault::Silent)).collect();
+        let mut written: Vec<_> = parts.iter().map(|_| Err(DirectError::Timeout)).collect();
         while let Some(done) = tasks.join_next().await {
             if let Ok((at, outcome)) = done {
                 written[at] = outcome;
@@ -157,7 +161,7 @@ impl Writer<'_> {
         written
     }
 
-    async fn commit(&self, part: Part, new: NewPart) -> Result<(), End> {
+    async fn commit(&self, part: Part, new: NewPart) -> Result<(), WriteEnd> {
         let request = CommitPartRequest {
             upload: self.upload.to_owned(),
             writer: self.number,
@@ -169,10 +173,10 @@ impl Writer<'_> {
         };
         match reasons::of(&status) {
             Some(ErrorReason::UploadIncomplete) => {
-                let why = "the service does not find there what was written";
-                Err(End::Store(why.into()))
+                let why = "the service does not find the part that was written";
+                Err(WriteEnd::Store(why.into()))
             }
-            _ => Err(End::Service(status)),
+            _ => Err(WriteEnd::Service(status)),
         }
     }
 }

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 use yoto_media::film::Film;
 use yoto_proto::exports::EXTENSIONS;
 
-/// Extensions of single files, in lower case, besides those of exports; renders are never written to such
+/// Extensions of single files in lower case, besides the extensions of exports. Renders are never written to such
 /// files.
 const OTHER_FILES: [&str; 29] = [
     "3gp", "apng", "avi", "avif", "bmp", "bvh", "exr", "flv", "gz", "heic", "jpeg", "jpg", "json",
@@ -49,7 +49,7 @@ fn extension(out: &Path) -> Option<String> {
 /// name.
 ///
 /// # Errors
-/// If its name is that of a file of another kind.
+/// If its name belongs to a file of another kind.
 pub(crate) fn ensure_known(out: &Path) -> anyhow::Result<()> {
     let exported = |it: &str| EXTENSIONS.contains(&it);
     let other = extension(out).filter(|it| exported(it) || OTHER_FILES.contains(&it.as_str()));
@@ -63,7 +63,7 @@ pub(crate) fn ensure_known(out: &Path) -> anyhow::Result<()> {
     )
 }
 
-/// Whether `out` is the name of a film, and not that of a folder.
+/// Whether `out` is the name of a film, not of a folder.
 pub(crate) fn is_film(out: &Path) -> bool {
     Form::of(out).is_some()
 }
@@ -80,7 +80,7 @@ pub(crate) fn may_be_transparent(out: &Path) -> bool {
 pub(crate) fn ensure_free(out: &Path, force: bool) -> anyhow::Result<()> {
     ensure!(
         force || !out.exists(),
-        "{} is there already: choose another file (--out), or write over it (--force)",
+        "{} is there already: choose another file (--out), or overwrite it (--force)",
         out.display()
     );
     Ok(())

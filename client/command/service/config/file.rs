@@ -9,7 +9,7 @@ const SIMILAR: f64 = 0.7;
 
 /// A value of the file.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct FileSetting {
     /// Id of the option.
     pub id: String,
     /// Its name on the command line.
@@ -41,7 +41,7 @@ pub(super) enum FileError {
         key: String,
         nearest: Option<String>,
     },
-    #[error("{}:{line}: {key} has one value, a text, a number, true or false", path.display())]
+    #[error("{}:{line}: {key} takes one value: a text, a number, true or false", path.display())]
     Kind {
         path: PathBuf,
         line: usize,
@@ -57,7 +57,10 @@ fn meant(nearest: &Option<String>) -> String {
 }
 
 /// Reads the file at `path`; `settings` are ids and names of options.
-pub(super) fn read(path: &Path, settings: &[(String, String)]) -> Result<Vec<Entry>, FileError> {
+pub(super) fn read(
+    path: &Path,
+    settings: &[(String, String)],
+) -> Result<Vec<FileSetting>, FileError> {
     let text = std::fs::read_to_string(path).map_err(|source| FileError::Read {
         path: path.to_owned(),
         source,
@@ -69,7 +72,7 @@ fn entries(
     path: &Path,
     text: &str,
     settings: &[(String, String)],
-) -> Result<Vec<Entry>, FileError> {
+) -> Result<Vec<FileSetting>, FileError> {
     let line_at = |at: usize| {
         1 + text.as_bytes()[..at]
             .iter()
@@ -107,7 +110,7 @@ fn entries(
                 });
             }
         };
-        entries.push(Entry {
+        entries.push(FileSetting {
             id: id.clone(),
             name: name.to_owned(),
             value,
@@ -134,7 +137,7 @@ fn nearest(name: &str, settings: &[(String, String)]) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Vec<Entry>, String> {
+    fn read(text: &str) -> Result<Vec<FileSetting>, String> {
         let settings = ["listen", "keep-newest", "no-worker"].map(|name| {
             let id = name.replace('-', "_");
             (id, name.to_owned())

@@ -11,7 +11,7 @@ pub(crate) use print::print;
 
 use clap::error::ErrorKind;
 use clap::{ArgAction, ArgMatches, Command};
-use file::{Entry, FileError};
+use file::{FileError, FileSetting};
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -78,7 +78,7 @@ fn settings(command: &Command) -> Vec<(String, String)> {
 }
 
 /// The command with the values of `entries` as defaults.
-fn with_defaults(command: Command, entries: &[Entry]) -> Command {
+fn with_defaults(command: Command, entries: &[FileSetting]) -> Command {
     command.mut_subcommand(COMMAND, |mut serve| {
         for entry in entries {
             // The definition of a command line keeps defaults for the life of the process.
@@ -93,7 +93,7 @@ fn with_defaults(command: Command, entries: &[Entry]) -> Command {
 ///
 /// # Errors
 /// With the line of the first value that is refused.
-fn check(command: &Command, path: &Path, entries: &[Entry]) -> Result<(), clap::Error> {
+fn check(command: &Command, path: &Path, entries: &[FileSetting]) -> Result<(), clap::Error> {
     let serve = command.find_subcommand(COMMAND);
     for entry in entries {
         let mut arguments = serve.into_iter().flat_map(|it| it.get_arguments());

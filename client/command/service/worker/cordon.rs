@@ -5,8 +5,8 @@ use clap::Subcommand;
 use yoto_terminal::output::others;
 
 const CORDON_HELP: &str = "\
-Its running job continues. The name is that of `yoto status`, and counts for all workers with it, also
-after they have started again.
+Its running job continues. The name is the one in `yoto status`. The cordon holds for all workers with this
+name, also after a restart.
 
 Example:
   yoto worker cordon gpu-1 --reason \"a fan is broken\"";

@@ -14,7 +14,7 @@ pub(crate) enum Needs {
     Cpu,
 }
 
-/// Jobs whose time is that of networks.
+/// Jobs that spend most of their time in networks.
 const WITH_NETWORKS: &[JobKind] = &[
     JobKind::Train,
     JobKind::Render,

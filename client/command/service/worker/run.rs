@@ -8,6 +8,7 @@ use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use url::Url;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_proto::v1::JobKind;
 use yoto_worker::{Ended, JobEnd, Worker, WorkerConfig};
 
@@ -34,16 +35,16 @@ pub(crate) struct WorkerArgs {
         default_value = "worker"
     )]
     name: String,
-    /// Kinds of jobs that it runs, separated by commas [default: all that --needs allows].
+    /// Kinds of jobs that the worker runs, separated by commas [default: all that --needs allows].
     #[arg(long, value_enum, value_delimiter = ',', value_name = "KIND")]
     kinds: Vec<KindName>,
-    /// Take only jobs that compute on a GPU, and refuse to start without one, or only those that need none.
+    /// Take only jobs that compute on a GPU (and refuse to start without one), or only jobs that need none.
     #[arg(long, value_enum, value_name = "DEVICE")]
     needs: Option<Needs>,
     /// Take one job and end. Without --max-idle, end at once if no job waits.
     #[arg(long)]
     one_job: bool,
-    /// End when no job came for this time, seconds.
+    /// End after this time without a job, seconds.
     #[arg(long, value_name = "SECONDS", value_parser = crate::args::seconds)]
     max_idle: Option<f64>,
     /// Time from SIGTERM until this process has ended, seconds: a training saves, other jobs return to the
@@ -64,7 +65,7 @@ pub(crate) struct WorkerArgs {
     #[command(flatten)]
     ingest: crate::args::IngestArgs,
     #[command(flatten)]
-    lpips: crate::args::LpipsArgs,
+    lpips: yoto_terminal::args::LpipsArgs,
 }
 
 impl WorkerArgs {
@@ -93,7 +94,7 @@ impl WorkerArgs {
             one_job: self.one_job,
             max_idle_seconds: self.max_idle,
             ingest: self.ingest.settings()?,
-            lpips: self.lpips.weights()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
             scratch: self.scratch,
             key,
             after_job: crate::allocator::give_back_memory,
@@ -122,7 +123,9 @@ fn status(ended: Ended, one_job: bool) -> (u8, &'static str) {
         Ended::OneJob(JobEnd::Succeeded) => (0, "the job succeeded"),
         Ended::OneJob(JobEnd::Cancelled) => (0, "the job was cancelled"),
         Ended::OneJob(JobEnd::Failed) => (JOB_FAILED, "the job failed: `yoto job show` says why"),
-        Ended::OneJob(JobEnd::Returned) => (JOB_RETURNED, "the job is not this worker's any more"),
+        Ended::OneJob(JobEnd::Returned) => {
+            (JOB_RETURNED, "the job no longer belongs to this worker")
+        }
     }
 }
 

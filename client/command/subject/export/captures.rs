@@ -1,6 +1,6 @@
 //! The captures of a person: the frames that training reads, as a folder that can be added again.
 
-use super::{Part, Person, id};
+use super::{ExportedPart, PersonExport, id};
 use anyhow::Context;
 use std::path::Path;
 use yoto_capture::Shard;
@@ -9,10 +9,10 @@ use yoto_proto::keys::FRAMES;
 use yoto_proto::v1::{Capture, capture};
 use yoto_terminal::output;
 
-impl Person<'_> {
+impl PersonExport<'_> {
     /// Writes all captures that were read.
-    pub(super) async fn captures(&self) -> anyhow::Result<Part> {
-        let mut part = Part::default();
+    pub(super) async fn captures(&self) -> anyhow::Result<ExportedPart> {
+        let mut part = ExportedPart::default();
         for capture in self.client.list_captures(&self.subject.name).await? {
             part.about.push(output::message(&capture));
             match capture.state() {
@@ -28,7 +28,7 @@ impl Person<'_> {
         Ok(part)
     }
 
-    async fn capture(&self, capture: &Capture, part: &mut Part) -> anyhow::Result<()> {
+    async fn capture(&self, capture: &Capture, part: &mut ExportedPart) -> anyhow::Result<()> {
         let place = Path::new("captures").join(id(&capture.name));
         let folder = self.out.join(&place);
         for object in self.client.list_objects(&capture.name).await? {

@@ -1,14 +1,14 @@
 //! What a person has agreed to, with the files that prove it.
 
-use super::{Part, Person, id};
+use super::{ExportedPart, PersonExport, id};
 use std::ffi::OsStr;
 use std::path::Path;
 use yoto_terminal::output;
 
-impl Person<'_> {
+impl PersonExport<'_> {
     /// Writes the files that prove consents.
-    pub(super) async fn consents(&self) -> anyhow::Result<Part> {
-        let mut part = Part::default();
+    pub(super) async fn consents(&self) -> anyhow::Result<ExportedPart> {
+        let mut part = ExportedPart::default();
         for consent in self.client.list_consents(&self.subject.name).await? {
             part.about.push(output::message(&consent));
             let Some(evidence) = &consent.evidence else {

@@ -1,6 +1,6 @@
 //! Jobs about a person, and the files of renders and exports that show nobody else.
 
-use super::{Part, Person, id};
+use super::{ExportedPart, PersonExport, id};
 use anyhow::Context;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -9,10 +9,10 @@ use yoto_proto::names::Collection;
 use yoto_proto::v1::{Job, JobKind, JobResult, job_result};
 use yoto_terminal::output;
 
-impl Person<'_> {
+impl PersonExport<'_> {
     /// Writes the files of all jobs that are about them alone.
-    pub(super) async fn jobs(&self) -> anyhow::Result<Part> {
-        let mut part = Part::default();
+    pub(super) async fn jobs(&self) -> anyhow::Result<ExportedPart> {
+        let mut part = ExportedPart::default();
         for job in self.client.list_jobs().await? {
             let people = people(&job);
             if !people.contains(&*self.subject.name) {
@@ -50,7 +50,7 @@ impl Person<'_> {
     }
 
     /// Writes what an evaluation has measured of them.
-    fn scores(&self, job: &Job, part: &mut Part) -> anyhow::Result<()> {
+    fn scores(&self, job: &Job, part: &mut ExportedPart) -> anyhow::Result<()> {
         let result = job.result.as_ref().and_then(|it| it.kind.as_ref());
         let Some(job_result::Kind::Evaluate(result)) = result else {
             return Ok(());

@@ -23,10 +23,10 @@ The folder has:
                      reads this folder
   models/ID/STEP/    person.safetensors: their own parameters in a checkpoint; refined-poses.json
   consents/ID/       the file that proves a consent
-  jobs/ID/           files of renders and exports, and scores of evaluations, that are of them alone
+  jobs/ID/           files of renders and exports, and scores of evaluations, that show them alone
 
-What shows somebody else too is not given out: it is named under `left_out` in person.json. What all people of a model
-share is not theirs and is not in the folder.
+A file that also shows somebody else is left out, and named under `left_out` in person.json. The shared parameters of a
+model belong to all its people and are not in the folder.
 
 Examples:
   yoto subject export ada --out ada
@@ -40,7 +40,8 @@ const FILE: &str = "person.json";
 pub(crate) struct Export {
     /// The person, by name.
     name: String,
-    /// Folder for the files: a new or an empty one, so that nothing of an earlier export or of another person is in it.
+    /// Folder for the files. It must be new or empty, so that no file of an earlier export or of another person is in
+    /// it.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
@@ -48,15 +49,15 @@ pub(crate) struct Export {
 }
 
 /// A person, and the folder of their files.
-struct Person<'a> {
+struct PersonExport<'a> {
     client: &'a YotoClient,
     subject: &'a Subject,
     out: &'a Path,
 }
 
-/// What was found of a person in one place.
+/// What one part of the service holds about a person.
 #[derive(Default)]
-struct Part {
+struct ExportedPart {
     /// For `person.json`.
     about: Vec<Value>,
     /// What is not in the folder, and why.
@@ -69,7 +70,7 @@ impl Export {
         let client = self.server.connect().await?;
         let subject = client.find_subject(&self.name).await?;
         ensure_empty(&self.out)?;
-        let person = Person {
+        let person = PersonExport {
             client: &client,
             subject: &subject,
             out: &self.out,
@@ -111,7 +112,7 @@ impl Export {
     }
 }
 
-impl Person<'_> {
+impl PersonExport<'_> {
     /// Writes a file at a `place` in the folder; its path.
     fn write(&self, place: &Path, bytes: &[u8]) -> anyhow::Result<PathBuf> {
         let path = self.out.join(place);

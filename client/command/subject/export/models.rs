@@ -1,7 +1,7 @@
 //! What models have learned of a person: their own parameters in each checkpoint, and their poses as trainings have
 //! refined them.
 
-use super::{Part, Person, id};
+use super::{ExportedPart, PersonExport, id};
 use anyhow::Context;
 use serde_json::json;
 use std::path::Path;
@@ -10,10 +10,10 @@ use yoto_avatar::train::leaving::own_part;
 use yoto_proto::manifest::files;
 use yoto_proto::v1::{Checkpoint, IdentitySlot, Model};
 
-impl Person<'_> {
+impl PersonExport<'_> {
     /// Writes their part of all models.
-    pub(super) async fn models(&self) -> anyhow::Result<Part> {
-        let mut part = Part::default();
+    pub(super) async fn models(&self) -> anyhow::Result<ExportedPart> {
+        let mut part = ExportedPart::default();
         for model in self.client.list_models().await? {
             let mut slots = model.slots.iter();
             let Some(slot) = slots.find(|slot| slot.subject == self.subject.name) else {
@@ -46,7 +46,7 @@ impl Person<'_> {
         model: &Model,
         slot: &IdentitySlot,
         checkpoint: &Checkpoint,
-        part: &mut Part,
+        part: &mut ExportedPart,
     ) -> anyhow::Result<()> {
         let place = Path::new("models")
             .join(id(&model.name))

@@ -13,7 +13,7 @@ pub(super) enum Flag {
     Matting,
     Person,
     Points,
-    TurnPoints,
+    PointRotation,
     MirrorPoints,
     Focal,
     Height,
@@ -23,10 +23,10 @@ pub(super) enum Flag {
 }
 
 /// An option, its name, and whether it is given.
-type Row = (Flag, &'static str, fn(&Options) -> bool);
+type FlagRow = (Flag, &'static str, fn(&Options) -> bool);
 
-/// All of them, in the order in which help lists them.
-pub(super) const FLAGS: [Row; 14] = [
+/// All options that some formats do not read, in the order of the help.
+pub(super) const FLAGS: [FlagRow; 14] = [
     (Flag::View, "--view", |it| it.camera.is_some()),
     (Flag::RestJoints, "--rest-joints", |it| {
         it.rest_joints.is_some()
@@ -36,8 +36,8 @@ pub(super) const FLAGS: [Row; 14] = [
     (Flag::Matting, "--matting-model", |it| it.matting.is_some()),
     (Flag::Person, "--person", |it| it.person.is_some()),
     (Flag::Points, "--points", |it| it.points.is_some()),
-    (Flag::TurnPoints, "--turn-points", |it| {
-        it.turn_points.is_some()
+    (Flag::PointRotation, "--turn-points", |it| {
+        it.point_rotation.is_some()
     }),
     (Flag::MirrorPoints, "--mirror-points", |it| it.mirror_points),
     (Flag::Focal, "--focal", |it| it.focal.is_some()),

@@ -1,5 +1,5 @@
-//! The formats that are imported: one table ([`table`]) for the readers, for what recognises files
-//! ([`recognise`]), for the options that a format doesn't read ([`unread`]), and for help ([`help`]).
+//! The formats that are imported. One table ([`table`]) serves the readers, recognition ([`mod@recognise`]), the check of
+//! options ([`unread`]) and the help ([`help`]).
 
 mod flags;
 mod format;
@@ -8,34 +8,34 @@ mod recognise;
 mod table;
 mod unread;
 
-pub use format::Format;
+pub use format::{Format, pose_tools};
 pub use help::options_by_format;
 
+use crate::ImportError;
 use crate::source::Source;
-use crate::{Imported, Options, features, sound, tools};
+use crate::{Imported, Options, features, plausibility, tools};
 use recognise::{Recognised, recognise};
 use std::path::Path;
-use table::{ADAPTERS, Adapter, Read};
+use table::{Adapter, Reader, adapters};
 use tools::Tool;
 use unread::ensure_read;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::describe;
 use yoto_proto::v1::Violation;
 
 /// Reads the capture in `dir`, without decoding its pictures.
 ///
 /// # Errors
-/// [`ClientError::BadCapture`] with file, frame and field, or [`ClientError::Name`] with these where `dir` is no
-/// capture's folder; [`ClientError::File`] when the file system fails.
-pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+/// [`ImportError::BadCapture`] with file, frame and field, or [`ImportError::Unusable`] with these where `dir` is not
+/// the folder of a capture; [`ImportError::File`] when the file system fails.
+pub fn read(format: Format, dir: &Path, options: &Options) -> Result<Imported, ImportError> {
     read_any(format, dir, options).map_err(|error| by_path(error, dir))
 }
 
-/// `error`, which names the file's own path where it is about a file that is not of the capture in `dir`.
-fn by_path(error: ClientError, dir: &Path) -> ClientError {
+/// `error`, with the path of the file if the file is outside of the capture in `dir`.
+fn by_path(error: ImportError, dir: &Path) -> ImportError {
     let is_captures = |place: &str| dir.is_dir() && place == dir.display().to_string();
     match error {
-        ClientError::BadCapture { place, violations } if !is_captures(&place) => {
+        ImportError::BadCapture { place, violations } if !is_captures(&place) => {
             let describe = |violation: &Violation| {
                 let path = Path::new(&place).join(&violation.file);
                 let file = path.display().to_string();
@@ -45,13 +45,13 @@ fn by_path(error: ClientError, dir: &Path) -> ClientError {
                 })
             };
             let lines: Vec<String> = violations.iter().map(describe).collect();
-            ClientError::Name(lines.join("\n"))
+            ImportError::Unusable(lines.join("\n"))
         }
         error => error,
     }
 }
 
-fn read_any(format: Format, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+fn read_any(format: Format, dir: &Path, options: &Options) -> Result<Imported, ImportError> {
     features::ensure_built(options)?;
     if let Some(adapter) = table::of(format) {
         return read_as(adapter, dir, options);
@@ -68,12 +68,12 @@ fn read_any(format: Format, dir: &Path, options: &Options) -> Result<Imported, C
     }
 }
 
-fn read_as(adapter: &Adapter, dir: &Path, options: &Options) -> Result<Imported, ClientError> {
+fn read_as(adapter: &Adapter, dir: &Path, options: &Options) -> Result<Imported, ImportError> {
     ensure_read(adapter, dir, options)?;
     let imported = match adapter.read {
-        Read::Folder(read) => read(&Source::new(dir), options)?,
-        Read::Clip(read) => read(dir, options)?,
-        Read::Tool(tool) => return read_tool(Some(tool), dir, options),
+        Reader::Folder(read) => read(&Source::new(dir), options)?,
+        Reader::Clip(read) => read(dir, options)?,
+        Reader::Tool(tool) => return read_tool(Some(tool), dir, options),
     };
     checked(dir, imported, options)
 }
@@ -83,19 +83,19 @@ fn read_tool(
     forced: Option<&'static Tool>,
     dir: &Path,
     options: &Options,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let at = options.poses.as_deref().unwrap_or(dir);
     let (tool, found) = tools::open(at, forced, options)?;
     let is_of_tool =
-        |adapter: &&Adapter| matches!(adapter.read, Read::Tool(of) if std::ptr::eq(of, tool));
-    if let Some(adapter) = ADAPTERS.iter().find(is_of_tool) {
+        |adapter: &&Adapter| matches!(adapter.read, Reader::Tool(of) if std::ptr::eq(of, tool));
+    if let Some(adapter) = adapters().iter().find(is_of_tool) {
         ensure_read(adapter, dir, options)?;
     }
     checked(dir, tools::capture(tool, &found, dir, options)?, options)
 }
 
 /// `imported`, if its track has no faults, with a note about frames that it lacks.
-fn checked(dir: &Path, mut imported: Imported, options: &Options) -> Result<Imported, ClientError> {
+fn checked(dir: &Path, mut imported: Imported, options: &Options) -> Result<Imported, ImportError> {
     imported
         .notes
         .extend(options.beyond_last(imported.available));
@@ -103,6 +103,6 @@ fn checked(dir: &Path, mut imported: Imported, options: &Options) -> Result<Impo
     if !violations.is_empty() {
         return Err(Source::new(dir).bad(violations));
     }
-    sound::ensure(&mut imported)?;
+    plausibility::ensure(&mut imported)?;
     Ok(imported)
 }

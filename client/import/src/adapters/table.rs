@@ -1,55 +1,52 @@
-//! All formats: what `--from` calls them, which options they read, how their files are recognised, and
-//! who reads them.
+//! All formats: their names for `--from`, the options that they read, the recognition of their files, and their readers.
 
 use super::flags::Flag;
 use super::format::Format;
+use crate::ImportError;
 use crate::datasets::{folder, humannerf, instant_avatar, people_snapshot, zju};
 use crate::source::Source;
-use crate::tools::{Tool, bvh_clip};
-use crate::tools::{easymocap, ex_avatar, gvhmr, lhm, phalp, prompthmr, romp, tram, wham};
+use crate::tools::{self, Tool, bvh_clip};
 use crate::{Imported, Options, film, keypoints};
-use clap::builder::PossibleValue;
 use std::path::Path;
-use yoto_client::ClientError;
+use std::sync::LazyLock;
 use yoto_proto::pose_track::{BINARY_FILE, FILE};
 
 /// A format and its reader.
 pub(super) struct Adapter {
-    pub format: Format,
     /// What `--from` takes.
     pub from: &'static str,
     pub help: &'static str,
-    /// The options that it reads, of those that some formats don't.
-    pub flags: &'static [Flag],
-    pub fits: Fits,
-    pub read: Read,
+    /// The options in [`FLAGS`](super::flags::FLAGS) that it reads.
+    pub flags: Vec<Flag>,
+    pub fits: RecognisedBy,
+    pub read: Reader,
 }
 
 /// How the files of a format are recognised.
-pub(super) enum Fits {
-    /// By names in the folder, with what it is called then: all names of one entry must be there.
+pub(super) enum RecognisedBy {
+    /// By names in the folder: each entry has a name for a note, and files that must all be there.
     Files(&'static [(&'static str, &'static [&'static str])]),
-    /// By the file or folder of `--poses`, with what it is called, if its reader doesn't say.
+    /// By the file or folder of `--poses`; with a name for a note, unless the reader names it.
     Poses(Option<&'static str>, fn(&Path) -> bool),
-    /// By what is in the file, which is read once for all tools.
+    /// By the contents of the file, which is read once for all tools.
     Tool,
-    /// A clip without anything beside it.
+    /// A clip with no other files.
     Clip,
 }
 
 /// The reader of a format.
 #[derive(Clone, Copy)]
-pub(super) enum Read {
-    /// Of a folder.
-    Folder(fn(&Source, &Options) -> Result<Imported, ClientError>),
-    /// Of a clip, with what the options name.
-    Clip(fn(&Path, &Options) -> Result<Imported, ClientError>),
-    /// Of a pose tool's files, with the clip.
+pub(super) enum Reader {
+    /// Reads a folder.
+    Folder(fn(&Source, &Options) -> Result<Imported, ImportError>),
+    /// Reads a clip and the files that the options name.
+    Clip(fn(&Path, &Options) -> Result<Imported, ImportError>),
+    /// Reads a pose tool's files with their clip.
     Tool(&'static Tool),
 }
 
-/// What a pose tool's files need besides.
-const TOOL: &[Flag] = &[
+/// The options that are read with every pose tool's files.
+const TOOL: [Flag; 9] = [
     Flag::RestJoints,
     Flag::Poses,
     Flag::Masks,
@@ -63,227 +60,141 @@ const TOOL: &[Flag] = &[
 
 /// All formats, in the order in which files are recognised: an import's own capture folder may be the
 /// folder of the dataset, and a clip is all that is left where nothing else fits.
-pub(super) static ADAPTERS: [Adapter; 17] = [
-    Adapter {
-        format: Format::Folder,
-        from: "folder",
-        help: "This project's own: poses.json or poses.pb, frames, masks",
-        flags: &[],
-        fits: Fits::Files(&[
-            ("a capture folder", &[FILE]),
-            ("a capture folder", &[BINARY_FILE]),
-        ]),
-        read: Read::Folder(folder::read),
-    },
-    Adapter {
-        format: Format::Zju,
-        from: "zju",
-        help: "ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp",
-        flags: &[Flag::View, Flag::RestJoints, Flag::Fps],
-        fits: Fits::Files(&[("ZJU-MoCap", &["annots.npy"])]),
-        read: Read::Folder(zju::read),
-    },
-    Adapter {
-        format: Format::HumanNerf,
-        from: "humannerf",
-        help: "HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl and canonical_joints.pkl",
-        flags: &[Flag::RestJoints, Flag::Fps],
-        fits: Fits::Files(&[
-            ("HumanNeRF's prepared capture", &["mesh_infos.pkl"]),
-            ("HumanNeRF's wild video", &["metadata.json", "images"]),
-        ]),
-        read: Read::Folder(humannerf::read),
-    },
-    Adapter {
-        format: Format::PeopleSnapshot,
-        from: "people-snapshot",
-        help: "PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video",
-        flags: &[Flag::RestJoints, Flag::Fps],
-        fits: Fits::Files(&[("PeopleSnapshot", people_snapshot::MARKS)]),
-        read: Read::Folder(people_snapshot::read),
-    },
-    Adapter {
-        format: Format::InstantAvatar,
-        from: "instant-avatar",
-        help: "InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks",
-        flags: &[Flag::RestJoints, Flag::Poses, Flag::Fps],
-        fits: Fits::Files(&[
-            ("InstantAvatar", &["cameras.npz", "poses.npz"]),
-            ("InstantAvatar", &["cameras.npz", "poses"]),
-        ]),
-        read: Read::Folder(instant_avatar::read),
-    },
-    Adapter {
-        format: Format::Bvh,
-        from: "bvh",
-        help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera",
-        flags: &[
-            Flag::View,
-            Flag::Poses,
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Focal,
-            Flag::KeepSkeleton,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Poses(Some("BVH"), bvh_clip::fits),
-        read: Read::Clip(bvh_clip::read),
-    },
-    Adapter {
-        format: Format::KeyPoints,
-        from: "key-points",
-        help: "Key points of OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body: --poses their files, with the clip; a body is fitted to them",
-        flags: &[
-            Flag::Poses,
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Person,
-            Flag::Points,
-            Flag::TurnPoints,
-            Flag::MirrorPoints,
-            Flag::Focal,
-            Flag::Height,
-            Flag::KeepSkeleton,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Poses(None, keypoints::has_files),
-        read: Read::Clip(keypoints::read),
-    },
-    Adapter {
-        format: Format::Phalp,
-        from: "phalp",
-        help: "4D-Humans' tracker PHALP: --poses outputs/results/demo_*.pkl, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&phalp::TOOL),
-    },
-    Adapter {
-        format: Format::Wham,
-        from: "wham",
-        help: "WHAM: --poses wham_output.pkl, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&wham::TOOL),
-    },
-    Adapter {
-        format: Format::Gvhmr,
-        from: "gvhmr",
-        help: "GVHMR: --poses hmr4d_results.pt, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&gvhmr::TOOL),
-    },
-    Adapter {
-        format: Format::Tram,
-        from: "tram",
-        help: "TRAM: --poses results/CLIP, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&tram::TOOL),
-    },
-    Adapter {
-        format: Format::Romp,
-        from: "romp",
-        help: "ROMP or BEV: --poses a folder of *.npz or video_results.npz, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&romp::TOOL),
-    },
-    Adapter {
-        format: Format::PromptHmr,
-        from: "prompthmr",
-        help: "PromptHMR: --poses results.pkl, with its video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&prompthmr::TOOL),
-    },
-    Adapter {
-        format: Format::Lhm,
-        from: "lhm",
-        help: "LHM's motions: --poses smplx_params, with their video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&lhm::TOOL),
-    },
-    Adapter {
-        format: Format::ExAvatar,
-        from: "exavatar",
-        help: "ExAvatar: --poses smplx_optimized/smplx_params, with the pictures or their video",
-        flags: TOOL,
-        fits: Fits::Tool,
-        read: Read::Tool(&ex_avatar::TOOL),
-    },
-    Adapter {
-        format: Format::EasyMocap,
-        from: "easymocap",
-        help: "EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video",
-        flags: &[
-            Flag::View,
-            Flag::RestJoints,
-            Flag::Poses,
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Person,
-            Flag::Focal,
-            Flag::Height,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Tool,
-        read: Read::Tool(&easymocap::TOOL),
-    },
-    Adapter {
-        format: Format::Film,
-        from: "film",
-        help: "A video, or a folder of pictures, alone: poses and masks by --pose-model",
-        flags: &[
-            Flag::Masks,
-            Flag::Matting,
-            Flag::Person,
-            Flag::Focal,
-            Flag::Height,
-            Flag::Fps,
-            Flag::Hdr,
-        ],
-        fits: Fits::Clip,
-        read: Read::Clip(film::read),
-    },
-];
+pub(super) fn adapters() -> &'static [Adapter] {
+    static ALL: LazyLock<Vec<Adapter>> = LazyLock::new(|| {
+        let tools = tools::ALL.into_iter().map(of_tool);
+        let others = before_tools().into_iter();
+        others.chain(tools).chain([clip_alone()]).collect()
+    });
+    &ALL
+}
 
-/// The adapter of `format`; `None` for [`Format::Auto`].
+fn of_tool(tool: &'static Tool) -> Adapter {
+    let view = tool.has_views.then_some(Flag::View);
+    Adapter {
+        from: tool.from,
+        help: tool.help,
+        flags: view.into_iter().chain(TOOL).collect(),
+        fits: RecognisedBy::Tool,
+        read: Reader::Tool(tool),
+    }
+}
+
+/// Formats whose files are recognised before those of pose tools.
+fn before_tools() -> [Adapter; 7] {
+    [
+        Adapter {
+            from: Format::FOLDER.name(),
+            help: "This project's own: poses.json or poses.pb, frames, masks",
+            flags: vec![],
+            fits: RecognisedBy::Files(&[
+                ("a capture folder", &[FILE]),
+                ("a capture folder", &[BINARY_FILE]),
+            ]),
+            read: Reader::Folder(folder::read),
+        },
+        Adapter {
+            from: "zju",
+            help: "ZJU-MoCap in EasyMocap's layout: annots.npy, new_params, images, mask, mask_cihp",
+            flags: vec![Flag::View, Flag::RestJoints, Flag::Fps],
+            fits: RecognisedBy::Files(&[("ZJU-MoCap", &["annots.npy"])]),
+            read: Reader::Folder(zju::read),
+        },
+        Adapter {
+            from: "humannerf",
+            help: "HumanNeRF: metadata.json of a wild video, or the prepared cameras.pkl, mesh_infos.pkl and canonical_joints.pkl",
+            flags: vec![Flag::RestJoints, Flag::Fps],
+            fits: RecognisedBy::Files(&[
+                ("HumanNeRF's prepared capture", &["mesh_infos.pkl"]),
+                ("HumanNeRF's wild video", &["metadata.json", "images"]),
+            ]),
+            read: Reader::Folder(humannerf::read),
+        },
+        Adapter {
+            from: "people-snapshot",
+            help: "PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5 and a video",
+            flags: vec![Flag::RestJoints, Flag::Fps],
+            fits: RecognisedBy::Files(&[("PeopleSnapshot", people_snapshot::MARKS)]),
+            read: Reader::Folder(people_snapshot::read),
+        },
+        Adapter {
+            from: "instant-avatar",
+            help: "InstantAvatar: cameras.npz, poses.npz or poses/*.npz, images, masks",
+            flags: vec![Flag::RestJoints, Flag::Poses, Flag::Fps],
+            fits: RecognisedBy::Files(&[
+                ("InstantAvatar", &["cameras.npz", "poses.npz"]),
+                ("InstantAvatar", &["cameras.npz", "poses"]),
+            ]),
+            read: Reader::Folder(instant_avatar::read),
+        },
+        Adapter {
+            from: "bvh",
+            help: "BVH: --poses a .bvh, with its clip; intri.yml and extri.yml beside it for the camera",
+            flags: vec![
+                Flag::View,
+                Flag::Poses,
+                Flag::Masks,
+                Flag::Matting,
+                Flag::Focal,
+                Flag::KeepSkeleton,
+                Flag::Fps,
+                Flag::Hdr,
+            ],
+            fits: RecognisedBy::Poses(Some("BVH"), bvh_clip::fits),
+            read: Reader::Clip(bvh_clip::read),
+        },
+        Adapter {
+            from: "key-points",
+            help: keypoints::help(),
+            flags: vec![
+                Flag::Poses,
+                Flag::Masks,
+                Flag::Matting,
+                Flag::Person,
+                Flag::Points,
+                Flag::PointRotation,
+                Flag::MirrorPoints,
+                Flag::Focal,
+                Flag::Height,
+                Flag::KeepSkeleton,
+                Flag::Fps,
+                Flag::Hdr,
+            ],
+            fits: RecognisedBy::Poses(None, keypoints::has_files),
+            read: Reader::Clip(keypoints::read),
+        },
+    ]
+}
+
+/// A clip without anything beside it.
+fn clip_alone() -> Adapter {
+    Adapter {
+        from: Format::FILM.name(),
+        help: "A video, or a folder of pictures, alone: poses and masks by --pose-model",
+        flags: vec![
+            Flag::Masks,
+            Flag::Matting,
+            Flag::Person,
+            Flag::Focal,
+            Flag::Height,
+            Flag::Fps,
+            Flag::Hdr,
+        ],
+        fits: RecognisedBy::Clip,
+        read: Reader::Clip(film::read),
+    }
+}
+
+/// The adapter of `format`; `None` for [`Format::AUTO`].
 pub(super) fn of(format: Format) -> Option<&'static Adapter> {
-    ADAPTERS.iter().find(|adapter| adapter.format == format)
+    let mut all = adapters().iter();
+    all.find(|adapter| adapter.from == format.name())
 }
 
 /// The formats that read `flag`, by the names that `--from` takes.
 pub(super) fn readers(flag: Flag) -> Vec<&'static str> {
-    let reads = ADAPTERS
+    let reads = adapters()
         .iter()
         .filter(|adapter| adapter.flags.contains(&flag));
     reads.map(|adapter| adapter.from).collect()
-}
-
-impl clap::ValueEnum for Format {
-    fn value_variants<'a>() -> &'a [Self] {
-        static ALL: [Format; ADAPTERS.len() + 1] = {
-            let mut all = [Format::Auto; ADAPTERS.len() + 1];
-            let mut at = 0;
-            while at < ADAPTERS.len() {
-                all[at + 1] = ADAPTERS[at].format;
-                at += 1;
-            }
-            all
-        };
-        &ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        let (from, help) = match of(*self) {
-            Some(adapter) => (adapter.from, adapter.help),
-            None => ("auto", "Recognised by the files"),
-        };
-        Some(PossibleValue::new(from).help(help))
-    }
 }

@@ -6,12 +6,12 @@
 use super::flags::{FLAGS, Flag};
 use super::format::Format;
 use super::table::{Adapter, readers};
+use crate::ImportError;
 use crate::Options;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::violation;
 
-/// Checks that every given option is read by `adapter`, in which `source` is.
+/// Checks that `adapter`, the format of `source`, reads every given option.
 ///
 /// # Errors
 /// The first option that is not, with the formats that read it.
@@ -19,7 +19,7 @@ pub(super) fn ensure_read(
     adapter: &Adapter,
     source: &Path,
     options: &Options,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let mut given = FLAGS.into_iter().filter(|(_, _, given)| given(options));
     let Some((flag, name, _)) = given.find(|(flag, ..)| !adapter.flags.contains(flag)) else {
         return Ok(());
@@ -32,15 +32,17 @@ pub(super) fn ensure_read(
         if others.len() == 1 { "does" } else { "do" }
     );
     if flag == Flag::KeepSkeleton {
-        message += match adapter.format {
-            Format::Film => ". The pose model finds points, which have no tree of joints to keep",
-            Format::Folder => ". A capture keeps its joints",
-            _ => ". Its skeleton is SMPL's own, or SMPL-X's, whose body has SMPL's joints",
+        message += if adapter.from == Format::FILM.name() {
+            ". The pose model finds points, which have no tree of joints to keep"
+        } else if adapter.from == Format::FOLDER.name() {
+            ". A capture keeps its joints"
+        } else {
+            ". Its skeleton is SMPL's own, or SMPL-X's, whose body has SMPL's joints"
         };
     }
     let file = source.file_name().unwrap_or_default().to_string_lossy();
     let folder = source.parent().unwrap_or(Path::new(""));
-    Err(ClientError::BadCapture {
+    Err(ImportError::BadCapture {
         place: folder.display().to_string(),
         violations: vec![violation("UNREAD_OPTION", &file, None, name, message)],
     })
@@ -48,12 +50,13 @@ pub(super) fn ensure_read(
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::{ADAPTERS, of};
+    use super::super::table::{adapters, of};
     use super::*;
 
     #[test]
     fn an_option_that_is_not_read_is_named_with_the_formats_that_read_it() {
-        let refused = |format, options: &Options| {
+        let refused = |name, options: &Options| {
+            let format = Format::named(name).expect("a name");
             let checked = ensure_read(
                 of(format).expect("a row"),
                 Path::new("captures/377"),
@@ -65,7 +68,7 @@ mod tests {
             person: Some("2".into()),
             ..Options::default()
         };
-        let text = refused(Format::Zju, &person).expect_err("no people");
+        let text = refused("zju", &person).expect_err("no people");
         assert!(
             text.contains("377")
                 && text
@@ -74,14 +77,14 @@ mod tests {
         );
         assert!(text.contains("easymocap, film do"), "{text}");
         assert!(!text.contains("humannerf"), "{text}");
-        assert_eq!(refused(Format::Film, &person), Ok(()));
-        assert_eq!(refused(Format::Wham, &person), Ok(()));
+        assert_eq!(refused("film", &person), Ok(()));
+        assert_eq!(refused("wham", &person), Ok(()));
         let view = Options {
             camera: Some(1),
             ..Options::default()
         };
-        assert_eq!(refused(Format::EasyMocap, &view), Ok(()));
-        assert!(refused(Format::Wham, &view).is_err());
+        assert_eq!(refused("easymocap", &view), Ok(()));
+        assert!(refused("wham", &view).is_err());
         let everywhere = Options {
             frames: Some((0, 2, 1)),
             best: std::num::NonZeroUsize::new(3),
@@ -90,8 +93,8 @@ mod tests {
             ffmpeg: Some("ffmpeg".into()),
             ..Options::default()
         };
-        for adapter in &ADAPTERS {
-            assert_eq!(refused(adapter.format, &everywhere), Ok(()));
+        for adapter in adapters() {
+            assert_eq!(refused(adapter.from, &everywhere), Ok(()));
         }
     }
 }

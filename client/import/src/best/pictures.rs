@@ -1,21 +1,21 @@
 //! The pictures of a clip, one at a time, and their sharpness.
 
 use super::sharpness;
+use crate::ImportError;
 use crate::clip::{Clip, for_each};
 use crate::pictures::{Mask, read_image, read_masks};
 use crate::{Imported, Pictures};
 use image::{GrayImage, RgbImage};
 use std::collections::BTreeMap;
 use std::path::Path;
-use yoto_client::ClientError;
-use yoto_media::source::{Source, SourceError, Wanted};
+use yoto_media::source::{Source, SourceError, WantedFrames};
 use yoto_media::video::Ffmpeg;
 use yoto_media::{Limits, MediaError};
 use yoto_proto::media_plan::{self, Timing};
 use yoto_proto::pose_track::{PoseTrack, violation};
 
 /// Where a frame's sharpness counts: in its masks, or everywhere if it has none.
-fn inside(masks: &[Mask], size: [u32; 2], index: u32) -> Result<GrayImage, ClientError> {
+fn inside(masks: &[Mask], size: [u32; 2], index: u32) -> Result<GrayImage, ImportError> {
     if masks.is_empty() {
         return Ok(GrayImage::from_pixel(size[0], size[1], image::Luma([255])));
     }
@@ -27,7 +27,7 @@ pub(super) fn sharpness(
     imported: &Imported,
     ffmpeg: Option<&Path>,
     mut progress: impl FnMut(usize, usize),
-) -> Result<Vec<f64>, ClientError> {
+) -> Result<Vec<f64>, ImportError> {
     let track = &imported.track;
     let (size, total) = (track.image_size, track.frames.len());
     let indices: Vec<u32> = track.frames.iter().map(|frame| frame.index).collect();
@@ -86,11 +86,11 @@ impl<'a> Film<'a> {
         indices: &[u32],
         track: &PoseTrack,
         ffmpeg: Option<&Path>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.into_owned();
         let files = BTreeMap::from([(name.clone(), path.to_owned())]);
-        let wanted = Wanted {
+        let wanted = WantedFrames {
             indices,
             fps: track.fps,
             timing: Timing::Index,
@@ -105,7 +105,7 @@ impl<'a> Film<'a> {
         })
     }
 
-    fn picture(&mut self, index: u32, size: [u32; 2]) -> Result<RgbImage, ClientError> {
+    fn picture(&mut self, index: u32, size: [u32; 2]) -> Result<RgbImage, ImportError> {
         let picture = self.source.picture(index);
         let picture = picture.map_err(|error| at_fault(self.path, vec![error]))?;
         let found = [picture.width as u32, picture.height as u32];
@@ -122,14 +122,14 @@ impl<'a> Film<'a> {
     }
 }
 
-/// The faults of the video at `path`, or that of this machine.
-fn at_fault(path: &Path, errors: Vec<SourceError>) -> ClientError {
+/// The faults of the video at `path`, or the fault of this machine.
+fn at_fault(path: &Path, errors: Vec<SourceError>) -> ImportError {
     let mut violations = Vec::with_capacity(errors.len());
     for error in errors {
         match error {
             SourceError::Bad(fault) => violations.push(fault),
             SourceError::Machine(MediaError::Io { path, source }) => {
-                return ClientError::file("reading", path)(source);
+                return ImportError::file("reading", path)(source);
             }
             SourceError::Machine(MediaError::Bad(fault)) => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -138,7 +138,7 @@ fn at_fault(path: &Path, errors: Vec<SourceError>) -> ClientError {
         }
     }
     let folder = path.parent().unwrap_or(Path::new(""));
-    ClientError::BadCapture {
+    ImportError::BadCapture {
         place: folder.display().to_string(),
         violations,
     }

@@ -1,12 +1,12 @@
-//! A body's pose and the view of it as numbers, whose differences tell how new a frame is.
+//! A body's pose and view as a vector. The distance between two vectors says how much two frames differ.
 
 use crate::geometry::{
     IDENTITY_ROTATION, Mat3, Vec3, dot, matmul, matvec, rodrigues, scale, sub, transpose,
 };
 use yoto_proto::pose_track::{Frame, Skeleton};
 
-/// Weight of the view beside the mean of all bones: a body rotated by an angle is as new as one all
-/// of whose bones are.
+/// Weight of the view relative to the mean of all bones: rotating the body by an angle counts as much as rotating all
+/// bones by it.
 const VIEW: f64 = 1.0;
 
 /// The direction of each joint from its parent in the root's frame, weighted so that all bones

@@ -2,7 +2,7 @@
 
 use image::{GrayImage, RgbImage};
 
-/// Frames on either side that a frame's sharpness is compared with: in a walk, they show the same
+/// A frame's sharpness is compared with this number of frames on either side: in a walk, they show the same
 /// clothes from the same side.
 const AROUND: usize = 7;
 /// Coverage of a pixel inside the person.

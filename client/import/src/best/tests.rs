@@ -54,7 +54,7 @@ fn clip(folder: &Path, angles: &[f64], blurred: &[usize]) -> Imported {
         pictures: Pictures::Files(files),
         available: angles.len(),
         notes: Vec::new(),
-        found: crate::Found::default(),
+        found: crate::Findings::default(),
     }
 }
 

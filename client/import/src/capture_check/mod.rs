@@ -15,26 +15,26 @@ pub(crate) use canvas::line;
 pub(crate) use text::{LETTER, write};
 
 use crate::capture_dir::{CaptureOptions, DecodedCapture};
+use crate::{Progress, Stage};
 use std::collections::HashMap;
 use std::path::Path;
 use yoto_capture::FrameImage;
-use yoto_capture::check::{Checker, Grade, Measure, Report};
+use yoto_capture::check::{CheckReport, Checker, Grade, Measure};
 use yoto_ingest::LocalCapture;
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::PoseTrack;
-use yoto_terminal::progress::ProgressDisplay;
 
 /// A checked capture.
 pub struct Checked {
     /// The findings.
-    pub report: Report,
+    pub report: CheckReport,
     name: String,
     asked: Correction,
     capture: LocalCapture,
 }
 
 /// Checks the capture at `path`, a folder or an archive, read as `options` say; videos of other
-/// kinds by the program `ffmpeg`, which is searched for when it has no name.
+/// kinds by the program `ffmpeg`, which is searched for when it has no name. `progress` receives the frames of [`Stage::Check`].
 ///
 /// # Errors
 /// A capture that can't be read; each fault names file, frame and field.
@@ -42,6 +42,7 @@ pub fn check(
     path: &Path,
     options: &CaptureOptions,
     ffmpeg: Option<&Path>,
+    progress: &Progress,
 ) -> anyhow::Result<Checked> {
     let DecodedCapture {
         name,
@@ -50,14 +51,14 @@ pub fn check(
     } = DecodedCapture::open(path, options, ffmpeg)?;
     let mut checker = Checker::new(capture.track().clone())?;
     let wanted = checker.wanted().to_vec();
-    let mut display = ProgressDisplay::new("check");
+    let running = progress.start(Stage::Check);
     let mut done = 0;
     capture.frames(&wanted, |position, frame| {
         checker.look(position, &frame);
         done += 1;
-        display.count("frame", done, wanted.len());
+        running.count(done, wanted.len());
     })?;
-    display.clear();
+    drop(running);
     Ok(Checked {
         report: checker.finish(),
         asked: plan.correction,

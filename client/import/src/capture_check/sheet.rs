@@ -32,7 +32,7 @@ fn colour(grade: Grade) -> Colour {
 }
 
 /// A line of the table.
-struct Line {
+struct ReportLine {
     indent: u32,
     ink: Colour,
     words: String,
@@ -154,14 +154,16 @@ impl Checked {
     }
 
     /// The table of measures and causes.
-    fn lines(&self) -> Vec<Line> {
+    fn lines(&self) -> Vec<ReportLine> {
         let columns = (TABLE / (text::LETTER * SCALE)) as usize - 2;
         let letter = text::LETTER * SCALE;
         let mut lines = Vec::new();
-        let wrapped = |indent: u32, ink: Colour, words: &str| -> Vec<Line> {
+        let wrapped = |indent: u32, ink: Colour, words: &str| -> Vec<ReportLine> {
             let room = columns - (indent / letter) as usize;
             let words = text::wrapped(words, room).into_iter();
-            words.map(|words| Line { indent, ink, words }).collect()
+            words
+                .map(|words| ReportLine { indent, ink, words })
+                .collect()
         };
         for cause in &self.report.causes {
             lines.extend(wrapped(
@@ -177,7 +179,7 @@ impl Checked {
                 it.kind.title(),
                 it.shown
             );
-            lines.push(Line {
+            lines.push(ReportLine {
                 indent: 0,
                 ink: colour(it.grade),
                 words,

@@ -1,12 +1,11 @@
 //! A capture on this disk, decoded in this process as an ingest job decodes an upload: from pictures,
 //! videos or archives.
 
-use super::{CaptureDir, CaptureOptions};
+use super::{CaptureDir, CaptureOptions, FileSource};
 use anyhow::Context;
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_capture::{Shard, ShardBuilder};
-use yoto_client::FileSource;
 use yoto_ingest::LocalCapture;
 use yoto_proto::media_plan::MediaPlan;
 
@@ -14,7 +13,7 @@ use yoto_proto::media_plan::MediaPlan;
 pub struct DecodedCapture {
     /// Its last folder or file name.
     pub name: String,
-    /// The plan by which it is read.
+    /// The plan of its reading.
     pub plan: MediaPlan,
     /// Its frames.
     pub capture: LocalCapture,

@@ -1,8 +1,8 @@
 //! The files of a capture's folder, by their names in the upload.
 
+use crate::ImportError;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
-use yoto_client::ClientError;
 use yoto_proto::media_plan::{
     ARCHIVE_ENDINGS, PICTURE_ENDINGS, VIDEO_ENDINGS, has_ending, index_in_name,
 };
@@ -26,7 +26,7 @@ pub(super) struct Listing {
 impl Listing {
     /// Lists `dir`, or its `train/` if the media are there: the default folders and those called
     /// `named`.
-    pub(super) fn of(dir: &Path, named: &[&str]) -> Result<Self, ClientError> {
+    pub(super) fn of(dir: &Path, named: &[&str]) -> Result<Self, ImportError> {
         let root = BELOW
             .map(|below| dir.join(below))
             .into_iter()
@@ -61,7 +61,7 @@ impl Listing {
         Ok(listing)
     }
 
-    fn look_into(&mut self, folder: &str, dir: &Path) -> Result<(), ClientError> {
+    fn look_into(&mut self, folder: &str, dir: &Path) -> Result<(), ImportError> {
         let path = self.root.join(folder);
         if !path.is_dir() {
             return Ok(());
@@ -69,7 +69,7 @@ impl Listing {
         self.sources.push(format!("{folder}/"));
         if let Some(name) = nameless(&path)? {
             let message = "the name of this file is not text (UTF-8), so its frame is unknown";
-            return Err(ClientError::BadCapture {
+            return Err(ImportError::BadCapture {
                 place: dir.display().to_string(),
                 violations: vec![violation(
                     "BAD_NAME",
@@ -87,7 +87,7 @@ impl Listing {
                 let other = other.file_name().unwrap_or_default().to_string_lossy();
                 let message = format!("{other} is a picture of the same frame");
                 let name = format!("{folder}/{name}");
-                return Err(ClientError::BadCapture {
+                return Err(ImportError::BadCapture {
                     place: dir.display().to_string(),
                     violations: vec![violation("DUPLICATE", &name, Some(index), "", message)],
                 });
@@ -158,8 +158,8 @@ fn holds_images(root: &Path) -> bool {
 }
 
 /// A lossy form of a file name that is not text.
-fn nameless(folder: &Path) -> Result<Option<String>, ClientError> {
-    let failed = |error| ClientError::file("reading", folder)(error);
+fn nameless(folder: &Path) -> Result<Option<String>, ImportError> {
+    let failed = |error| ImportError::file("reading", folder)(error);
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let name = entry.map_err(failed)?.file_name();
         if name.to_str().is_none() {
@@ -170,8 +170,8 @@ fn nameless(folder: &Path) -> Result<Option<String>, ClientError> {
 }
 
 /// The files of a folder whose names are text, by name.
-fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, ClientError> {
-    let failed = |error| ClientError::file("reading", folder)(error);
+fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, ImportError> {
+    let failed = |error| ImportError::file("reading", folder)(error);
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();

@@ -26,10 +26,10 @@ pub use decoded::DecodedCapture;
 pub use options::{CaptureOptions, Prefer};
 pub use track::{named, read_track};
 
+use crate::ImportError;
 use listing::Listing;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use yoto_client::{ClientError, FileSource, UploadFile};
 use yoto_ingest::end_with_videos;
 use yoto_media::Limits;
 use yoto_proto::media_plan::{
@@ -42,6 +42,24 @@ use yoto_proto::v1::Violation;
 /// Most missing files that are named; a wrong folder lacks all of them.
 const MAX_MISSING: usize = 20;
 
+/// Where the content of a file is.
+#[derive(Debug, Clone)]
+pub enum FileSource {
+    /// On this disk.
+    Disk(PathBuf),
+    /// In memory.
+    Memory(Vec<u8>),
+}
+
+/// A file of a capture.
+#[derive(Debug, Clone)]
+pub struct CaptureFile {
+    /// Path inside the capture: "poses.json", "frames/000000.png".
+    pub path: String,
+    /// Its content.
+    pub source: FileSource,
+}
+
 /// A checked capture.
 #[derive(Debug)]
 pub struct CaptureDir {
@@ -51,7 +69,7 @@ pub struct CaptureDir {
     /// The plan for the service.
     pub plan: MediaPlan,
     /// Everything to upload, the pose track last.
-    pub files: Vec<UploadFile>,
+    pub files: Vec<CaptureFile>,
     /// Size of all files together.
     pub bytes: u64,
     /// A summary of what will be read, for people.
@@ -62,17 +80,17 @@ impl CaptureDir {
     /// Opens the capture at `path`, a folder or an archive, with the sources that its names give.
     ///
     /// # Errors
-    /// As [`CaptureDir::open_with`].
-    pub fn open(path: &Path) -> Result<Self, ClientError> {
+    /// The same errors as [`CaptureDir::open_with`].
+    pub fn open(path: &Path) -> Result<Self, ImportError> {
         Self::open_with(path, &CaptureOptions::default())
     }
 
     /// Opens the capture at `path`, with `options`.
     ///
     /// # Errors
-    /// [`ClientError::File`] when a file can't be read; [`ClientError::BadCapture`] with
+    /// [`ImportError::File`] when a file can't be read; [`ImportError::BadCapture`] with
     /// all faults of the pose track and all missing files.
-    pub fn open_with(path: &Path, options: &CaptureOptions) -> Result<Self, ClientError> {
+    pub fn open_with(path: &Path, options: &CaptureOptions) -> Result<Self, ImportError> {
         if path.is_file() {
             archive(path, options)
         } else {
@@ -87,15 +105,15 @@ impl CaptureDir {
     }
 }
 
-fn bad(place: &Path, violations: Vec<Violation>) -> ClientError {
-    ClientError::BadCapture {
+fn bad(place: &Path, violations: Vec<Violation>) -> ImportError {
+    ImportError::BadCapture {
         place: place.display().to_string(),
         violations,
     }
 }
 
 /// A whole capture in one file.
-fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientError> {
+fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ImportError> {
     let name = path
         .file_name()
         .unwrap_or_default()
@@ -116,7 +134,7 @@ fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientEr
     };
     ensure_archive(path, &name)?;
     let bytes = size(path)?;
-    let mut files = vec![UploadFile {
+    let mut files = vec![CaptureFile {
         path: format!("capture{ending}"),
         source: FileSource::Disk(path.to_owned()),
     }];
@@ -138,7 +156,7 @@ fn archive(path: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientEr
 }
 
 /// A film without poses.
-fn film(path: &Path, ending: &str, options: &CaptureOptions) -> Result<CaptureDir, ClientError> {
+fn film(path: &Path, ending: &str, options: &CaptureOptions) -> Result<CaptureDir, ImportError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let refused = |code, message| Err(bad(path, vec![violation(code, &name, None, "", message)]));
     let bytes = size(path)?;
@@ -153,7 +171,7 @@ fn film(path: &Path, ending: &str, options: &CaptureOptions) -> Result<CaptureDi
     Ok(CaptureDir {
         planned: None,
         plan: MediaPlan::default(),
-        files: vec![UploadFile {
+        files: vec![CaptureFile {
             path: format!("video.{ending}"),
             source: FileSource::Disk(path.to_owned()),
         }],
@@ -164,11 +182,11 @@ fn film(path: &Path, ending: &str, options: &CaptureOptions) -> Result<CaptureDi
     })
 }
 
-fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientError> {
+fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ImportError> {
     let there = FILES.into_iter().find(|name| dir.join(name).is_file());
     let name = there.ok_or_else(|| no_poses(dir))?;
     let poses = dir.join(name);
-    let poses_bytes = std::fs::read(&poses).map_err(ClientError::file("reading", &poses))?;
+    let poses_bytes = std::fs::read(&poses).map_err(ImportError::file("reading", &poses))?;
     let mut plan = options.plan().over(read_plan(dir)?);
     let mut planned = plan
         .track(name, &poses_bytes)
@@ -241,13 +259,13 @@ fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientErro
     let mut files = Vec::with_capacity(chosen.len() + 2);
     for (path, disk) in chosen {
         bytes += size(&disk)?;
-        files.push(UploadFile {
+        files.push(CaptureFile {
             path,
             source: FileSource::Disk(disk),
         });
     }
     bytes += push_plan(&mut files, &plan);
-    files.push(UploadFile {
+    files.push(CaptureFile {
         path: name.into(),
         source: FileSource::Memory(poses_bytes),
     });
@@ -261,9 +279,9 @@ fn folder(dir: &Path, options: &CaptureOptions) -> Result<CaptureDir, ClientErro
 }
 
 /// The error about a folder without a pose track.
-fn no_poses(dir: &Path) -> ClientError {
+fn no_poses(dir: &Path) -> ImportError {
     if !dir.is_dir() {
-        return ClientError::Name(format!("there is no {}", dir.display()));
+        return ImportError::Unusable(format!("there is no {}", dir.display()));
     }
     let message = "a capture needs the person's poses in this file: `yoto import` makes it from the \
                    files of pose tools, docs/use/formats.md describes it";
@@ -274,12 +292,12 @@ fn no_poses(dir: &Path) -> ClientError {
 const ARCHIVE_MARKS: [(usize, &[u8]); 3] = [(0, b"PK"), (0, &[0x1f, 0x8b]), (257, b"ustar")];
 
 /// Checks that the file at `path` begins as an archive, so that nothing else is uploaded.
-fn ensure_archive(path: &Path, name: &str) -> Result<(), ClientError> {
+fn ensure_archive(path: &Path, name: &str) -> Result<(), ImportError> {
     let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(ClientError::file("reading", path))?;
+    let file = std::fs::File::open(path).map_err(ImportError::file("reading", path))?;
     file.take(512)
         .read_to_end(&mut start)
-        .map_err(ClientError::file("reading", path))?;
+        .map_err(ImportError::file("reading", path))?;
     let marked =
         |(at, mark): &(usize, &[u8])| start.get(*at..).is_some_and(|rest| rest.starts_with(mark));
     if ARCHIVE_MARKS.iter().any(marked) {
@@ -302,20 +320,20 @@ fn folders_of(plan: &MediaPlan) -> Vec<&str> {
     images.into_iter().chain(masks).collect()
 }
 
-fn size(path: &Path) -> Result<u64, ClientError> {
+fn size(path: &Path) -> Result<u64, ImportError> {
     let meta = path
         .metadata()
-        .map_err(ClientError::file("reading", path))?;
+        .map_err(ImportError::file("reading", path))?;
     Ok(meta.len())
 }
 
 /// The folder's own plan.
-fn read_plan(dir: &Path) -> Result<MediaPlan, ClientError> {
+fn read_plan(dir: &Path) -> Result<MediaPlan, ImportError> {
     let path = dir.join(media_plan::FILE);
     if !path.is_file() {
         return Ok(MediaPlan::default());
     }
-    let json = std::fs::read(&path).map_err(ClientError::file("reading", &path))?;
+    let json = std::fs::read(&path).map_err(ImportError::file("reading", &path))?;
     serde_json::from_slice(&json).map_err(|error| {
         let field = format!("line {} column {}", error.line(), error.column());
         let fault = violation(
@@ -330,14 +348,14 @@ fn read_plan(dir: &Path) -> Result<MediaPlan, ClientError> {
 }
 
 /// Appends the plan unless it is empty; returns its bytes.
-fn push_plan(files: &mut Vec<UploadFile>, plan: &MediaPlan) -> u64 {
+fn push_plan(files: &mut Vec<CaptureFile>, plan: &MediaPlan) -> u64 {
     if *plan == MediaPlan::default() {
         return 0;
     }
     // A plan consists of numbers and names, which JSON can always represent.
     let json = serde_json::to_vec(plan).unwrap_or_default();
     let bytes = json.len() as u64;
-    files.push(UploadFile {
+    files.push(CaptureFile {
         path: media_plan::FILE.into(),
         source: FileSource::Memory(json),
     });

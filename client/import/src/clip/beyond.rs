@@ -1,18 +1,18 @@
 //! Poses and points beyond a clip's last frame.
 
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
-/// Frames beyond the last that are left out whatever the clip's length: decoders disagree about the last ones.
+/// This number of frames beyond the last is left out for clips of any length: decoders disagree about the last frames.
 const FEW: usize = 5;
-/// Longer clips may have this part of their frames too many.
+/// One frame in this many is left out beyond the end of longer clips.
 const SHARE: usize = 20;
 
-/// The first number that can't be of a clip of `frames` frames, as for captures (`docs/use/media.md`).
+/// The first frame number that is too far beyond a clip of `frames` frames, as for captures (`docs/use/media.md`).
 pub(crate) fn too_far(frames: usize) -> usize {
     frames + FEW.max(frames / SHARE)
 }
 
-/// A note about `beyond` things of frames that a clip of `frames` frames lacks.
+/// A note about `what` for `beyond` frames after the last of a clip of `frames` frames.
 pub(crate) fn note(what: &str, beyond: usize, frames: usize) -> Option<String> {
     (beyond > 0).then(|| {
         format!(

@@ -1,8 +1,8 @@
 //! The frames of a clip, decoded one at a time.
 
 use super::{Clip, PICTURES, fault, listed, unusable};
+use crate::ImportError;
 use crate::pictures::read_image;
-use yoto_client::ClientError;
 
 /// Calls `each` with the pixels `[height, width, 3]` of each frame in `wanted`, in ascending order.
 ///
@@ -11,8 +11,8 @@ use yoto_client::ClientError;
 pub(crate) fn for_each(
     clip: &Clip,
     wanted: &[usize],
-    mut each: impl FnMut(usize, &[u8]) -> Result<(), ClientError>,
-) -> Result<(), ClientError> {
+    mut each: impl FnMut(usize, &[u8]) -> Result<(), ImportError>,
+) -> Result<(), ImportError> {
     let path = clip.path();
     if path.is_dir() {
         let files = listed(path, &PICTURES)?;
@@ -54,7 +54,7 @@ mod tests {
     use std::path::Path;
 
     /// Brightness of each frame in `wanted` of the clip at `path`.
-    fn sums(path: &Path, wanted: &[usize]) -> Result<Vec<(usize, u64)>, ClientError> {
+    fn sums(path: &Path, wanted: &[usize]) -> Result<Vec<(usize, u64)>, ImportError> {
         let clip = Clip::open(path, &Options::default())?;
         let mut sums = Vec::new();
         for_each(&clip, wanted, |frame, rgb| {

@@ -1,33 +1,33 @@
 //! The clip that poses belong to: a video, or a folder of pictures in order.
 
 mod beyond;
-mod counting;
+mod frame_numbering;
 mod frames;
 mod numbers;
 
 pub(crate) use beyond::{note as beyond, too_far};
-pub(crate) use counting::Counting;
+pub(crate) use frame_numbering::FrameNumbering;
 pub(crate) use frames::for_each;
 pub(crate) use numbers::{left_out, number_in};
 
+use crate::ImportError;
 use crate::Options;
 use crate::pictures::{DecodedClip, Mask, PictureFiles, Pictures, image_size};
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use yoto_client::ClientError;
 use yoto_media::video::{Ffmpeg, Hdr, Video};
-use yoto_media::{Fault, Limits, MediaError, Orientation, sniff};
+use yoto_media::{Limits, MediaError, MediaFault, Orientation, sniff};
 use yoto_proto::pose_track::violation;
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// Endings of pictures, lower case.
 pub(crate) const PICTURES: [&str; 3] = [".png", ".jpg", ".jpeg"];
 
-/// How a video's file has its pictures.
+/// How the pictures in a video's file differ from the pictures as shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stored {
-    /// The rotation from there to the pictures as shown.
+pub(crate) struct StoredPicture {
+    /// The rotation from the stored pictures to the pictures as shown.
     pub orientation: Orientation,
     /// Width and height of a pixel of the file in pixels of the pictures as shown.
     pub pixel: [f64; 2],
@@ -37,23 +37,23 @@ pub(crate) struct Stored {
 #[derive(Clone, Debug)]
 pub(crate) struct Clip {
     path: PathBuf,
-    /// Of a folder, in the order of their names; empty for a video.
+    /// The pictures of a folder, in the order of their names; empty for a video.
     files: Vec<PathBuf>,
     /// Frames by the names of their pictures, without endings.
     names: HashMap<OsString, usize>,
     /// Decodes videos that are not decoded in this process.
     ffmpeg: Ffmpeg,
-    /// What a video's levels are taken for.
+    /// The light of a video's levels.
     hdr: Hdr,
-    /// Width and height, as shown: after the rotation that a phone's video asks for.
+    /// Width and height as shown, after the rotation that a phone's video declares.
     pub size: [u32; 2],
-    /// How its file has the pictures.
-    pub stored: Stored,
+    /// How the stored pictures differ from the pictures as shown.
+    pub stored: StoredPicture,
     /// Number of frames.
     pub frames: usize,
     /// Frames per second, if the file has times.
     pub fps: Option<f64>,
-    /// What the pictures are not as in the file, and what the file lacks, for people.
+    /// Notes for people: how pictures differ from the file, and what the file lacks.
     pub notes: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ impl Clip {
     ///
     /// # Errors
     /// When there is no video and no picture, or the first can't be decoded.
-    pub fn open(path: &Path, options: &Options) -> Result<Self, ClientError> {
+    pub fn open(path: &Path, options: &Options) -> Result<Self, ImportError> {
         let ffmpeg = Ffmpeg::find(options.ffmpeg.as_deref());
         if path.is_dir() {
             return Self::pictures_in(path, ffmpeg);
@@ -71,15 +71,15 @@ impl Clip {
         Self::video_at(path, ffmpeg, options.hdr)
     }
 
-    /// Opens a clip again whose pictures a capture gets.
+    /// Opens a clip again, to decode its pictures for a capture.
     ///
     /// # Errors
-    /// Those of [`Self::open`].
-    pub fn again(clip: &DecodedClip) -> Result<Self, ClientError> {
+    /// The same errors as [`Self::open`].
+    pub fn again(clip: &DecodedClip) -> Result<Self, ImportError> {
         Self::video_at(&clip.path, clip.ffmpeg.clone(), clip.hdr)
     }
 
-    fn video_at(path: &Path, ffmpeg: Ffmpeg, hdr: Hdr) -> Result<Self, ClientError> {
+    fn video_at(path: &Path, ffmpeg: Ffmpeg, hdr: Hdr) -> Result<Self, ImportError> {
         let (mut video, frames) = open_video(path, &ffmpeg, hdr)?;
         let times = video.times();
         let span = times.last().copied().unwrap_or_default();
@@ -94,7 +94,7 @@ impl Clip {
             ffmpeg,
             hdr,
             size: [first.width as u32, first.height as u32],
-            stored: Stored {
+            stored: StoredPicture {
                 orientation: video.orientation(),
                 pixel: video.pixel(),
             },
@@ -104,7 +104,7 @@ impl Clip {
         })
     }
 
-    fn pictures_in(path: &Path, ffmpeg: Ffmpeg) -> Result<Self, ClientError> {
+    fn pictures_in(path: &Path, ffmpeg: Ffmpeg) -> Result<Self, ImportError> {
         let files = listed(path, &PICTURES)?;
         let Some(first) = files.first() else {
             let message = "there are no pictures (PNG or JPEG) in this folder: a clip is a video, \
@@ -115,7 +115,7 @@ impl Clip {
         let names = files.iter().enumerate().filter_map(stem);
         Ok(Self {
             size: image_size(first, 0)?,
-            stored: Stored {
+            stored: StoredPicture {
                 orientation: Orientation::AsStored,
                 pixel: [1.0; 2],
             },
@@ -134,7 +134,7 @@ impl Clip {
     ///
     /// # Errors
     /// When they select no frame.
-    pub fn selected(&self, options: &Options) -> Result<Vec<usize>, ClientError> {
+    pub fn selected(&self, options: &Options) -> Result<Vec<usize>, ImportError> {
         let (first, end, step) = options.frames.unwrap_or((0, self.frames, 1));
         let selected = (first..end.min(self.frames)).step_by(step.max(1));
         let selected: Vec<usize> = selected.collect();
@@ -149,12 +149,12 @@ impl Clip {
     }
 
     /// The clip's own video, from its start.
-    pub fn own_video(&self) -> Result<Video, ClientError> {
+    pub fn own_video(&self) -> Result<Video, ImportError> {
         Ok(open_video(&self.path, &self.ffmpeg, self.hdr)?.0)
     }
 
     /// A video of masks for the clip, and the number of its frames.
-    pub fn video(&self, path: &Path) -> Result<(Video, usize), ClientError> {
+    pub fn video(&self, path: &Path) -> Result<(Video, usize), ImportError> {
         open_video(path, &self.ffmpeg, Hdr::Auto)
     }
 
@@ -207,11 +207,14 @@ pub(crate) fn is_video(path: &Path) -> bool {
     read.is_ok()
         && matches!(
             kind,
-            sniff::Kind::Mp4 | sniff::Kind::Matroska | sniff::Kind::Avi | sniff::Kind::Mpeg
+            sniff::FileType::Mp4
+                | sniff::FileType::Matroska
+                | sniff::FileType::Avi
+                | sniff::FileType::Mpeg
         )
 }
 
-fn open_video(path: &Path, ffmpeg: &Ffmpeg, hdr: Hdr) -> Result<(Video, usize), ClientError> {
+fn open_video(path: &Path, ffmpeg: &Ffmpeg, hdr: Hdr) -> Result<(Video, usize), ImportError> {
     let limits = Limits::default();
     let video =
         Video::open_as(path, &limits, ffmpeg, true, hdr).map_err(|error| unusable(path, error))?;
@@ -221,10 +224,10 @@ fn open_video(path: &Path, ffmpeg: &Ffmpeg, hdr: Hdr) -> Result<(Video, usize), 
 
 /// The files of a folder that end in one of `endings`, in the order of their names, in which numbers
 /// count as numbers: 2 comes before 10.
-pub(crate) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, ClientError> {
+pub(crate) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, ImportError> {
     let mut files = Vec::new();
-    for entry in std::fs::read_dir(path).map_err(ClientError::file("listing", path))? {
-        let entry = entry.map_err(ClientError::file("listing", path))?;
+    for entry in std::fs::read_dir(path).map_err(ImportError::file("listing", path))? {
+        let entry = entry.map_err(ImportError::file("listing", path))?;
         let name = entry.file_name().to_string_lossy().to_ascii_lowercase();
         if endings.iter().any(|ending| name.ends_with(ending)) && entry.path().is_file() {
             files.push(entry.path());
@@ -234,8 +237,8 @@ pub(crate) fn listed(path: &Path, endings: &[&str]) -> Result<Vec<PathBuf>, Clie
     Ok(files)
 }
 
-/// A key that orders names as people count: with digits in a row as one number. Names that differ only
-/// in leading zeros keep the order of their letters.
+/// A sort key that compares digits in a row as one number. Names that differ only in leading zeros are in
+/// alphabetical order.
 fn by_numbers(name: &str) -> (Vec<(usize, String)>, String) {
     let mut parts: Vec<(usize, String)> = Vec::new();
     let mut digits = false;
@@ -259,25 +262,25 @@ fn by_numbers(name: &str) -> (Vec<(usize, String)>, String) {
 }
 
 /// An error of media, with the file's name.
-pub(crate) fn unusable(path: &Path, error: MediaError) -> ClientError {
+pub(crate) fn unusable(path: &Path, error: MediaError) -> ImportError {
     match error {
         MediaError::Bad(found) => bad(path, found),
-        MediaError::Io { path, source } => ClientError::file("reading", path)(source),
+        MediaError::Io { path, source } => ImportError::file("reading", path)(source),
     }
 }
 
-fn bad(path: &Path, found: Fault) -> ClientError {
+fn bad(path: &Path, found: MediaFault) -> ImportError {
     let (place, name) = located(path);
-    ClientError::BadCapture {
+    ImportError::BadCapture {
         place,
         violations: vec![found.at(&name, None)],
     }
 }
 
 /// An error about the file at `path`.
-pub(crate) fn fault(path: &Path, code: &str, message: impl Into<String>) -> ClientError {
+pub(crate) fn fault(path: &Path, code: &str, message: impl Into<String>) -> ImportError {
     let (place, name) = located(path);
-    ClientError::BadCapture {
+    ImportError::BadCapture {
         place,
         violations: vec![violation(code, &name, None, "", message)],
     }

@@ -1,7 +1,7 @@
 //! Numbers of frames: in the names of files, and in notes for people.
 
 use std::path::Path;
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
 /// Numbers of frames are below this; longer ones in names are dates.
 const MOST: usize = 1_000_000_000;

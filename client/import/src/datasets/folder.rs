@@ -1,16 +1,16 @@
 //! This project's own capture folder: PNG pictures are copied, everything else is decoded.
 
-use crate::capture_dir::CaptureDir;
+use crate::ImportError;
+use crate::capture_dir::{CaptureDir, FileSource};
 use crate::capture_frames::CaptureFrames;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::source::Source;
-use crate::{Found, Imported, Options};
+use crate::{Findings, Imported, Options};
 use std::collections::HashMap;
-use yoto_client::{ClientError, FileSource};
 use yoto_proto::media_plan::{self, BackgroundSetting, Planned};
 use yoto_proto::pose_track::NO_DISTORTION;
 
-pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let capture = CaptureDir::open(&source.path(""))?;
     let Planned {
         mut track,
@@ -71,6 +71,6 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures,
         available,
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }

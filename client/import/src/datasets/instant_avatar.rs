@@ -8,13 +8,13 @@
 //!   older files have `thetas` `[F, 72]`.
 //! - `images/*.png`, and `masks/*.npy` (0 to 1) or `masks/*.png` (coverage), in the same order.
 
+use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Faulty, Source, not_finite};
-use crate::track::{Camera, Placed, SmplPose, empty_track, smpl_skeleton};
-use crate::{Found, Imported, Options};
-use yoto_client::ClientError;
+use crate::source::{Faulty, FileData, Source, not_finite};
+use crate::track::{Camera, SmplPose, WorldPose, empty_track, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 
 const CAMERAS: &str = "cameras.npz";
 
@@ -25,7 +25,7 @@ pub(crate) struct Poses {
     pub translations: Vec<Vec3>,
 }
 
-pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let file = poses_file(source, options)?;
     let rest = RestJoints::needed(options, source, &file)?;
     let Poses {
@@ -69,7 +69,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
             continue;
         }
         faulty.keep(Ok(()))?;
-        let placed = Placed::about_pelvis(poses[at], translations[at], pelvis);
+        let placed = WorldPose::about_pelvis(poses[at], translations[at], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));
@@ -90,12 +90,12 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: images.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
 /// The file of poses.
-fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError> {
+fn poses_file(source: &Source, options: &Options) -> Result<String, ImportError> {
     if let Some(path) = &options.poses {
         return Ok(path.display().to_string());
     }
@@ -122,7 +122,7 @@ fn poses_file(source: &Source, options: &Options) -> Result<String, ClientError>
 }
 
 /// Shape, poses and translations, finite or not, under any of their names.
-pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
+pub(crate) fn read_poses(data: &FileData<'_>) -> Result<Poses, ImportError> {
     let root = data.root();
     let poses: Vec<SmplPose> = match root.find("thetas") {
         Some(thetas) => thetas.unchecked_rows(None)?,
@@ -149,13 +149,13 @@ pub(crate) fn read_poses(data: &Data<'_>) -> Result<Poses, ClientError> {
     })
 }
 
-fn camera(source: &Source) -> Result<(Camera, [u32; 2]), ClientError> {
+fn camera(source: &Source) -> Result<(Camera, [u32; 2]), ImportError> {
     let data = source.data(CAMERAS, None)?;
     let root = data.root();
     let camera = Camera::from_centres(
         root.get("intrinsic")?.matrix()?,
         root.get("extrinsic")?.matrix()?,
     );
-    let side = |key: &str| Ok::<_, ClientError>(root.get(key)?.number()? as u32);
+    let side = |key: &str| Ok::<_, ImportError>(root.get(key)?.number()? as u32);
     Ok((camera, [side("width")?, side("height")?]))
 }

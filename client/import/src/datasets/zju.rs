@@ -9,19 +9,19 @@
 //! `mask/` and `mask_cihp/`: label images at the image's path; what is not 0 in either is the
 //! person. Pixel coordinates count from the first pixel's centre.
 
+use crate::ImportError;
 use crate::geometry::{Vec3, extrinsics};
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
-use crate::source::{Data, Faulty, Part, Source};
-use crate::track::{Camera, Placed, empty_track, mean, smpl_skeleton};
-use crate::{Found, Imported, Options};
+use crate::source::{Faulty, FileData, Part, Source};
+use crate::track::{Camera, WorldPose, empty_track, mean, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 use std::path::{Component, Path};
-use yoto_client::ClientError;
 
 const ANNOTS: &str = "annots.npy";
 
 /// A frame's files and body.
-struct Body {
+struct SmplFrame {
     index: u32,
     betas: Vec<f64>,
     poses: [f64; 72],
@@ -29,7 +29,7 @@ struct Body {
     th: Vec3,
 }
 
-pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let rest = RestJoints::needed(options, source, "new_params")?;
     let annots = source.data(ANNOTS, None)?;
     let view = options.camera.unwrap_or(0);
@@ -65,7 +65,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
                 .first()
                 .copied()
                 .unwrap_or_default();
-            Placed::about_origin(body.poses, body.rh, body.th, pelvis)
+            WorldPose::about_origin(body.poses, body.rh, body.th, pelvis)
                 .frame(body.index, rest_root, &camera)
         })
         .collect();
@@ -74,7 +74,7 @@ pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: ims.len()?,
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
@@ -84,7 +84,7 @@ fn frame(
     ims: &Part<'_>,
     position: usize,
     view: usize,
-) -> Result<(Body, PictureFiles), ClientError> {
+) -> Result<(SmplFrame, PictureFiles), ImportError> {
     let index = position as u32;
     let path = ims.at(position)?.of_frame(index).get("ims")?.at(view)?;
     let image = relative(&path)?;
@@ -94,7 +94,7 @@ fn frame(
 }
 
 /// Camera `view` of the rig, in metres, and its distortion.
-fn camera(annots: &Data<'_>, view: usize) -> Result<(Camera, [f64; 5]), ClientError> {
+fn camera(annots: &FileData<'_>, view: usize) -> Result<(Camera, [f64; 5]), ImportError> {
     let cams = annots.root().get("cams")?;
     let k: [f64; 9] = of_view(&cams.get("K")?, view)?;
     let r: [f64; 9] = of_view(&cams.get("R")?, view)?;
@@ -106,7 +106,7 @@ fn camera(annots: &Data<'_>, view: usize) -> Result<(Camera, [f64; 5]), ClientEr
 }
 
 /// The `N` numbers of camera `view`, of a list of arrays or of one array with one more axis.
-fn of_view<const N: usize>(part: &Part<'_>, view: usize) -> Result<[f64; N], ClientError> {
+fn of_view<const N: usize>(part: &Part<'_>, view: usize) -> Result<[f64; N], ImportError> {
     let array = part.array()?;
     let cameras = array.shape.first().copied().unwrap_or_default();
     if cameras == 0 || array.values.len() != cameras * N {
@@ -124,7 +124,7 @@ fn of_view<const N: usize>(part: &Part<'_>, view: usize) -> Result<[f64; N], Cli
 }
 
 /// An image's path, which must stay inside the capture.
-fn relative<'a>(part: &Part<'a>) -> Result<&'a Path, ClientError> {
+fn relative<'a>(part: &Part<'a>) -> Result<&'a Path, ImportError> {
     let path = Path::new(part.text()?);
     let inside = |component: Component<'_>| matches!(component, Component::Normal(_));
     if path.components().next().is_some() && path.components().all(inside) {
@@ -145,7 +145,7 @@ fn number_in_name(path: &Path) -> Option<usize> {
     digits.parse().ok()
 }
 
-fn files(source: &Source, image: &Path, frame: u32) -> Result<PictureFiles, ClientError> {
+fn files(source: &Source, image: &Path, frame: u32) -> Result<PictureFiles, ImportError> {
     let below = Path::new("images").join(image);
     let found = if source.has(image) || !source.has(&below) {
         source.path(image)
@@ -177,10 +177,10 @@ fn files(source: &Source, image: &Path, frame: u32) -> Result<PictureFiles, Clie
     })
 }
 
-fn body(source: &Source, number: usize, frame: u32) -> Result<Body, ClientError> {
+fn body(source: &Source, number: usize, frame: u32) -> Result<SmplFrame, ImportError> {
     let data = source.data(&format!("new_params/{number}.npy"), Some(frame))?;
     let root = data.root();
-    Ok(Body {
+    Ok(SmplFrame {
         index: frame,
         betas: root.get("shapes")?.vector()?,
         poses: root.get("poses")?.smpl_pose()?,

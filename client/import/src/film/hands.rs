@@ -12,13 +12,13 @@ use yoto_proto::pose_track::{Frame, PoseTrack};
 type Hand = (&'static str, [usize; 2], usize);
 
 const HANDS: [Hand; 2] = [("left hand", [17, 19], 20), ("right hand", [18, 20], 21)];
-/// Confidence from which on a point is in sight.
+/// Least confidence of a point in sight.
 const IN_SIGHT: f64 = 0.5;
-/// Least share of frames in which a hand should be in sight.
+/// A hand should be in sight in this share of the frames.
 const OFTEN: f64 = 0.5;
-/// Cosine of the largest angle between the view and the palm's normal at which the flat of a hand is seen: 60°.
+/// The flat of a hand is seen if the angle between the view and the palm's normal is at most 60°: its cosine.
 const FLAT: f64 = 0.5;
-/// Least share of the frames with the hand in which its flat should be seen.
+/// The flat of a hand should be seen in this share of the frames that show the hand.
 const OPEN: f64 = 0.1;
 
 /// The hands that are in sight too seldom, or hardly ever open to the camera; `track` has the fitted poses of `frames`.

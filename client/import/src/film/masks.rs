@@ -1,17 +1,17 @@
 //! Masks of a clip alone: the pose model's, a matting model's, or those given. Of several people's masks, the person's are taken.
 
 use super::watch::Watched;
+use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, fault};
-use crate::matting::Wanted;
+use crate::matting::MaskRequest;
 use crate::pictures::{Mask, read_masks};
 use crate::proof::{Masks, MasksByFrame};
 use std::collections::BTreeMap;
 use std::path::Path;
-use yoto_client::ClientError;
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
-/// Frames in which given masks are compared with the pose model's.
+/// Given masks are compared with the pose model's in this number of frames.
 const COMPARED: usize = 8;
 /// Least overlap of given masks with the pose model's: below it, they show another person.
 const SAME_PERSON: f64 = 0.5;
@@ -22,7 +22,7 @@ pub(super) fn of(
     clip: &Clip,
     watched: Vec<Watched>,
     notes: &mut Vec<String>,
-) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
+) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ImportError> {
     if let Some(path) = &options.masks {
         return given(path, clip, watched, notes);
     }
@@ -30,14 +30,14 @@ pub(super) fn of(
         let mut wanted = Vec::new();
         for it in &watched {
             let own = read_masks(&[Mask::Packed(it.mask.clone())], clip.size, it.index as u32)?;
-            wanted.push(Wanted {
+            wanted.push(MaskRequest {
                 frame: it.index,
                 expected: Some(own.into_raw()),
             });
         }
         let made = MasksByFrame {
             words: format!("the masks of {}", model.name()),
-            frames: model.masks(clip, &wanted, notes)?,
+            frames: model.masks(clip, &wanted, &options.progress, notes)?,
         };
         return made_of_the_person(made, &model.path, clip, watched, notes);
     }
@@ -59,7 +59,7 @@ fn made_of_the_person(
     clip: &Clip,
     watched: Vec<Watched>,
     notes: &mut Vec<String>,
-) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
+) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ImportError> {
     let [found, needed] = [overlap(&made, clip, &watched)?, SAME_PERSON].map(|it| 100.0 * it);
     if found < needed {
         let message = format!(
@@ -81,7 +81,7 @@ fn given(
     clip: &Clip,
     watched: Vec<Watched>,
     notes: &mut Vec<String>,
-) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ClientError> {
+) -> Result<(Vec<Watched>, Vec<Vec<Mask>>), ImportError> {
     let mut best: Option<(f64, MasksByFrame)> = None;
     for masks in Masks::given(path, clip)?
         .into_iter()
@@ -130,7 +130,7 @@ fn with(
 }
 
 /// How much `masks` overlap the pose model's, intersection over union, on average.
-fn overlap(masks: &MasksByFrame, clip: &Clip, watched: &[Watched]) -> Result<f64, ClientError> {
+fn overlap(masks: &MasksByFrame, clip: &Clip, watched: &[Watched]) -> Result<f64, ImportError> {
     let (mut both, mut either) = (0, 0);
     for it in watched
         .iter()

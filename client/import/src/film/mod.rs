@@ -16,21 +16,21 @@ mod people;
 mod sheet;
 mod watch;
 
+use crate::ImportError;
 use crate::clip::{Clip, fault};
-use crate::{Found, Imported, Options, PoseFit};
+use crate::{Findings, Imported, Options, PoseFit, Stage};
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
-use yoto_client::ClientError;
 use yoto_landmarks::{PoseModel, Watcher};
 use yoto_pose::{FitOptions, KeyPointSet, KeyPoints, fit};
-use yoto_terminal::progress::{ProgressDisplay, count};
+use yoto_proto::text::count;
 
-/// Most frames that are looked at: more of one clip are alike, and each takes a part of a second.
+/// At most this number of frames is searched: further frames of a clip are alike, and each takes a part of a second.
 const MOST_FRAMES: usize = 200;
 
 /// Finds poses and masks of the person in the clip `source`.
-pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportError> {
     let model = open_model(source, options)?;
     let clip = Clip::open(source, options)?;
     let mut notes = clip.notes.clone();
@@ -70,15 +70,14 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         height: options.height,
         ..FitOptions::default()
     };
-    let mut display = ProgressDisplay::new("poses");
+    let running = options.progress.start(Stage::Poses);
     let fitted = fit(&points, &fit_options, &mut |done, all| {
-        display.count("step", done, all);
-        options.told.say(done, all);
+        running.count(done, all);
     });
-    display.clear();
+    drop(running);
     let fitted = fitted.map_err(|error| fault(source, "UNFITTED", error.to_string()))?;
     let lacks = hands::lacks(&points.frames, &fitted.track);
-    let found = Found {
+    let found = Findings {
         fit: Some(PoseFit::of(&fitted, wanted.len())),
         doubts: (clip.notes.iter().cloned())
             .chain(followed.note)
@@ -98,7 +97,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
     })
 }
 
-fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ClientError> {
+fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ImportError> {
     let Some(path) = &options.pose_model else {
         let message = "poses of a clip alone are found by a pose model: fetch it with \
                        deploy/models/get.sh and name its folder with --pose-model (or \
@@ -113,7 +112,7 @@ fn wanted(
     clip: &Clip,
     options: &Options,
     notes: &mut Vec<String>,
-) -> Result<Vec<usize>, ClientError> {
+) -> Result<Vec<usize>, ImportError> {
     let selected = clip.selected(options)?;
     let every = selected.len().div_ceil(MOST_FRAMES);
     if every > 1 {

@@ -1,29 +1,29 @@
-//! Which of the people in a clip is followed.
+//! Chooses the person in a clip to follow.
 
 use super::sheet;
 use super::watch::{self, Watched};
+use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, fault, for_each};
 use image::RgbImage;
-use yoto_client::ClientError;
-use yoto_landmarks::{Figure, Person, Sighting, Target, Watcher, people};
-use yoto_terminal::progress::count;
+use yoto_landmarks::{BodySquare, PersonTrack, Sighting, Target, Watcher, people};
+use yoto_proto::text::count;
 
-/// People that a note and the sheet name.
+/// A note and the sheet name at most this number of people.
 const NAMED: usize = 6;
-/// Fewest frames of somebody who is named: others may be slips of the pose model.
+/// A person is named if seen in at least this number of frames: others may be errors of the pose model.
 const FEWEST: usize = 2;
-/// Mean difference of two pictures, levels, from which on they show two scenes.
+/// Two pictures show different scenes if their mean difference is at least this, levels.
 const OTHER_SCENE: f32 = 30.0;
 
-/// The frames with the person who is followed.
+/// The frames that show the followed person.
 pub(super) struct Followed {
     pub watched: Vec<Watched>,
-    /// Who is followed and who else is there; `None` for one person alone.
+    /// A note about the followed person and the others; `None` for one person alone.
     pub note: Option<String>,
     /// Everybody with their numbers.
     pub sheet: Option<RgbImage>,
-    /// Whether frames are left out in which somebody else is seen.
+    /// Whether frames that show another person are left out.
     pub is_one_of_several: bool,
 }
 
@@ -37,10 +37,10 @@ pub(super) fn follow(
     clip: &Clip,
     wanted: &[usize],
     options: &Options,
-) -> Result<Followed, ClientError> {
-    let watched = watch::watch(watcher, clip, wanted, &options.told)?;
+) -> Result<Followed, ImportError> {
+    let watched = watch::watch(watcher, clip, wanted, &options.progress)?;
     let found = people(&sightings(&watched));
-    let named: Vec<&Person> = found
+    let named: Vec<&PersonTrack> = found
         .iter()
         .enumerate()
         .filter(|(at, person)| *at == 0 || person.seen.len() >= FEWEST)
@@ -68,13 +68,13 @@ pub(super) fn follow(
         });
     };
     let steps = wanted.windows(2).map(|pair| pair[1] - pair[0]);
-    let is_same = |it: &&Person| std::ptr::eq(*it, *person);
+    let is_same = |it: &&PersonTrack| std::ptr::eq(*it, *person);
     let at = found.iter().position(|it| is_same(&it)).unwrap_or(0);
     let target = Target::new(&found, at, steps.max().unwrap_or(1));
     let watched = match target {
         Some(target) => {
             watcher.follow(Some(target));
-            watch::watch(watcher, clip, wanted, &options.told)?
+            watch::watch(watcher, clip, wanted, &options.progress)?
         }
         None => {
             let is_seen = |it: &Watched| person.seen.iter().any(|(at, _)| *at == it.index);
@@ -122,13 +122,13 @@ fn number(name: &str, count: usize) -> Option<usize> {
 }
 
 /// `1 (41 frames from 0 to 40, 320 px, left), 2 (20 frames from 41 to 60, 300 px, right)`.
-fn listed(people: &[&Person], clip: &Clip) -> String {
+fn listed(people: &[&PersonTrack], clip: &Clip) -> String {
     let all = people.iter().take(NAMED).enumerate();
     let all = all.map(|(at, person)| format!("{} ({})", at + 1, words(person, clip)));
     all.collect::<Vec<_>>().join(", ")
 }
 
-fn words(person: &Person, clip: &Clip) -> String {
+fn words(person: &PersonTrack, clip: &Clip) -> String {
     let mut sides: Vec<f32> = person.seen.iter().map(|(_, it)| it.side).collect();
     let mut places: Vec<f32> = person.seen.iter().map(|(_, it)| it.hips[0]).collect();
     sides.sort_by(f32::total_cmp);
@@ -144,14 +144,14 @@ fn words(person: &Person, clip: &Clip) -> String {
     format!(
         "{} from {first} to {last}, {:.0} px, {place}",
         count(person.seen.len(), "frame"),
-        median(&sides) / Figure::MARGIN
+        median(&sides) / BodySquare::MARGIN
     )
 }
 
 /// A picture of everybody with their numbers, each in the middle one of their frames.
-fn numbered(people: &[&Person], clip: &Clip) -> Result<RgbImage, ClientError> {
-    let middle = |person: &Person| person.seen.get(person.seen.len() / 2).copied();
-    let mut places: Vec<(usize, Figure, usize)> = people
+fn numbered(people: &[&PersonTrack], clip: &Clip) -> Result<RgbImage, ImportError> {
+    let middle = |person: &PersonTrack| person.seen.get(person.seen.len() / 2).copied();
+    let mut places: Vec<(usize, BodySquare, usize)> = people
         .iter()
         .take(NAMED)
         .enumerate()

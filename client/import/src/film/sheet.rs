@@ -3,7 +3,7 @@
 use crate::capture_check::{LETTER, line, write};
 use image::imageops::{FilterType, overlay, resize};
 use image::{Rgb, RgbImage};
-use yoto_landmarks::Figure;
+use yoto_landmarks::BodySquare;
 
 const COLOUR: Rgb<u8> = Rgb([255, 220, 0]);
 /// Height of a tile, pixels.
@@ -12,13 +12,13 @@ const HEIGHT: u32 = 360;
 const DOT: u32 = 2;
 
 /// The frame `rgb` of `size` (width, height), made smaller, with a square around `figure` and its number.
-pub(super) fn tile(rgb: &[u8], size: [u32; 2], figure: &Figure, number: usize) -> RgbImage {
+pub(super) fn tile(rgb: &[u8], size: [u32; 2], figure: &BodySquare, number: usize) -> RgbImage {
     let picture = RgbImage::from_raw(size[0], size[1], rgb.to_vec());
     let picture = picture.unwrap_or_else(|| RgbImage::new(size[0], size[1]));
     let scale = f64::from(HEIGHT) / f64::from(size[1].max(1));
     let width = ((f64::from(size[0]) * scale) as u32).max(1);
     let mut tile = resize(&picture, width, HEIGHT, FilterType::Triangle);
-    let half = scale * f64::from(figure.side / Figure::MARGIN / 2.0);
+    let half = scale * f64::from(figure.side / BodySquare::MARGIN / 2.0);
     let [x, y] = figure.hips.map(|it| scale * f64::from(it));
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let corners = corners.map(|(across, down)| [x + across * half, y + down * half]);

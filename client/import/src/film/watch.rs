@@ -1,23 +1,22 @@
-//! What the pose model sees in the frames of a clip.
+//! Runs the pose model on the frames of a clip.
 
+use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
-use crate::options::Told;
+use crate::{Progress, Stage};
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use yoto_client::ClientError;
-use yoto_landmarks::{Figure, Seen, Watcher};
+use yoto_landmarks::{BodySquare, PersonLandmarks, Watcher};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
-use yoto_terminal::progress::ProgressDisplay;
 
-/// Visibility from which on a point counts as seen.
+/// Least visibility of a seen point.
 const VISIBLE: f32 = 0.5;
 /// Fewest seen points of a frame: with fewer, more of the body is guessed than seen.
 const FEWEST: usize = 8;
 
-/// A frame in which the person was found.
+/// A frame that shows the person.
 pub(super) struct Watched {
     /// The frame's number.
     pub index: usize,
@@ -25,7 +24,7 @@ pub(super) struct Watched {
     /// A grey PNG of coverage.
     pub mask: Arc<[u8]>,
     /// Place, size and colours of the body.
-    pub figure: Option<Figure>,
+    pub figure: Option<BodySquare>,
     pub scene: Scene,
 }
 
@@ -66,22 +65,22 @@ struct Decoded {
     rgb: Arc<Vec<u8>>,
 }
 
-/// A frame in which the person was found.
+/// A frame that shows the person, as decoded or as a copy of the one before.
 enum Sighting {
-    New(Decoded, Box<Seen>),
-    /// A copy of the frame before, in which the person was found.
+    New(Decoded, Box<PersonLandmarks>),
+    /// A copy of the frame before, which shows the person.
     Again(usize),
 }
 
-/// Looks for the person whom `watcher` follows in the frames `wanted`.
+/// Searches the frames `wanted` for the person that `watcher` follows.
 pub(super) fn watch(
     watcher: &mut Watcher,
     clip: &Clip,
     wanted: &[usize],
-    told: &Told,
-) -> Result<Vec<Watched>, ClientError> {
+    progress: &Progress,
+) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
-    watch_with(clip, wanted, told, |frame, rgb| {
+    watch_with(clip, wanted, progress, |frame, rgb| {
         let seen = watcher.look(frame, rgb, size);
         seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
     })
@@ -92,19 +91,16 @@ pub(super) fn watch(
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
-    told: &Told,
-    look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
-) -> Result<Vec<Watched>, ClientError> {
-    let mut display = ProgressDisplay::new("people");
+    progress: &Progress,
+    look: impl FnMut(usize, &[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
+) -> Result<Vec<Watched>, ImportError> {
+    let running = progress.start(Stage::People);
     let (decoded, frames) = sync_channel(AHEAD);
     let (found, unfinished) = sync_channel(AHEAD);
-    let watched = thread::scope(|scope| {
+    thread::scope(|scope| {
         let decoding = scope.spawn(move || decode(clip, wanted, &decoded));
         let finishing = scope.spawn(move || finish(clip, &unfinished));
-        let done = |done| {
-            display.count("frame", done, wanted.len());
-            told.say(done, wanted.len());
-        };
+        let done = |done| running.count(done, wanted.len());
         let looked = look_at(frames, &found, look, done);
         drop(found);
         let decoded = decoding.join().unwrap_or_else(|panic| resume_unwind(panic));
@@ -116,12 +112,10 @@ fn watch_with(
         looked?;
         decoded?;
         Ok(watched)
-    });
-    display.clear();
-    watched
+    })
 }
 
-fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Result<(), ClientError> {
+fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Result<(), ImportError> {
     for_each(clip, wanted, |index, rgb| {
         let rgb = Arc::new(rgb.to_vec());
         pass_on(clip, decoded, Decoded { index, rgb })
@@ -129,7 +123,7 @@ fn decode(clip: &Clip, wanted: &[usize], decoded: &SyncSender<Decoded>) -> Resul
 }
 
 /// Gives `it` to the next stage.
-fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError> {
+fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ImportError> {
     let ended = |_| {
         fault(
             clip.path(),
@@ -144,9 +138,9 @@ fn pass_on<T>(clip: &Clip, to: &SyncSender<T>, it: T) -> Result<(), ClientError>
 fn look_at(
     frames: Receiver<Decoded>,
     found: &SyncSender<Sighting>,
-    mut look: impl FnMut(usize, &[u8]) -> Result<Option<Seen>, ClientError>,
+    mut look: impl FnMut(usize, &[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
     mut done: impl FnMut(usize),
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let mut last: Option<(Arc<Vec<u8>>, bool)> = None;
     for (number, frame) in frames.into_iter().enumerate() {
         done(number);
@@ -169,7 +163,7 @@ fn look_at(
 }
 
 /// Masks and colours of the frames with the person.
-fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, ClientError> {
+fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
     let mut watched: Vec<Watched> = Vec::new();
     for found in found {
@@ -194,7 +188,7 @@ fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, Clien
 }
 
 impl Watched {
-    /// The same in the frame `index`.
+    /// A copy for the frame `index`.
     fn again(&self, index: usize) -> Self {
         Self {
             index,
@@ -209,12 +203,12 @@ impl Watched {
     }
 }
 
-fn is_seen(seen: &Seen) -> bool {
+fn is_seen(seen: &PersonLandmarks) -> bool {
     let visible = seen.picture.iter().filter(|point| point[3] >= VISIBLE);
     visible.count() >= FEWEST
 }
 
-fn key_points(index: u32, seen: &Seen) -> FrameKeyPoints {
+fn key_points(index: u32, seen: &PersonLandmarks) -> FrameKeyPoints {
     let picture = seen.picture.iter();
     let space = seen.space.iter();
     FrameKeyPoints {
@@ -235,12 +229,12 @@ mod tests {
     use std::path::Path;
     use yoto_landmarks::Outline;
 
-    fn seen(visible: usize) -> Seen {
+    fn seen(visible: usize) -> PersonLandmarks {
         let mut picture = [[1.0, 2.0, 3.0, 0.1]; 33];
         for point in picture.iter_mut().take(visible) {
             point[3] = 0.9;
         }
-        Seen {
+        PersonLandmarks {
             picture,
             space: [[0.1, 0.2, 0.3, 0.9]; 33],
             outline: Outline::nobody([2, 1]),
@@ -282,7 +276,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(&clip, &wanted, &Told::default(), |_, rgb| {
+        let watched = watch_with(&clip, &wanted, &Progress::default(), |_, rgb| {
             looked.push(rgb[0]);
             let mut seen = seen(33);
             seen.picture[0][0] = f32::from(rgb[0]);
@@ -318,7 +312,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(&clip, &wanted, &Told::default(), |_, _| {
+        let failed = watch_with(&clip, &wanted, &Progress::default(), |_, _| {
             looked += 1;
             Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
         });
@@ -327,7 +321,9 @@ mod tests {
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(&clip, &[3, 99], &Told::default(), |_, _| Ok(Some(seen(33))));
+        let absent = watch_with(&clip, &[3, 99], &Progress::default(), |_, _| {
+            Ok(Some(seen(33)))
+        });
         let error = absent.err().expect("a fault").to_string();
         assert!(error.contains("a picture was taken away"), "{error}");
     }

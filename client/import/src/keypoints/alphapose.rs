@@ -3,20 +3,27 @@
 //! have hands) and, where it follows people, `idx`.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use super::form::{DetectorForm, RecognisedBy};
 use super::hands;
+use crate::ImportError;
 use crate::source::{Faulty, Part};
 use std::collections::BTreeMap;
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: Some("AlphaPose"),
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(&file.data()?.root()),
+};
+
 /// Whether this is such a list.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     let first = root.at(0).ok();
     first.is_some_and(|first| first.find("image_id").is_some() && first.find("keypoints").is_some())
 }
 
 /// The people of all frames.
-pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
+fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
     let mut frames: BTreeMap<(usize, String), Vec<Detection>> = BTreeMap::new();
     let mut faulty = Faulty::default();
     for at in 0..root.len()? {

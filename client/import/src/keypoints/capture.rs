@@ -1,13 +1,13 @@
 //! A capture of the chosen person: a body fitted to the key points of all frames.
 
 use super::detections::{Detection, Detections};
-use super::people::{self, Person};
+use super::people::{self, DetectedPerson};
 use super::{mask, own_skeleton, timing};
+use crate::ImportError;
 use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
-use crate::{Found, Imported, Options, PoseFit};
+use crate::{Findings, Imported, Options, PoseFit};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
 
 /// The capture of a person in `found`, whose files are at `at`.
@@ -19,16 +19,16 @@ pub(super) fn read(
     found: &Detections,
     at: &Path,
     options: &Options,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let mut notes = vec![format!(
         "{}: key points of {} frames",
         found.name,
         found.frames.len()
     )];
     notes.extend(clip.notes.iter().cloned());
-    let mut about = Found {
+    let mut about = Findings {
         doubts: clip.notes.clone(),
-        ..Found::default()
+        ..Findings::default()
     };
     notes.extend(found.notes.iter().cloned());
     let earlier = notes.len();
@@ -115,9 +115,9 @@ pub(super) fn read(
     })
 }
 
-/// The frames of `wanted` in which the person is seen, with the points, of detections with these `numbers` of frames.
+/// The frames of `wanted` that show the person, with the points; `numbers` are the frames of the detections.
 pub(super) fn of_clip<'a>(
-    person: &Person<'a>,
+    person: &DetectedPerson<'a>,
     numbers: &[Option<usize>],
     wanted: &[usize],
 ) -> Vec<(usize, &'a Detection)> {

@@ -3,7 +3,7 @@
 use super::detections::{Detections, FrameDetections};
 use crate::clip::{Clip, beyond, too_far};
 
-/// Changes `found` so that it is of the clip; notes say what was assumed.
+/// Changes `found` to the frames of the clip; the notes name the assumptions.
 pub(super) fn fit(found: &mut Detections, clip: &Clip) -> Vec<String> {
     let mut notes = Vec::new();
     let is_named = |seen: &FrameDetections| {
@@ -62,10 +62,10 @@ fn times(frames: &mut [FrameDetections], count: usize) -> Option<String> {
     }
     Some(match by_order {
         true => format!(
-            "numbers up to {last} in the pictures' names are no frames of the clip: its {count} frames are taken in their order"
+            "numbers up to {last} in the pictures' names are not frames of the clip: its {count} frames are taken in their order"
         ),
         false => format!(
-            "numbers up to {last} in the pictures' names are no frames of the clip but times: {step:.1} of them are taken for one frame, and {first} for \
+            "numbers up to {last} in the pictures' names are not frames of the clip but times: {step:.1} of them are taken for one frame, and {first} for \
              the first"
         ),
     })

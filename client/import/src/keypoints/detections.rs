@@ -1,22 +1,22 @@
-//! What all readers give: the people of every frame, and where their points are.
+//! The result of all readers: the people of every frame and their points.
 
-use crate::clip::{Clip, Counting, fault};
+use crate::ImportError;
+use crate::clip::{Clip, FrameNumbering, fault};
 use crate::geometry::Vec3;
+use crate::hierarchy::{GlobalPose, JointHierarchy};
 use crate::source::{Part, is_number};
-use crate::tree::{Placed, Tree};
 use std::path::Path;
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 use yoto_pose::KeyPointSet;
 
-/// Points of a higher confidence show where a person is.
+/// Points above this confidence locate a person.
 pub(super) const SURE: f64 = 0.3;
-/// Frames beyond the clip's last that are left out without a note: decoders disagree about the last
-/// ones.
+/// This number of frames beyond the clip's last is left out without a note: decoders disagree about the last
+/// frames.
 const SLACK: usize = 2;
 
-/// Frames that a note names.
+/// A note names at most this number of frames.
 const NAMED: usize = 8;
 
 /// One person in one frame.
@@ -37,8 +37,8 @@ pub(super) struct Detection {
 /// A skeleton of the detector's own in one frame.
 #[derive(Clone, Debug)]
 pub(super) struct OwnPose {
-    /// In the camera's axes, metres; the joints of [`Detections::tree`].
-    pub placed: Placed,
+    /// In the camera's axes, metres; the joints of [`Detections::hierarchy`].
+    pub placed: GlobalPose,
     /// Focal length of the frame's camera, pixels; its axis is in the middle of the picture.
     pub focal: f64,
 }
@@ -79,13 +79,13 @@ pub(super) struct Detections {
     /// Focal length that the points in space belong to, pixels.
     pub focal: Option<f64>,
     /// The joints of the detector's own skeleton, if it has one.
-    pub tree: Option<Tree>,
-    /// What was assumed of the files.
+    pub hierarchy: Option<JointHierarchy>,
+    /// Assumptions about the files.
     pub notes: Vec<String>,
 }
 
 impl Detections {
-    /// Of frames in any order.
+    /// Detections from frames in any order.
     pub fn new(name: &'static str, set: KeyPointSet, mut frames: Vec<FrameDetections>) -> Self {
         frames.sort_by_key(|frame| frame.number);
         Self {
@@ -95,7 +95,7 @@ impl Detections {
             first: Some(0),
             usual: 0,
             focal: None,
-            tree: None,
+            hierarchy: None,
             notes: Vec::new(),
         }
     }
@@ -136,20 +136,20 @@ impl Detections {
         }
     }
 
-    /// How the frames are counted; `None` where the pictures' names say which frames they are.
-    pub fn counting(&self, clip: &Clip) -> Option<Counting> {
+    /// The numbering of the frames; `None` where the pictures' names identify the frames.
+    pub fn counting(&self, clip: &Clip) -> Option<FrameNumbering> {
         let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
         if self.frames.iter().all(|seen| named(seen).is_some()) {
             return None;
         }
         Some(match self.first {
-            Some(first) => Counting {
+            Some(first) => FrameNumbering {
                 first,
                 is_sure: true,
             },
             None => {
                 let numbers = self.frames.iter().map(|seen| seen.number);
-                Counting::of(numbers, clip.frames, self.usual)
+                FrameNumbering::of(numbers, clip.frames, self.usual)
             }
         })
     }
@@ -158,13 +158,13 @@ impl Detections {
     /// beyond the clip.
     ///
     /// # Errors
-    /// When the numbers are another clip's.
+    /// When the numbers belong to another clip.
     pub fn numbers(
         &self,
         first: Option<usize>,
         clip: &Clip,
         at: &Path,
-    ) -> Result<Vec<Option<usize>>, ClientError> {
+    ) -> Result<Vec<Option<usize>>, ImportError> {
         let Some(first) = first else {
             let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
             return Ok(self.frames.iter().map(named).collect());
@@ -188,7 +188,7 @@ impl Detections {
 }
 
 /// The first `N` of flat x, y, confidence, of pixels counted from the first pixel's centre.
-pub(super) fn flat(part: &Part<'_>, wanted: usize) -> Result<Vec<[f64; 3]>, ClientError> {
+pub(super) fn flat(part: &Part<'_>, wanted: usize) -> Result<Vec<[f64; 3]>, ImportError> {
     let array = part.unchecked()?;
     if array.shape.iter().filter(|side| **side != 1).count() > 1 {
         return Err(part.fault("SIZE_MISMATCH", "rows instead of numbers in a row"));
@@ -216,7 +216,7 @@ pub(super) fn from_centre([x, y, confidence]: [f64; 3]) -> [f64; 3] {
 }
 
 /// A whole number from 0 on.
-pub(super) fn whole(part: &Part<'_>) -> Result<usize, ClientError> {
+pub(super) fn whole(part: &Part<'_>) -> Result<usize, ImportError> {
     let number = part.number()?;
     if number >= 0.0 && number.fract() == 0.0 {
         return Ok(number as usize);

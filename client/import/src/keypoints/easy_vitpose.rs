@@ -3,18 +3,25 @@
 //! its own 25 with a neck and feet, and COCO-WholeBody.
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre};
+use super::form::{DetectorForm, RecognisedBy};
 use super::point_set::PointSet;
+use crate::ImportError;
 use crate::source::{Faulty, Part};
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: Some("easy_ViTPose"),
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(&file.data()?.root()),
+};
+
 /// Whether this is such a dictionary.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     root.find("keypoints").is_some() && root.find("skeleton").is_some()
 }
 
 /// The people of all frames.
-pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
+fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
     let names = root.get("skeleton")?;
     let (set, order) = order(&names)?;
     let keypoints = root.get("keypoints")?;
@@ -57,12 +64,15 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
 }
 
 /// The set, and where each of its points is in the file.
-fn order(names: &Part<'_>) -> Result<(KeyPointSet, Vec<usize>), ClientError> {
+fn order(names: &Part<'_>) -> Result<(KeyPointSet, Vec<usize>), ImportError> {
     let mut indices: Vec<(String, usize)> = Vec::new();
     for (at, name) in names.members()? {
-        let at = at
-            .parse()
-            .map_err(|_| names.fault("OUT_OF_RANGE", format!("'{at}' is no number of a point")))?;
+        let at = at.parse().map_err(|_| {
+            names.fault(
+                "OUT_OF_RANGE",
+                format!("'{at}' is not the number of a point"),
+            )
+        })?;
         // Once written 'left_big toe'.
         indices.push((name.text()?.replace(' ', "_"), at));
     }

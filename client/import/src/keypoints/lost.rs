@@ -1,10 +1,10 @@
-//! People whom a detector lost and found again under another number: one person if time, place, size and colours agree.
+//! Joins people that a detector lost and found again under another number, if time, place, size and colours agree.
 
 use super::detections::{Detection, Detections};
+use crate::ImportError;
 use crate::clip::{Clip, for_each};
-use crate::identities::{Track, follows, joined};
+use crate::identities::{PersonTrack, follows, joined};
 use std::collections::BTreeSet;
-use yoto_client::ClientError;
 use yoto_landmarks::colours::{OTHER_COLOURS, difference, opponent};
 use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
 
@@ -25,14 +25,14 @@ struct Sight {
 /// A person by the detector's number.
 struct Numbered {
     name: String,
-    /// All numbers that are the person's.
+    /// All numbers of the person.
     names: Vec<String>,
     first: Sight,
     last: Sight,
     frames: usize,
 }
 
-impl Track for Numbered {
+impl PersonTrack for Numbered {
     fn name(&self) -> &str {
         &self.name
     }
@@ -70,7 +70,7 @@ impl Track for Numbered {
     }
 }
 
-/// Gives one number to people whom the detector lost and found again, with notes.
+/// Gives one number to a person that the detector lost and found again, with notes.
 ///
 /// # Errors
 /// A frame of the clip that can't be decoded.
@@ -78,7 +78,7 @@ pub(super) fn join(
     found: &mut Detections,
     clip: &Clip,
     notes: &mut Vec<String>,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let Some(mut people) = numbered(found, clip) else {
         return Ok(());
     };
@@ -133,8 +133,8 @@ fn numbered(found: &Detections, clip: &Clip) -> Option<Vec<Numbered>> {
     Some(people)
 }
 
-/// Looks at the colours of people where one may go on as another.
-fn look(people: &mut [Numbered], set: KeyPointSet, clip: &Clip) -> Result<(), ClientError> {
+/// Reads the colours of people where one may continue under another number.
+fn look(people: &mut [Numbered], set: KeyPointSet, clip: &Clip) -> Result<(), ImportError> {
     let mut wanted = BTreeSet::new();
     for one in people.iter() {
         for next in people.iter().filter(|next| follows(one, *next).is_some()) {

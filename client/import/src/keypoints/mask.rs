@@ -1,15 +1,15 @@
-//! The masks that show the person: those that most of the key points lie in.
+//! Finds the masks of the person: most of the key points lie inside them.
 
 use super::detections::Detection;
 use super::misfit;
-use super::seen_as::SeenAs;
+use super::picture_transform::PictureTransform;
+use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
 use crate::proof::Masks;
 use crate::{MattingModel, Options};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Least share of points inside the masks of the right person.
 const LEAST: f64 = 0.6;
@@ -26,7 +26,7 @@ pub(super) fn find(
     frames: &BTreeSet<usize>,
     options: &Options,
     notes: &mut Vec<String>,
-) -> Result<BTreeMap<usize, Mask>, ClientError> {
+) -> Result<BTreeMap<usize, Mask>, ImportError> {
     let all = Masks::given(given, clip)?;
     of_the_person(all, given, clip, seen, frames, options, notes)
 }
@@ -42,7 +42,7 @@ pub(super) fn made(
     frames: &BTreeSet<usize>,
     options: &Options,
     notes: &mut Vec<String>,
-) -> Result<BTreeMap<usize, Mask>, ClientError> {
+) -> Result<BTreeMap<usize, Mask>, ImportError> {
     let masks = Masks::made(model, frames.clone(), clip, options, notes)?;
     let all = vec![masks];
     of_the_person(all, &model.path, clip, seen, frames, options, notes)
@@ -56,17 +56,17 @@ fn of_the_person(
     frames: &BTreeSet<usize>,
     options: &Options,
     notes: &mut Vec<String>,
-) -> Result<BTreeMap<usize, Mask>, ClientError> {
+) -> Result<BTreeMap<usize, Mask>, ImportError> {
     let mut best: Option<(f64, Masks)> = None;
     for masks in all {
-        let share = misfit::share(&masks, clip, seen, 0, &SeenAs::SHOWN)?;
+        let share = misfit::share(&masks, clip, seen, 0, &PictureTransform::SHOWN)?;
         if best.as_ref().is_none_or(|(most, _)| share > *most) {
             best = Some((share, masks));
         }
     }
     let (share, masks) = best.ok_or_else(|| fault(given, "MISSING", "there are no masks"))?;
     if share < LEAST {
-        let mut why = misfit::guess(&masks, clip, seen, &SeenAs::of(options))?;
+        let mut why = misfit::guess(&masks, clip, seen, &PictureTransform::of(options))?;
         if why.is_none() {
             why = misfit::shifted(&masks, clip, seen, LEAST)?;
         }

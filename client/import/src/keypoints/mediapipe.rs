@@ -8,12 +8,13 @@
 //! visibility. World landmarks are metres around the hips in the camera's axes.
 
 use super::detections::{Detection, Detections, FrameDetections, whole};
+use super::form::{DetectorForm, RecognisedBy};
+use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::Part;
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
-/// What notes call the detector.
+/// The detector's name in notes.
 pub(super) const NAME: &str = "MediaPipe";
 /// Landmarks of a person.
 pub(super) const POINTS: usize = 33;
@@ -22,22 +23,28 @@ const MOST_SHARE: f64 = 5.0;
 
 /// One frame's landmarks, as they are written.
 #[derive(Clone, Debug)]
-pub(super) struct Row {
+pub(super) struct LandmarkFrame {
     pub number: usize,
     /// Whether the file has the number, and not only the order.
     pub is_numbered: bool,
     pub people: Vec<Points>,
 }
 
-/// Of a person: x, y, visibility; x, y, z in space if there are any.
+/// A person's points: x, y, visibility; and x, y, z in space, if the file has them.
 pub(super) type Points = (Vec<[f64; 3]>, Vec<Vec3>);
 
 /// Names of the arrays.
 const PICTURE: [&str; 3] = ["landmarks", "L", "pose_landmarks"];
 const SPACE: [&str; 3] = ["world_landmarks", "W", "pose_world_landmarks"];
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: Some("MediaPipe"),
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(&file.data()?.root(), file.size),
+};
+
 /// Whether these arrays are there.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     any(root, &PICTURE).is_some_and(|part| part.value().items().is_none())
 }
 
@@ -47,7 +54,7 @@ pub(super) fn any<'a>(root: &Part<'a>, names: &[&str]) -> Option<Part<'a>> {
 }
 
 /// The frames of an archive, of pictures of `size`.
-pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ClientError> {
+fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
     let Some(part) = any(root, &PICTURE) else {
         return Err(root.fault("MISSING", "there is no 'landmarks'"));
     };
@@ -74,7 +81,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
         None => None,
     };
     let rows = numbers.into_iter().zip(picture.into_iter().zip(space));
-    let rows = rows.map(|(number, (picture, space))| Row {
+    let rows = rows.map(|(number, (picture, space))| LandmarkFrame {
         number,
         is_numbered,
         people: vec![(
@@ -90,7 +97,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
 }
 
 /// `[F, 33, 4]`; visibility is 1 if the file has none.
-fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
+fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
     let array = part.unchecked()?;
     let (rows, width) = match array.shape[..] {
         [rows, POINTS, width @ (3 | 4)] => (rows, width),
@@ -114,7 +121,7 @@ fn frames(part: &Part<'_>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
 
 /// Frames of the points of `set`, in pixels of a picture of `size`; `given` is the size that the file says.
 pub(super) fn detections(
-    rows: Vec<Row>,
+    rows: Vec<LandmarkFrame>,
     name: &'static str,
     set: KeyPointSet,
     given: Option<[f64; 2]>,
@@ -169,7 +176,7 @@ pub(super) fn detections(
 }
 
 /// The number of a frame under one of the usual names.
-pub(super) fn number(part: &Part<'_>) -> Result<Option<usize>, ClientError> {
+pub(super) fn number(part: &Part<'_>) -> Result<Option<usize>, ImportError> {
     let number = any(part, &["frame", "frame_id", "frame_index", "index", "idx"]);
     number.map(|number| whole(&number)).transpose()
 }

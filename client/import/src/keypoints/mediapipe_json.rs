@@ -3,18 +3,25 @@
 //! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks.
 
 use super::detections::Detections;
-use super::mediapipe::{NAME, POINTS, Points, Row, any, detections, number};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, NAME, POINTS, Points, any, detections, number};
+use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::{Faulty, Part};
-use yoto_client::ClientError;
 use yoto_formats::Value;
 use yoto_pose::KeyPointSet;
 
 const PICTURE: [&str; 2] = ["pose_landmarks", "landmarks"];
 const SPACE: [&str; 2] = ["pose_world_landmarks", "world_landmarks"];
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: None,
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(&file.data()?.root(), file.size),
+};
+
 /// Whether these are such frames.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     list(root)
         .at(0)
         .is_ok_and(|first| any(&first, &PICTURE).is_some())
@@ -25,7 +32,7 @@ fn list<'a>(root: &Part<'a>) -> Part<'a> {
 }
 
 /// The frames, of pictures of `size`.
-pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ClientError> {
+fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
     let list = list(root);
     let (mut rows, mut faulty) = (Vec::new(), Faulty::default());
     for at in 0..list.len()? {
@@ -33,7 +40,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
         let numbered = number(&entry)?;
         let number = numbered.unwrap_or(at);
         let entry = entry.of_frame(u32::try_from(number).unwrap_or(u32::MAX));
-        rows.push(Row {
+        rows.push(LandmarkFrame {
             number,
             is_numbered: numbered.is_some(),
             people: faulty.keep(of_frame(&entry))?.unwrap_or_default(),
@@ -50,7 +57,7 @@ pub(super) fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, Client
 }
 
 /// The landmarks of the people of a frame, in the picture and in space.
-fn of_frame(entry: &Part<'_>) -> Result<Vec<Points>, ClientError> {
+fn of_frame(entry: &Part<'_>) -> Result<Vec<Points>, ImportError> {
     let picture = people(any(entry, &PICTURE))?;
     let space = people(any(entry, &SPACE))?;
     if !space.is_empty() && space.len() != picture.len() {
@@ -74,7 +81,7 @@ fn of_frame(entry: &Part<'_>) -> Result<Vec<Points>, ClientError> {
 }
 
 /// The landmarks of each person: x, y, z, visibility.
-fn people(part: Option<Part<'_>>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
+fn people(part: Option<Part<'_>>) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
     let Some(part) = part.filter(|part| !matches!(part.value(), Value::Nothing)) else {
         return Ok(Vec::new());
     };
@@ -92,7 +99,7 @@ fn people(part: Option<Part<'_>>) -> Result<Vec<Vec<[f64; 4]>>, ClientError> {
     (0..count).map(|at| person(&part.at(at)?)).collect()
 }
 
-fn person(part: &Part<'_>) -> Result<Vec<[f64; 4]>, ClientError> {
+fn person(part: &Part<'_>) -> Result<Vec<[f64; 4]>, ImportError> {
     let count = part.len()?;
     if count != POINTS {
         let message = format!("{count} landmarks instead of {POINTS}");
@@ -101,7 +108,7 @@ fn person(part: &Part<'_>) -> Result<Vec<[f64; 4]>, ClientError> {
     (0..count).map(|at| landmark(&part.at(at)?)).collect()
 }
 
-fn landmark(part: &Part<'_>) -> Result<[f64; 4], ClientError> {
+fn landmark(part: &Part<'_>) -> Result<[f64; 4], ImportError> {
     if part.is_list() {
         return match part.unchecked()?.values[..] {
             [x, y, z] => Ok([x, y, z, 1.0]),

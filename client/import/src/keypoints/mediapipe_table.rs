@@ -3,13 +3,20 @@
 //! could use: z of these is a share of the picture's width.
 
 use super::detections::Detections;
-use super::mediapipe::{NAME, POINTS, Row, detections};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, NAME, POINTS, detections};
+use crate::ImportError;
 use crate::source::{Faulty, Source};
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: None,
+    fits: RecognisedBy::Table(fits),
+    read: |file| read(file.source, file.name, file.size),
+};
+
 /// Whether `file` has as many columns as there are landmarks.
-pub(super) fn fits(source: &Source, file: &str) -> Result<bool, ClientError> {
+fn fits(source: &Source, file: &str) -> Result<bool, ImportError> {
     let bytes = source.bytes(file, None)?;
     let line = bytes
         .split(|byte| *byte == b'\n')
@@ -20,7 +27,7 @@ pub(super) fn fits(source: &Source, file: &str) -> Result<bool, ClientError> {
 }
 
 /// The lines of `file`, of pictures of `size`.
-pub(super) fn read(source: &Source, file: &str, size: [u32; 2]) -> Result<Detections, ClientError> {
+fn read(source: &Source, file: &str, size: [u32; 2]) -> Result<Detections, ImportError> {
     let bytes = source.bytes(file, None)?;
     let text = std::str::from_utf8(&bytes)
         .map_err(|error| source.fault("UNREADABLE", file, None, "", error.to_string()))?;
@@ -50,7 +57,7 @@ pub(super) fn read(source: &Source, file: &str, size: [u32; 2]) -> Result<Detect
     Ok(found)
 }
 
-fn row(line: &str) -> Result<Row, String> {
+fn row(line: &str) -> Result<LandmarkFrame, String> {
     // An empty cell is of a landmark that was not seen.
     let number = |cell: &str| {
         if cell.is_empty() {
@@ -80,7 +87,7 @@ fn row(line: &str) -> Result<Row, String> {
         [x, y, _] => [x, y, 1.0],
         _ => [0.0; 3],
     };
-    Ok(Row {
+    Ok(LandmarkFrame {
         number: number as usize,
         is_numbered: true,
         people: vec![(values.chunks_exact(width).map(point).collect(), Vec::new())],

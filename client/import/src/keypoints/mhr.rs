@@ -1,20 +1,20 @@
 //! The skeleton of MHR, as SAM 3D Body's files have it in each frame: `pred_global_rots` `[127, 3, 3]` and
 //! `pred_joint_coords` `[127, 3]`.
 //!
-//! Of the 127 joints 22 are kept. Fingers are merged into the wrists, jaw, tongue and eyes into the
+//! 22 of the 127 joints are kept. Fingers are merged into the wrists, jaw, tongue and eyes into the
 //! head, toes into the ball; helpers that spread a twist over a limb (`_proc`) move with the limb, and
 //! joints between kept ones (the ankle's parts, the forearm's twist) are folded into those below.
 
+use crate::ImportError;
 use crate::geometry::{Mat3, exact_rotation, matmul};
+use crate::hierarchy::{GlobalPose, Joint, JointHierarchy};
 use crate::source::Part;
-use crate::tree::{Joint, Placed, Tree};
-use yoto_client::ClientError;
 
 /// A kept joint: its number, its name, the kept joint above, and the joint of SMPL that it stands for.
-type Row = (usize, &'static str, usize, &'static str);
+type KeptJoint = (usize, &'static str, usize, &'static str);
 
 /// The kept joints; the first is the root.
-const JOINTS: [Row; 22] = [
+const JOINTS: [KeptJoint; 22] = [
     (1, "root", 1, "pelvis"),
     (2, "l_upleg", 1, "l_hip"),
     (3, "l_lowleg", 2, "l_knee"),
@@ -43,14 +43,14 @@ const JOINTS: [Row; 22] = [
 pub(super) const TO_CAMERA: Mat3 = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
 
 /// The kept joints.
-pub(super) fn tree() -> Tree {
+pub(super) fn hierarchy() -> JointHierarchy {
     let index = |number: usize| JOINTS.iter().position(|(of, ..)| *of == number);
-    let joint = |(number, name, above, role): &Row| Joint {
+    let joint = |(number, name, above, role): &KeptJoint| Joint {
         name: (*name).to_owned(),
         role: Some((*role).to_owned()),
         parent: index(*above).filter(|_| above != number),
     };
-    Tree(JOINTS.iter().map(joint).collect())
+    JointHierarchy(JOINTS.iter().map(joint).collect())
 }
 
 /// The kept joints of a person in the camera's axes, of the `positions` of all of MHR's joints; `None` where the
@@ -58,12 +58,12 @@ pub(super) fn tree() -> Tree {
 pub(super) fn placed(
     root: &Part<'_>,
     positions: &[[f64; 3]],
-) -> Result<Option<Placed>, ClientError> {
+) -> Result<Option<GlobalPose>, ImportError> {
     let Some(part) = root.find("pred_global_rots").filter(|it| !it.is_nothing()) else {
         return Ok(None);
     };
     let rotations = part.flat_rows::<9>()?;
-    let mut placed = Placed {
+    let mut placed = GlobalPose {
         rotations: Vec::new(),
         positions: Vec::new(),
     };

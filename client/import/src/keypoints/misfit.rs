@@ -1,62 +1,62 @@
-//! Why key points don't lie in masks: mirrored or turned pictures, and masks of other frames.
+//! Guesses why key points lie outside masks: mirrored or rotated pictures, or masks of other frames.
 
 use super::detections::{Detection, SURE};
-use super::point_turn::PointTurn;
-use super::seen_as::SeenAs;
+use super::picture_transform::PictureTransform;
+use super::point_rotation::PointRotation;
+use crate::ImportError;
 use crate::clip::Clip;
 use crate::pictures::read_masks;
 use crate::proof::Masks;
-use yoto_client::ClientError;
-use yoto_terminal::progress::count;
+use yoto_proto::text::count;
 
-/// Frames that are looked at.
+/// Number of frames that are compared.
 const FRAMES: usize = 16;
-/// Share of points inside from which on a guess is named.
+/// A guess is named if at least this share of the points lies inside the masks.
 const GOOD: f64 = 0.8;
-/// Share of points inside above which nothing is wrong with the frames.
+/// Above this share of points inside the masks, the frames are right.
 const FITS: f64 = 0.9;
-/// By how much other frames must fit better, shares of the points.
+/// Masks of other frames must fit better by this share of the points.
 const BETTER: f64 = 0.05;
-/// Frames by which masks and points are tried to be apart.
+/// Delays between masks and points of up to this many frames are tried.
 const FARTHEST: i64 = 5;
 
 /// Changes that are guessed, with words for them and the options that undo them.
-const CHANGES: [(&str, &str, SeenAs); 5] = [
+const CHANGES: [(&str, &str, PictureTransform); 5] = [
     (
         "mirrored left to right",
         "--mirror-points",
-        SeenAs {
+        PictureTransform {
             mirrored: true,
-            ..SeenAs::SHOWN
+            ..PictureTransform::SHOWN
         },
     ),
     (
         "turned by 90° clockwise",
         "--turn-points 90",
-        turned(PointTurn::Quarter, false),
+        turned(PointRotation::Quarter, false),
     ),
     (
         "turned by 90° counter-clockwise",
         "--turn-points 270",
-        turned(PointTurn::ThreeQuarters, false),
+        turned(PointRotation::ThreeQuarters, false),
     ),
     (
         "turned by 180°",
         "--turn-points 180",
-        turned(PointTurn::Half, false),
+        turned(PointRotation::Half, false),
     ),
     (
         "upside down",
         "--turn-points 180 --mirror-points",
-        turned(PointTurn::Half, true),
+        turned(PointRotation::Half, true),
     ),
 ];
 
-const fn turned(turn: PointTurn, mirrored: bool) -> SeenAs {
-    SeenAs {
-        turn: Some(turn),
+const fn turned(rotation: PointRotation, mirrored: bool) -> PictureTransform {
+    PictureTransform {
+        rotation: Some(rotation),
         mirrored,
-        ..SeenAs::SHOWN
+        ..PictureTransform::SHOWN
     }
 }
 
@@ -66,8 +66,8 @@ pub(super) fn share(
     clip: &Clip,
     seen: &[(usize, &Detection)],
     shift: i64,
-    seen_as: &SeenAs,
-) -> Result<f64, ClientError> {
+    seen_as: &PictureTransform,
+) -> Result<f64, ImportError> {
     let size = clip.size.map(f64::from);
     let (mut inside, mut all) = (0, 0);
     for (frame, detection) in seen.iter().step_by(seen.len().div_ceil(FRAMES).max(1)) {
@@ -88,20 +88,20 @@ pub(super) fn share(
     Ok(f64::from(inside as u32) / f64::from(all.max(1)))
 }
 
-/// Which pictures points outside of the masks may be of, and what makes them those of the clip; `None` if no guess fits. `given` is
-/// what the user said of the pictures, which the points have been through.
+/// A guess which pictures the detector saw, with the options that undo it; `None` if no guess fits. The points were already
+/// transformed as `given` by the user.
 pub(super) fn guess(
     masks: &Masks,
     clip: &Clip,
     seen: &[(usize, &Detection)],
-    given: &SeenAs,
-) -> Result<Option<String>, ClientError> {
+    given: &PictureTransform,
+) -> Result<Option<String>, ImportError> {
     let mut best: Option<(f64, &str, &str)> = None;
     let [width, height] = clip.size.map(f64::from);
     for (words, options, change) in CHANGES {
         // Shares of the picture's sides were multiplied with the clip's sides.
         let [across, down] = change.size([width, height]);
-        let of_shares = SeenAs {
+        let of_shares = PictureTransform {
             scale: [height / width, width / height],
             ..change
         };
@@ -115,7 +115,7 @@ pub(super) fn guess(
         }
     }
     Ok(best.map(|(share, words, options)| {
-        let how = match *given == SeenAs::SHOWN {
+        let how = match *given == PictureTransform::SHOWN {
             true => format!("with {options} they become those of the clip as it is shown"),
             false => "that is after the options that turn and mirror them".to_owned(),
         };
@@ -126,19 +126,19 @@ pub(super) fn guess(
     }))
 }
 
-/// Frames by which the masks fit clearly better, if the share `found` lies in those of the same frames.
+/// The delay, in frames, with which the masks fit clearly better than the share `found` without a delay.
 pub(super) fn shifted(
     masks: &Masks,
     clip: &Clip,
     seen: &[(usize, &Detection)],
     found: f64,
-) -> Result<Option<String>, ClientError> {
+) -> Result<Option<String>, ImportError> {
     if found >= FITS {
         return Ok(None);
     }
     let mut best = (found + BETTER, 0);
     for shift in (-FARTHEST..=FARTHEST).filter(|shift| *shift != 0) {
-        let share = share(masks, clip, seen, shift, &SeenAs::SHOWN)?;
+        let share = share(masks, clip, seen, shift, &PictureTransform::SHOWN)?;
         if share > best.0 {
             best = (share, shift);
         }

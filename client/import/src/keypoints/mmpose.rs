@@ -4,16 +4,23 @@
 //! where people are followed.
 
 use super::detections::{Detection, Detections, FrameDetections, from_centre, whole};
+use super::form::{DetectorForm, RecognisedBy};
 use super::hands;
+use crate::ImportError;
 use crate::source::{Faulty, Part};
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
 /// Sets whose first points are COCO's 17: COCO, Halpe's 26, COCO-WholeBody.
 const COUNTS: [usize; 4] = [17, 26, 133, 136];
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: Some("MMPose"),
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(&file.data()?.root()),
+};
+
 /// Whether these are such predictions.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     root.find("instance_info").is_some()
         || root
             .at(0)
@@ -21,7 +28,7 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
 }
 
 /// The people of all frames.
-pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
+fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
     let list = match root.find("instance_info") {
         Some(list) => list,
         None => root.clone(),
@@ -54,7 +61,7 @@ pub(super) fn read(root: &Part<'_>) -> Result<Detections, ClientError> {
     Ok(found)
 }
 
-fn instance(part: &Part<'_>) -> Result<Detection, ClientError> {
+fn instance(part: &Part<'_>) -> Result<Detection, ImportError> {
     let points = part.get("keypoints")?;
     let positions = points.unchecked_rows::<2>(None)?;
     let scores = part.get("keypoint_scores")?;

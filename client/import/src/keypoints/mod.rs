@@ -15,6 +15,7 @@ mod capture;
 mod clip_frames;
 mod detections;
 mod easy_vitpose;
+mod form;
 mod hands;
 mod lost;
 mod mask;
@@ -27,42 +28,39 @@ mod mmpose;
 mod openpose;
 mod own_skeleton;
 mod people;
+mod picture_transform;
+mod point_rotation;
 mod point_set;
 mod point_table;
-mod point_turn;
 mod recognise;
 mod sam_3d_body;
-mod seen_as;
 mod shapes;
 mod stored;
 mod timing;
 
+pub use point_rotation::PointRotation;
 pub use point_set::PointSet;
-pub use point_turn::PointTurn;
-pub(crate) use recognise::has_files;
+pub use recognise::key_point_detectors;
+pub(crate) use recognise::{has_files, help, looked_for};
 
+use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::{Imported, Options};
-use seen_as::SeenAs;
+use picture_transform::PictureTransform;
 use std::path::Path;
-use yoto_client::ClientError;
-
-/// What [`has_files`] looks for, for errors.
-pub(crate) const DETECTORS: &str = "OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body, or points of 17, \
-     25, 26 or 33 as [frames, points, 2 or 3]";
 
 /// Reads a detector's files in `options.poses`, of the clip `source`, and fits a body to them.
 ///
 /// # Errors
 /// When the files are of no known detector, wrong, or of another clip; when no body fits.
-pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportError> {
     let Some(at) = options.poses.as_deref() else {
         let message = "key points come with the clip that they are of: yoto import CLIP --poses \
                        THESE, where CLIP is a video or a folder of pictures";
         return Err(fault(source, "MISSING", message));
     };
     let clip = Clip::open(source, options)?;
-    let seen_as = SeenAs::of(options);
+    let seen_as = PictureTransform::of(options);
     let size = seen_as.size(clip.size.map(f64::from));
     let mut detections = recognise::read(at, options.points, size.map(|side| side as u32))?;
     seen_as.apply_back(&mut detections, clip.size);

@@ -4,9 +4,10 @@
 //! each. People are in no order; `person_id` is -1 unless OpenPose follows them.
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
+use super::form::{DetectorForm, RecognisedBy};
 use super::hands;
+use crate::ImportError;
 use crate::source::{Faulty, Part, Source};
-use yoto_client::ClientError;
 use yoto_pose::KeyPointSet;
 
 /// The end of its files' names.
@@ -14,8 +15,14 @@ pub(super) const ENDING: &str = "_keypoints.json";
 /// Points of `BODY_25`.
 const POINTS: usize = 25;
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: Some("OpenPose"),
+    fits: RecognisedBy::Ending(ENDING),
+    read: |file| read(file.source),
+};
+
 /// The files of the folder.
-pub(super) fn read(source: &Source) -> Result<Detections, ClientError> {
+fn read(source: &Source) -> Result<Detections, ImportError> {
     let (mut frames, mut faulty) = (Vec::new(), Faulty::default());
     for (order, file) in source.list("", &[ENDING])?.iter().enumerate() {
         let file = file.trim_start_matches('/');
@@ -39,7 +46,7 @@ pub(super) fn read(source: &Source) -> Result<Detections, ClientError> {
     Ok(found)
 }
 
-fn person(part: &Part<'_>) -> Result<Detection, ClientError> {
+fn person(part: &Part<'_>) -> Result<Detection, ImportError> {
     let points = part.get("pose_keypoints_2d")?;
     let values = points.unchecked()?.values;
     if values.len() != 3 * POINTS {

@@ -2,13 +2,13 @@
 
 use super::detections::{Detection, Detections, OwnPose};
 use super::mhr::TO_CAMERA;
+use crate::ImportError;
 use crate::Options;
 use crate::clip::fault;
 use crate::geometry::{IDENTITY_ROTATION, extrinsics, matmul, sub};
+use crate::hierarchy::{GlobalPose, JointHierarchy, Measured, measure};
 use crate::track::{Camera, empty_track};
-use crate::tree::{Measured, Placed, Tree, measure};
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
 /// Largest median distance of joints from where bones of constant length put them, metres. The tool's
@@ -27,8 +27,8 @@ pub(super) fn track(
     options: &Options,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<PoseTrack, ClientError> {
-    let Some(tree) = &found.tree else {
+) -> Result<PoseTrack, ImportError> {
+    let Some(hierarchy) = &found.hierarchy else {
         let message = format!(
             "{} writes points, which have no tree of joints to keep: without --keep-skeleton a body with \
              SMPL's joints is fitted to them",
@@ -41,7 +41,7 @@ pub(super) fn track(
                        --keep-skeleton";
         return Err(fault(at, "UNREAD_OPTION", message));
     }
-    if options.turn_points.is_some() || options.mirror_points {
+    if options.point_rotation.is_some() || options.mirror_points {
         let message = "a skeleton that is kept can't be turned or mirrored: --turn-points and --mirror-points need an import without \
                        --keep-skeleton";
         return Err(fault(at, "UNREAD_OPTION", message));
@@ -57,8 +57,8 @@ pub(super) fn track(
         })
     };
     let mut poses: Vec<(usize, OwnPose)> = seen.iter().map(own).collect::<Result<_, _>>()?;
-    let measured = read(tree, &mut poses, at, notes)?;
-    let standing = tree.standing(&measured.standing);
+    let measured = read(hierarchy, &mut poses, at, notes)?;
+    let standing = hierarchy.retarget(&measured.standing);
     let mut track = empty_track(standing.skeleton(1.0), size, fps);
     let rest = standing.rest.first().copied().unwrap_or_default();
     track.frames = poses
@@ -73,7 +73,7 @@ pub(super) fn track(
             let camera = Camera::from_centres(k, extrinsics(&IDENTITY_ROTATION, [0.0; 3]));
             Frame {
                 index: *index as u32,
-                pose: standing.local(&own.placed.rotations).concat(),
+                pose: standing.local_rotations(&own.placed.rotations).concat(),
                 translation: sub(root, rest),
                 k: camera.k,
                 e: camera.e,
@@ -86,14 +86,14 @@ pub(super) fn track(
 /// The skeleton that the `poses` share, with the axes of rotations in which bones keep their length;
 /// `poses` are left in these axes.
 fn read(
-    tree: &Tree,
+    hierarchy: &JointHierarchy,
     poses: &mut [(usize, OwnPose)],
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<Measured, ClientError> {
+) -> Result<Measured, ImportError> {
     let placed = |poses: &[(usize, OwnPose)]| -> Option<Measured> {
-        let placed: Vec<&Placed> = poses.iter().map(|(_, own)| &own.placed).collect();
-        measure(tree, &placed)
+        let placed: Vec<&GlobalPose> = poses.iter().map(|(_, own)| &own.placed).collect();
+        measure(hierarchy, &placed)
     };
     let given = placed(poses);
     rotate_to_camera(poses);
@@ -125,7 +125,7 @@ fn read(
         "the skeleton is the tool's own: {} joints; bones of constant length put them {:.0} mm (median) from \
          where the file has them. Fingers, toes, face and helpers are merged into the joints above \
          (docs/use/pose-tools.md)",
-        tree.0.len(),
+        hierarchy.0.len(),
         1e3 * best.scatter
     ));
     Ok(best)

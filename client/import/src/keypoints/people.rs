@@ -2,22 +2,22 @@
 //! position, and one of them is taken.
 
 use super::detections::{Detection, Detections, SURE};
+use crate::ImportError;
 use crate::clip::fault;
 use std::path::Path;
-use yoto_client::ClientError;
 
-/// Frames without a detection after which a person counts as a new one.
+/// After this number of frames without a detection, a person counts as a new one.
 const FORGOTTEN: usize = 15;
 /// Largest motion of a person between two frames, as a multiple of the size of their box.
 const FARTHEST: f64 = 0.5;
-/// People that are named by an error or a note.
+/// An error or a note names at most this number of people.
 const NAMED: usize = 8;
-/// Fewest confident points with which a frame counts.
+/// A frame counts if it has at least this many confident points.
 const FEWEST: usize = 6;
 
 /// A person of a clip.
 #[derive(Clone, Debug)]
-pub(super) struct Person<'a> {
+pub(super) struct DetectedPerson<'a> {
     /// The detector's number, else the order of appearance.
     pub name: String,
     /// By index in [`Detections::frames`].
@@ -33,11 +33,11 @@ pub(super) fn choose<'a>(
     name: Option<&str>,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<Person<'a>, ClientError> {
+) -> Result<DetectedPerson<'a>, ImportError> {
     let mut people = gather(found);
     people.sort_by_key(|person| std::cmp::Reverse(person.seen.len()));
-    let words = |person: &Person| format!("{} ({} frames)", person.name, person.seen.len());
-    let listed = |people: &[Person]| {
+    let words = |person: &DetectedPerson| format!("{} ({} frames)", person.name, person.seen.len());
+    let listed = |people: &[DetectedPerson]| {
         let mut text: Vec<String> = people.iter().take(NAMED).map(words).collect();
         if people.len() > NAMED {
             text.push(format!("{} more", people.len() - NAMED));
@@ -68,7 +68,7 @@ pub(super) fn choose<'a>(
     Ok(taken)
 }
 
-fn gather(found: &Detections) -> Vec<Person<'_>> {
+fn gather(found: &Detections) -> Vec<DetectedPerson<'_>> {
     let usable = |person: &&Detection| {
         person
             .picture
@@ -77,7 +77,7 @@ fn gather(found: &Detections) -> Vec<Person<'_>> {
             .count()
             >= FEWEST
     };
-    let mut people: Vec<Person<'_>> = Vec::new();
+    let mut people: Vec<DetectedPerson<'_>> = Vec::new();
     let all = || found.frames.iter().flat_map(|seen| &seen.people);
     let by_number = all().all(|person| person.person.is_some());
     for (at, seen) in found.frames.iter().enumerate() {
@@ -93,7 +93,7 @@ fn gather(found: &Detections) -> Vec<Person<'_>> {
     people
 }
 
-fn add_by_number<'a>(people: &mut Vec<Person<'a>>, at: usize, detection: &'a Detection) {
+fn add_by_number<'a>(people: &mut Vec<DetectedPerson<'a>>, at: usize, detection: &'a Detection) {
     let Some(name) = &detection.person else {
         return;
     };
@@ -104,7 +104,7 @@ fn add_by_number<'a>(people: &mut Vec<Person<'a>>, at: usize, detection: &'a Det
                 person.seen.push((at, detection));
             }
         }
-        None => people.push(Person {
+        None => people.push(DetectedPerson {
             name: name.clone(),
             seen: vec![(at, detection)],
         }),
@@ -113,7 +113,7 @@ fn add_by_number<'a>(people: &mut Vec<Person<'a>>, at: usize, detection: &'a Det
 
 /// Pairs people with detections, the nearest first; those without a pair are new.
 fn add_by_place<'a>(
-    people: &mut Vec<Person<'a>>,
+    people: &mut Vec<DetectedPerson<'a>>,
     found: &Detections,
     at: usize,
     here: &[&'a Detection],
@@ -149,14 +149,14 @@ fn add_by_place<'a>(
         }
     }
     for (detection, _) in here.iter().zip(is_paired).filter(|(_, paired)| !paired) {
-        people.push(Person {
+        people.push(DetectedPerson {
             name: people.len().to_string(),
             seen: vec![(at, detection)],
         });
     }
 }
 
-/// How far apart the boxes of two detections are: of their middles and sizes, by the larger one's side.
+/// The distance between the boxes of two detections: difference of middles and sizes over the larger one's side.
 fn distance(a: &Detection, b: &Detection) -> f64 {
     let (Some(a), Some(b)) = (a.bounds(), b.bounds()) else {
         return f64::INFINITY;

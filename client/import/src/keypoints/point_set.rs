@@ -2,7 +2,7 @@
 
 use yoto_pose::KeyPointSet;
 
-/// What notes call a detector that a file does not tell.
+/// Name in notes of an unknown detector.
 pub(super) const NAME: &str = "the detector";
 
 /// A set of points, by the name that `--points` takes.
@@ -169,7 +169,7 @@ impl PointSet {
         }
     }
 
-    /// What `--points` calls it.
+    /// The name that `--points` takes.
     pub(super) fn word(self) -> &'static str {
         match self {
             Self::Coco17 => "coco17",

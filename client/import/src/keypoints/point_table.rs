@@ -3,11 +3,12 @@
 //! named points.
 
 use super::detections::Detections;
-use super::mediapipe::{Row, detections};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, detections};
 use super::point_set::{NAME, PointSet, plain};
+use crate::ImportError;
 use crate::source::{Faulty, Source};
 use std::collections::BTreeMap;
-use yoto_client::ClientError;
 
 const FRAME: [&str; 7] = [
     "frame",
@@ -50,8 +51,14 @@ enum Layout {
     Wide(Vec<(String, [Option<usize>; 3])>),
 }
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: None,
+    fits: RecognisedBy::Table(fits),
+    read: |file| read(file.source, file.name, file.points, file.size),
+};
+
 /// Whether the first line of `file` names such columns.
-pub(super) fn fits(source: &Source, file: &str) -> Result<bool, ClientError> {
+fn fits(source: &Source, file: &str) -> Result<bool, ImportError> {
     let bytes = source.bytes(file, None)?;
     let text = String::from_utf8_lossy(&bytes);
     Ok(text.lines().next().and_then(columns).is_some())
@@ -100,13 +107,13 @@ fn columns(line: &str) -> Option<Columns> {
     })
 }
 
-/// The lines of `file`, of pictures of `size`, in the set `given` or the one that is told.
-pub(super) fn read(
+/// The lines of `file`, of pictures of `size`, in the set `given` or the one that the file shows.
+fn read(
     source: &Source,
     file: &str,
     given: Option<PointSet>,
     size: [u32; 2],
-) -> Result<Detections, ClientError> {
+) -> Result<Detections, ImportError> {
     let bytes = source.bytes(file, None)?;
     let text = String::from_utf8_lossy(&bytes);
     let fault =
@@ -165,7 +172,7 @@ pub(super) fn read(
             .iter()
             .map(|at| seen(at).unwrap_or([0.0; 3]))
             .collect();
-        Row {
+        LandmarkFrame {
             number: *number,
             is_numbered: columns.frame.is_some(),
             people: vec![(picture, Vec::new())],
@@ -184,10 +191,10 @@ pub(super) fn read(
 }
 
 /// A frame's number, and points with their names or numbers.
-type Line = (usize, Vec<(String, [f64; 3])>);
+type TableRow = (usize, Vec<(String, [f64; 3])>);
 
 /// The frame of a line, and its points: x, y and score, all 0 of what is not seen.
-fn points_of(columns: &Columns, cells: &[&str], order: usize) -> Result<Line, String> {
+fn points_of(columns: &Columns, cells: &[&str], order: usize) -> Result<TableRow, String> {
     let cell = |at: usize| cells.get(at).copied().unwrap_or_default();
     let number = |at: Option<usize>, absent: f64| -> Result<f64, String> {
         match at.map(cell) {

@@ -1,98 +1,69 @@
-//! Which detector wrote a file or a folder, by their contents.
+//! Recognises the detector that wrote a file or a folder, by the contents.
 
 use super::detections::Detections;
+use super::form::{DetectorFile, DetectorForm, RecognisedBy};
 use super::point_set::PointSet;
 use super::{
     alphapose, easy_vitpose, mediapipe, mediapipe_json, mediapipe_table, mmpose, openpose,
     point_table, sam_3d_body, shapes,
 };
-use crate::source::{Data, Part, Source};
-use crate::what::unknown;
+use crate::ImportError;
+use crate::misplaced::unknown;
+use crate::source::Source;
 use std::path::Path;
-use yoto_client::ClientError;
+use std::sync::LazyLock;
 
 /// Endings of files that hold a whole clip's key points, the likeliest first.
 const ENDINGS: [&str; 7] = [".json", ".npz", ".csv", ".npy", ".pkl", ".pickle", ".pt"];
-/// Files of a folder that are tried.
+/// At most this number of a folder's files is tried for each ending.
 const TRIED: usize = 8;
 
-/// A file of a detector, or one of a folder of them.
-struct DetectorFile<'a> {
-    source: &'a Source,
-    name: &'a str,
-    /// The name that the user gave, if it was not a folder's.
-    given: Option<&'a str>,
-    /// The set of the points, if the user says.
-    points: Option<PointSet>,
-    /// Width and height of the clip, pixels.
-    size: [u32; 2],
+/// All forms, in the order in which a file is tried.
+static FORMS: [&DetectorForm; 10] = [
+    &openpose::FORM,
+    &mediapipe_table::FORM,
+    &alphapose::FORM,
+    &mmpose::FORM,
+    &easy_vitpose::FORM,
+    &mediapipe::FORM,
+    &mediapipe_json::FORM,
+    &sam_3d_body::FORM,
+    &point_table::FORM,
+    &shapes::FORM,
+];
+
+/// The names of all detectors of key points.
+pub fn key_point_detectors() -> impl Iterator<Item = &'static str> {
+    FORMS.iter().filter_map(|form| form.detector)
 }
 
-/// How a file is recognised.
-enum Fits {
-    /// By the end of its name.
-    Ending(&'static str),
-    /// By the first line of a `.csv`.
-    Table(fn(&Source, &str) -> Result<bool, ClientError>),
-    /// By what is in a `.json` or `.npz`.
-    Contents(fn(&Part<'_>) -> bool),
-}
-
-/// A form in which detectors write key points.
-struct Form {
-    fits: Fits,
-    read: fn(&DetectorFile<'_>) -> Result<Detections, ClientError>,
-}
-
-impl DetectorFile<'_> {
-    fn data(&self) -> Result<Data<'_>, ClientError> {
-        self.source.data(self.name, None)
+/// The detectors, for people: `OpenPose, … or SAM 3D Body`.
+fn detectors() -> String {
+    let names: Vec<&str> = key_point_detectors().collect();
+    match names.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        _ => names.concat(),
     }
 }
 
-/// All forms, in the order in which a file is tried.
-static FORMS: [Form; 10] = [
-    Form {
-        fits: Fits::Ending(openpose::ENDING),
-        read: |file| openpose::read(file.source),
-    },
-    Form {
-        fits: Fits::Table(mediapipe_table::fits),
-        read: |file| mediapipe_table::read(file.source, file.name, file.size),
-    },
-    Form {
-        fits: Fits::Contents(alphapose::fits),
-        read: |file| alphapose::read(&file.data()?.root()),
-    },
-    Form {
-        fits: Fits::Contents(mmpose::fits),
-        read: |file| mmpose::read(&file.data()?.root()),
-    },
-    Form {
-        fits: Fits::Contents(easy_vitpose::fits),
-        read: |file| easy_vitpose::read(&file.data()?.root()),
-    },
-    Form {
-        fits: Fits::Contents(mediapipe::fits),
-        read: |file| mediapipe::read(&file.data()?.root(), file.size),
-    },
-    Form {
-        fits: Fits::Contents(mediapipe_json::fits),
-        read: |file| mediapipe_json::read(&file.data()?.root(), file.size),
-    },
-    Form {
-        fits: Fits::Contents(sam_3d_body::fits),
-        read: |file| sam_3d_body::read(file.source, file.given, file.size),
-    },
-    Form {
-        fits: Fits::Table(point_table::fits),
-        read: |file| point_table::read(file.source, file.name, file.points, file.size),
-    },
-    Form {
-        fits: Fits::Contents(shapes::fits),
-        read: |file| shapes::read(&file.data()?.root(), file.points, file.size),
-    },
-];
+/// What `--help` says of the format.
+pub(crate) fn help() -> &'static str {
+    static HELP: LazyLock<String> = LazyLock::new(|| {
+        let names = detectors();
+        format!(
+            "Key points of {names}: --poses their files, with the clip; a body is fitted to them"
+        )
+    });
+    &HELP
+}
+
+/// The files that [`has_files`] finds, for errors.
+pub(crate) fn looked_for() -> String {
+    format!(
+        "{}, or points of 17, 25, 26 or 33 as [frames, points, 2 or 3]",
+        detectors()
+    )
+}
 
 /// The contents of the file or folder at `path`, of pictures of `size`.
 ///
@@ -102,13 +73,10 @@ pub(super) fn read(
     path: &Path,
     points: Option<PointSet>,
     size: [u32; 2],
-) -> Result<Detections, ClientError> {
+) -> Result<Detections, ImportError> {
     let (source, given) = located(path);
     let Some((form, name)) = find(&source, &given)? else {
-        return Err(unknown(
-            path,
-            &format!("key points of {}", super::DETECTORS),
-        ));
+        return Err(unknown(path, &format!("key points of {}", looked_for())));
     };
     let mut found = (form.read)(&DetectorFile {
         source: &source,
@@ -138,7 +106,10 @@ fn located(path: &Path) -> (Source, String) {
 }
 
 /// The file called `name`, or the first of the folder that a detector wrote.
-fn find(source: &Source, name: &str) -> Result<Option<(&'static Form, String)>, ClientError> {
+fn find(
+    source: &Source,
+    name: &str,
+) -> Result<Option<(&'static DetectorForm, String)>, ImportError> {
     if !name.is_empty() {
         let form = form(source, name)?;
         return Ok(form.map(|form| (form, name.to_owned())));
@@ -157,18 +128,18 @@ fn find(source: &Source, name: &str) -> Result<Option<(&'static Form, String)>, 
     Ok(None)
 }
 
-/// The form of `file`; `None` when it is no detector's.
-fn form(source: &Source, file: &str) -> Result<Option<&'static Form>, ClientError> {
+/// The form of `file`; `None` when no detector wrote it.
+fn form(source: &Source, file: &str) -> Result<Option<&'static DetectorForm>, ImportError> {
     let lower = file.to_ascii_lowercase();
     let is_table = lower.ends_with(".csv");
     let has_contents = !is_table && ENDINGS.iter().any(|ending| lower.ends_with(ending));
     let mut data = None;
-    for form in &FORMS {
+    for form in FORMS {
         let fits = match form.fits {
-            Fits::Ending(ending) => lower.ends_with(ending),
-            Fits::Table(fits) => is_table && fits(source, file)?,
-            Fits::Contents(_) if !has_contents => false,
-            Fits::Contents(fits) => {
+            RecognisedBy::Ending(ending) => lower.ends_with(ending),
+            RecognisedBy::Table(fits) => is_table && fits(source, file)?,
+            RecognisedBy::Contents(_) if !has_contents => false,
+            RecognisedBy::Contents(fits) => {
                 if data.is_none() {
                     data = Some(source.data(file, None)?);
                 }
@@ -180,4 +151,15 @@ fn form(source: &Source, file: &str) -> Result<Option<&'static Form>, ClientErro
         }
     }
     Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::detectors;
+
+    #[test]
+    fn detectors_are_named_once_and_in_order() {
+        let expected = "OpenPose, AlphaPose, MMPose, easy_ViTPose, MediaPipe or SAM 3D Body";
+        assert_eq!(detectors(), expected);
+    }
 }

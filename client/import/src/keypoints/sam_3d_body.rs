@@ -7,12 +7,13 @@
 //! 22 of MHR's 127 joints correspond to a joint of SMPL. SMPL's hands have no counterpart.
 
 use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
+use super::form::{DetectorForm, RecognisedBy};
 use super::mhr;
+use crate::ImportError;
 use crate::geometry::{Vec3, add};
 use crate::source::{Faulty, Part, Source};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 use yoto_pose::KeyPointSet;
 
@@ -50,22 +51,24 @@ const CONFIDENCE: [f64; 2] = [0.35, 0.9];
 /// Nearest a body can be, metres.
 const NEAREST: f64 = 0.1;
 
-/// What notes call it.
+/// The detector's name in notes.
 const NAME: &str = "SAM 3D Body";
 
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: Some(NAME),
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(file.source, file.given, file.size),
+};
+
 /// Whether this is one of its files, or a list of people as it returns them.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     let root = root.at(0).unwrap_or_else(|_| root.clone());
     root.find("pred_joint_coords").is_some() && root.find("pred_cam_t").is_some()
 }
 
 /// The files of the folder, of pictures of `size`; `given` is the one that the user named, if it is one. Files of other
 /// contents beside these are passed over.
-pub(super) fn read(
-    source: &Source,
-    given: Option<&str>,
-    size: [u32; 2],
-) -> Result<Detections, ClientError> {
+fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detections, ImportError> {
     let mut frames: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
     let (mut focals, mut faulty) = (Vec::new(), Faulty::default());
     let files = match given.filter(|name| !name.to_ascii_lowercase().ends_with(".npz")) {
@@ -113,7 +116,7 @@ pub(super) fn read(
     });
     let mut found = Detections::new(NAME, KeyPointSet::Joints24, frames.collect());
     found.first = None;
-    found.tree = Some(mhr::tree());
+    found.hierarchy = Some(mhr::hierarchy());
     focals.sort_by(f64::total_cmp);
     found.focal = focals.get(focals.len() / 2).copied();
     faulty.finish(&mut found.notes)?;
@@ -122,7 +125,7 @@ pub(super) fn read(
 
 /// The people of a file with their frames, if it has these: one person; a list of people; or, as scripts write it, all
 /// frames of one person, with one more axis in each array and `frame_idx`.
-fn of_file<'a>(root: &Part<'a>) -> Result<Vec<(Option<usize>, Part<'a>)>, ClientError> {
+fn of_file<'a>(root: &Part<'a>) -> Result<Vec<(Option<usize>, Part<'a>)>, ImportError> {
     if root.is_list() {
         return (0..root.len()?)
             .map(|at| Ok((None, root.at(at)?)))
@@ -140,7 +143,7 @@ fn of_file<'a>(root: &Part<'a>) -> Result<Vec<(Option<usize>, Part<'a>)>, Client
     Ok(numbers.into_iter().enumerate().map(row).collect())
 }
 
-fn focal(root: &Part<'_>, [width, height]: [u32; 2]) -> Result<f64, ClientError> {
+fn focal(root: &Part<'_>, [width, height]: [u32; 2]) -> Result<f64, ImportError> {
     let Some(part) = root.find("focal_length") else {
         return Ok(f64::from(width).hypot(f64::from(height)));
     };
@@ -155,7 +158,7 @@ fn focal(root: &Part<'_>, [width, height]: [u32; 2]) -> Result<f64, ClientError>
 }
 
 /// The mask that the person was found with, if there is one: `[H, W]` or `[H, W, 1]`, above 0 inside.
-fn mask(root: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
+fn mask(root: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ImportError> {
     let Some(part) = root.find("mask").filter(|part| !part.is_nothing()) else {
         return Ok(None);
     };
@@ -175,7 +178,7 @@ fn own(
     joints: &[Vec3],
     shift: Vec3,
     focal: f64,
-) -> Result<Option<OwnPose>, ClientError> {
+) -> Result<Option<OwnPose>, ImportError> {
     let placed = mhr::placed(root, joints)?;
     Ok(placed.map(|mut placed| {
         for position in &mut placed.positions {
@@ -185,7 +188,7 @@ fn own(
     }))
 }
 
-fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, ClientError> {
+fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, ImportError> {
     let coords = root.get("pred_joint_coords")?;
     let joints = coords.rows::<3>()?;
     let shift = root.get("pred_cam_t")?.fixed::<3>()?;

@@ -7,16 +7,17 @@
 //! - a list of `{x, y, z, score, name}`, or a dictionary of `{x, y}` by the points' names or numbers;
 //! - a dictionary with one of these as `keypoints`, `landmarks`, `points`, or as OpenPose calls it.
 //!
-//! The set is told by the names, else by `--points`, else by the number of points.
+//! The set follows from the names, else from `--points`, else from the number of points.
 
 use super::detections::Detections;
-use super::mediapipe::{Row, any, detections, number};
+use super::form::{DetectorForm, RecognisedBy};
+use super::mediapipe::{LandmarkFrame, any, detections, number};
 use super::point_set::{NAME, PointSet, plain};
+use crate::ImportError;
 use crate::source::{Faulty, Part};
-use yoto_client::ClientError;
 use yoto_formats::Value;
 
-/// What the list of frames is called, where it is in a dictionary.
+/// Names of the list of frames in a dictionary.
 const FRAMES: [&str; 7] = [
     "frames",
     "keypoints",
@@ -26,9 +27,9 @@ const FRAMES: [&str; 7] = [
     "results",
     "data",
 ];
-/// What the people of a frame are called.
+/// Names of the people of a frame.
 const PEOPLE: [&str; 3] = ["people", "persons", "poses"];
-/// What the points of a body are called.
+/// Names of the points of a body.
 const POINTS: [&str; 8] = [
     "keypoints",
     "landmarks",
@@ -39,11 +40,11 @@ const POINTS: [&str; 8] = [
     "pose",
     "keypoints_2d",
 ];
-/// What a point's score is called.
+/// Names of a point's score.
 const SCORES: [&str; 5] = ["score", "visibility", "confidence", "conf", "c"];
 /// Fewest and most points of a body.
 const COUNTS: std::ops::RangeInclusive<usize> = 12..=200;
-/// Frames that are looked at to recognise a file.
+/// Number of frames that are read to recognise a file.
 const LOOKED_AT: usize = 5;
 /// Arrays of body models, whose poses may have the shape of points.
 const BODY_MODELS: [&str; 5] = ["trans", "transl", "betas", "global_orient", "thetas"];
@@ -54,16 +55,22 @@ const AT_HIPS: f64 = 0.05;
 type Point = [f64; 4];
 
 /// The points of a body, with their names if the file has names.
-struct Body {
+struct NamedPoints {
     names: Vec<String>,
     points: Vec<Point>,
 }
 
-/// A frame: its number, if the file has it, and its people; `None` of what is no frame.
-type Frame = (Option<usize>, Option<Vec<Body>>);
+/// A frame: its number, if the file has it, and its people; `None` if the value does not have the shape of people.
+type NumberedPeople = (Option<usize>, Option<Vec<NamedPoints>>);
+
+pub(super) static FORM: DetectorForm = DetectorForm {
+    detector: None,
+    fits: RecognisedBy::Contents(fits),
+    read: |file| read(&file.data()?.root(), file.points, file.size),
+};
 
 /// Whether this has the shape of frames of points.
-pub(super) fn fits(root: &Part<'_>) -> bool {
+fn fits(root: &Part<'_>) -> bool {
     if BODY_MODELS.iter().any(|name| root.find(name).is_some()) {
         return false;
     }
@@ -73,12 +80,12 @@ pub(super) fn fits(root: &Part<'_>) -> bool {
     frames.iter().all(|(_, people)| people.is_some()) && are_known && people().next().is_some()
 }
 
-/// The people of all frames, of pictures of `size`, in the set `given` or the one that is told.
-pub(super) fn read(
+/// The people of all frames, of pictures of `size`, in the set `given` or the one that the file shows.
+fn read(
     root: &Part<'_>,
     given: Option<PointSet>,
     size: [u32; 2],
-) -> Result<Detections, ClientError> {
+) -> Result<Detections, ImportError> {
     let mut faulty = Faulty::default();
     let mut all = Vec::new();
     let frames = frames(root, usize::MAX);
@@ -103,7 +110,7 @@ pub(super) fn read(
     let names = set.names();
     let mut rows = Vec::new();
     for (at, (number, people)) in all.iter().enumerate() {
-        let mut row = Row {
+        let mut row = LandmarkFrame {
             number: number.unwrap_or(at),
             is_numbered: number.is_some(),
             people: Vec::new(),
@@ -177,7 +184,7 @@ pub(super) fn read(
     Ok(found)
 }
 
-/// What the third of three numbers is.
+/// The meaning of the third of three numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Third {
     Nothing,
@@ -211,7 +218,7 @@ fn seen(&[x, y, number, score]: &Point, third: Third) -> [f64; 3] {
 }
 
 /// The set of the bodies, by names, else by count.
-fn told<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<PointSet, String> {
+fn told<'a>(bodies: impl Iterator<Item = &'a NamedPoints>) -> Result<PointSet, String> {
     let Some(body) = bodies.max_by_key(|body| body.points.len()) else {
         return Err("no frame shows anybody".to_owned());
     };
@@ -228,8 +235,8 @@ fn told<'a>(bodies: impl Iterator<Item = &'a Body>) -> Result<PointSet, String> 
     })
 }
 
-/// The first `most` frames; `None` of what holds none.
-fn frames(root: &Part<'_>, most: usize) -> Option<Vec<Frame>> {
+/// The first `most` frames; `None` if the value has none.
+fn frames(root: &Part<'_>, most: usize) -> Option<Vec<NumberedPeople>> {
     if let Some(inside) = any(root, &FRAMES) {
         return frames(&inside, most);
     }
@@ -258,15 +265,15 @@ fn frames(root: &Part<'_>, most: usize) -> Option<Vec<Frame>> {
     let members = root.members().ok()?;
     let frame =
         |(name, frame): &(String, Part<'_>)| Some((Some(name.parse().ok()?), people(frame)));
-    let frames: Option<Vec<Frame>> = members.iter().take(most).map(frame).collect();
+    let frames: Option<Vec<NumberedPeople>> = members.iter().take(most).map(frame).collect();
     frames.map(|mut frames| {
         frames.sort_by_key(|(number, _)| *number);
         frames
     })
 }
 
-/// The people of a frame; `None` of what is no frame.
-fn people(frame: &Part<'_>) -> Option<Vec<Body>> {
+/// The people of a frame; `None` if the value does not have the shape of people.
+fn people(frame: &Part<'_>) -> Option<Vec<NamedPoints>> {
     if frame.is_nothing() {
         return Some(Vec::new());
     }
@@ -281,7 +288,7 @@ fn people(frame: &Part<'_>) -> Option<Vec<Body>> {
 }
 
 /// The points of a body; `None` if `part` is not a body.
-fn body(part: &Part<'_>) -> Option<Body> {
+fn body(part: &Part<'_>) -> Option<NamedPoints> {
     if let Some(points) = any(part, &POINTS) {
         return body(&points);
     }
@@ -314,16 +321,16 @@ fn body(part: &Part<'_>) -> Option<Body> {
                 .iter()
                 .zip(points)
                 .for_each(|(at, point)| sorted[*at] = point);
-            Some(Body {
+            Some(NamedPoints {
                 names: Vec::new(),
                 points: sorted,
             })
         }
-        None if members.iter().all(|(name, _)| name.is_empty()) => Some(Body {
+        None if members.iter().all(|(name, _)| name.is_empty()) => Some(NamedPoints {
             names: Vec::new(),
             points,
         }),
-        None => Some(Body {
+        None => Some(NamedPoints {
             names: members.iter().map(|(name, _)| plain(name)).collect(),
             points,
         }),
@@ -331,7 +338,7 @@ fn body(part: &Part<'_>) -> Option<Body> {
 }
 
 /// `[N, 2]` to `[N, 4]`, `[1, N, …]`, or these numbers in a row.
-fn of_numbers(shape: &[usize], values: &[f64]) -> Option<Body> {
+fn of_numbers(shape: &[usize], values: &[f64]) -> Option<NamedPoints> {
     let width = match *shape {
         [1, _, width @ 2..=4] | [_, width @ 2..=4] => width,
         [count] | [1, count] => (2..=4)
@@ -341,7 +348,7 @@ fn of_numbers(shape: &[usize], values: &[f64]) -> Option<Body> {
     };
     let point =
         |values: &[f64]| std::array::from_fn(|at| values.get(at).copied().unwrap_or(f64::NAN));
-    Some(Body {
+    Some(NamedPoints {
         names: Vec::new(),
         points: values.chunks_exact(width).map(point).collect(),
     })

@@ -1,28 +1,28 @@
-//! Key points of pictures as a video's file stores them: not turned as the file asks for, or with pixels that are not square.
+//! Corrects key points of the stored pictures of a video: not rotated as the file declares, or with pixels that are not square.
 
 use super::capture::of_clip;
 use super::detections::Detections;
-use super::seen_as::SeenAs;
+use super::picture_transform::PictureTransform;
 use super::{misfit, people};
+use crate::ImportError;
 use crate::Options;
-use crate::clip::{Clip, Stored};
+use crate::clip::{Clip, StoredPicture};
 use crate::proof::Masks;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_media::Orientation;
 
-/// Least share of points inside masks with which there is no doubt.
+/// With this share of points inside the masks there is no doubt.
 const SURE: f64 = 0.9;
 /// Least gain of that share over the points as given.
 const GAIN: f64 = 0.1;
 
-/// What a detector may have ignored, with words for its pictures.
-fn views(stored: Stored) -> Vec<(SeenAs, &'static str)> {
-    let narrow = Stored {
+/// Declarations of the file that a detector may have ignored, with words for its pictures.
+fn views(stored: StoredPicture) -> Vec<(PictureTransform, &'static str)> {
+    let narrow = StoredPicture {
         orientation: Orientation::AsStored,
         ..stored
     };
-    let lying = Stored {
+    let lying = StoredPicture {
         pixel: [1.0; 2],
         ..stored
     };
@@ -31,18 +31,18 @@ fn views(stored: Stored) -> Vec<(SeenAs, &'static str)> {
         (lying, "not turned"),
         (stored, "not turned, with pixels that are not square"),
     ];
-    let mut views: Vec<(SeenAs, &str)> = Vec::new();
+    let mut views: Vec<(PictureTransform, &str)> = Vec::new();
     for (stored, words) in all {
-        let seen = SeenAs::stored(stored);
-        if seen != SeenAs::SHOWN && views.iter().all(|(other, _)| *other != seen) {
+        let seen = PictureTransform::stored(stored);
+        if seen != PictureTransform::SHOWN && views.iter().all(|(other, _)| *other != seen) {
             views.push((seen, words));
         }
     }
     views
 }
 
-/// Makes points of stored pictures those of the clip as it is shown, if the masks of `options` leave no doubt that they are; with
-/// a note, as about pixels that are not square without masks.
+/// Transforms points of stored pictures to the clip as shown, if the masks of `options` leave no doubt; with a note. Without
+/// masks, pixels that are not square only get a note.
 ///
 /// # Errors
 /// When the masks can't be read, or nobody is found.
@@ -51,9 +51,9 @@ pub(super) fn correct(
     clip: &Clip,
     at: &Path,
     options: &Options,
-) -> Result<Option<String>, ClientError> {
+) -> Result<Option<String>, ImportError> {
     let views = views(clip.stored);
-    if views.is_empty() || SeenAs::of(options) != SeenAs::SHOWN {
+    if views.is_empty() || PictureTransform::of(options) != PictureTransform::SHOWN {
         return Ok(None);
     }
     let Some(given) = &options.masks else {
@@ -68,13 +68,13 @@ pub(super) fn correct(
     let numbers = found.numbers(first, clip, at)?;
     let seen = of_clip(&person, &numbers, &clip.selected(options)?);
     let all = Masks::given(given, clip)?;
-    let share = |seen_as: &SeenAs| {
+    let share = |seen_as: &PictureTransform| {
         all.iter().try_fold(0.0_f64, |most, masks| {
-            Ok::<_, ClientError>(most.max(misfit::share(masks, clip, &seen, 0, seen_as)?))
+            Ok::<_, ImportError>(most.max(misfit::share(masks, clip, &seen, 0, seen_as)?))
         })
     };
-    let before = share(&SeenAs::SHOWN)?;
-    let mut best: Option<(f64, SeenAs, &str)> = None;
+    let before = share(&PictureTransform::SHOWN)?;
+    let mut best: Option<(f64, PictureTransform, &str)> = None;
     for (view, words) in views {
         let inside = share(&view)?;
         if best.is_none_or(|(most, ..)| inside > most) {
@@ -144,23 +144,26 @@ mod tests {
     }
 
     /// The note about points that a detector saw in stored pictures, and how far they are off after it, pixels.
-    fn corrected(name: &str, seen_as: impl Fn(Stored) -> Stored) -> (Option<String>, f64) {
+    fn corrected(
+        name: &str,
+        seen_as: impl Fn(StoredPicture) -> StoredPicture,
+    ) -> (Option<String>, f64) {
         let folder = tempfile::tempdir().expect("a folder");
         let clip = clip(name);
         let (masks, points) = person(&clip, folder.path());
-        let seen = SeenAs::stored(seen_as(clip.stored));
+        let seen = PictureTransform::stored(seen_as(clip.stored));
         let size = clip.size.map(f64::from);
         // The way there is the way back of the opposite change.
         let [width, height] = seen.size(size);
-        let forth = SeenAs {
-            scale: match seen.turn {
+        let forth = PictureTransform {
+            scale: match seen.rotation {
                 Some(_) => [1.0 / seen.scale[1], 1.0 / seen.scale[0]],
                 None => seen.scale.map(|it| 1.0 / it),
             },
-            turn: seen.turn.map(|turn| match turn {
-                super::super::PointTurn::Quarter => super::super::PointTurn::ThreeQuarters,
-                super::super::PointTurn::Half => super::super::PointTurn::Half,
-                super::super::PointTurn::ThreeQuarters => super::super::PointTurn::Quarter,
+            rotation: seen.rotation.map(|rotation| match rotation {
+                super::super::PointRotation::Quarter => super::super::PointRotation::ThreeQuarters,
+                super::super::PointRotation::Half => super::super::PointRotation::Half,
+                super::super::PointRotation::ThreeQuarters => super::super::PointRotation::Quarter,
             }),
             mirrored: false,
         };
@@ -184,15 +187,15 @@ mod tests {
 
     #[test]
     fn points_of_stored_pictures_become_those_of_the_clip() {
-        let lying = |stored| Stored {
+        let lying = |stored| StoredPicture {
             pixel: [1.0; 2],
             ..stored
         };
-        let narrow = |stored| Stored {
+        let narrow = |stored| StoredPicture {
             orientation: Orientation::AsStored,
             ..stored
         };
-        type Stores<'a> = &'a dyn Fn(Stored) -> Stored;
+        type Stores<'a> = &'a dyn Fn(StoredPicture) -> StoredPicture;
         let cases: [(&str, Stores<'_>, &str); 4] = [
             (
                 "wide_pixels.mp4",

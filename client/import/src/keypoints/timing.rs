@@ -1,40 +1,40 @@
-//! Whether detections go to the frames of their numbers or to the frames before, by masks.
+//! Decides by masks whether detections belong to the frames of their numbers or to the frames before.
 //!
 //! In the right frame, the box around the points and the box of the mask move together. What flesh, hair and clothes
 //! add to the points is nearly constant, so the median of each side's distance is taken off.
 
 use super::detections::{Detection, Detections, SURE};
-use crate::clip::{Clip, Counting};
+use crate::ImportError;
+use crate::clip::{Clip, FrameNumbering};
 use crate::pictures::{Mask, read_masks};
 use std::collections::BTreeMap;
-use yoto_client::ClientError;
 
 /// Frames that are looked at.
 const FRAMES: usize = 64;
 /// Fewest frames that decide.
 const FEWEST: usize = 4;
-/// The other way of counting is taken if its boxes are off by less than this share of the first one's.
+/// The other numbering is taken if the error of its boxes is less than this share of the first one's.
 const BETTER: f64 = 0.8;
 /// Fewest points that make a box.
 const POINTS: usize = 6;
 
 /// Detections with their frames of the clip.
-type Seen<'a> = Vec<(usize, &'a Detection)>;
+type ByFrame<'a> = Vec<(usize, &'a Detection)>;
 
-/// The detections `seen` with the frames that `counting` gives, or those of the `other` way of counting if `masks` agree
-/// better with these; with a note where the frames are not counted from 0 for sure.
+/// The detections `seen` with the frames that `counting` gives, or those of the `other` numbering if `masks` agree
+/// better with them; with a note where it is not sure that frames are counted from 0.
 ///
 /// # Errors
 /// A mask that can't be read.
 pub(super) fn decide<'a>(
-    counting: Counting,
+    counting: FrameNumbering,
     found: &Detections,
-    seen: Seen<'a>,
-    other: Result<Seen<'a>, ClientError>,
+    seen: ByFrame<'a>,
+    other: Result<ByFrame<'a>, ImportError>,
     masks: Option<&BTreeMap<usize, Mask>>,
     clip: &Clip,
     notes: &mut Vec<String>,
-) -> Result<Seen<'a>, ClientError> {
+) -> Result<ByFrame<'a>, ImportError> {
     let numbers = || found.frames.iter().map(|frame| frame.number);
     let (least, last) = (numbers().min(), numbers().max());
     let said = format!(
@@ -91,7 +91,7 @@ fn misfit(
     masks: &BTreeMap<usize, Mask>,
     clip: &Clip,
     seen: &[(usize, &Detection)],
-) -> Result<Option<f64>, ClientError> {
+) -> Result<Option<f64>, ImportError> {
     let mut sides: [Vec<f64>; 4] = Default::default();
     for (frame, detection) in seen.iter().step_by(seen.len().div_ceil(FRAMES).max(1)) {
         let sure = detection.picture.iter().filter(|point| point[2] > SURE);

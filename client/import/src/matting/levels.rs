@@ -1,28 +1,28 @@
 //! The levels of pictures that a matting model expects, which its file does not give.
 
-use super::Wanted;
+use super::MaskRequest;
 use super::run::failed_at;
+use crate::ImportError;
 use crate::MattingModel;
 use crate::clip::{Clip, fault, for_each};
-use yoto_client::ClientError;
 use yoto_matting::{Levels, Matter};
 
-/// Frames that are looked at with each.
+/// Number of frames that are tried with each.
 const FRAMES: usize = 4;
-/// Least overlap of the masks with where the person is.
+/// Least overlap of the masks with the expected ones.
 const LEAST: f64 = 0.5;
 
-/// The levels with which masks overlap most with where the person is, with a note of all figures.
+/// The levels whose masks overlap most with the expected masks, with a note of all figures.
 ///
 /// # Errors
-/// When nothing says where the person is, or no levels give their masks.
+/// When no masks are expected, or no levels give them.
 pub(super) fn find(
     model: &MattingModel,
     matter: &mut Matter,
     clip: &Clip,
-    wanted: &[Wanted],
+    wanted: &[MaskRequest],
     notes: &mut Vec<String>,
-) -> Result<Levels, ClientError> {
+) -> Result<Levels, ImportError> {
     let known: Vec<(usize, &[u8])> = wanted
         .iter()
         .filter_map(|it| Some((it.frame, it.expected.as_deref()?)))

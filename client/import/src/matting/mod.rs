@@ -1,7 +1,7 @@
 //! Masks that a matting model makes of the frames of a clip.
 //!
 //! `yoto_matting` knows the inputs and outputs of a network. Here the levels of its pictures are found
-//! ([`levels`]), and it gets the frames in order ([`run`]). A client without the feature `matting` has
+//! (`levels`), and it gets the frames in order (`run`). A client without the feature `matting` has
 //! no runtime for networks, and says so.
 
 #[cfg(feature = "matting")]
@@ -9,24 +9,24 @@ mod levels;
 #[cfg(feature = "matting")]
 mod run;
 
-use crate::MattingModel;
+use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
+use crate::{MattingModel, Progress};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use yoto_client::ClientError;
 
 /// A frame to make a mask of.
 #[cfg_attr(
     not(feature = "matting"),
     expect(dead_code, reason = "no network is given them")
 )]
-pub(super) struct Wanted {
+pub(super) struct MaskRequest {
     /// Its number.
     pub frame: usize,
-    /// Roughly where the person is: a mask of the clip's size, 0 to 255.
+    /// A rough mask of the person, of the clip's size, 0 to 255.
     pub expected: Option<Vec<u8>>,
 }
 
@@ -34,28 +34,29 @@ impl MattingModel {
     /// The person's masks in the frames `wanted`, in ascending order. Frames that show nobody have none.
     ///
     /// # Errors
-    /// A file that is no matting model; levels that can't be found; a network that fails; a client
-    /// without a runtime for networks.
+    /// When the file is not a matting model, its levels can't be found, the network fails, or this build has no runtime for
+    /// networks.
     pub(super) fn masks(
         &self,
         clip: &Clip,
-        wanted: &[Wanted],
+        wanted: &[MaskRequest],
+        progress: &Progress,
         notes: &mut Vec<String>,
-    ) -> Result<BTreeMap<usize, Mask>, ClientError> {
+    ) -> Result<BTreeMap<usize, Mask>, ImportError> {
         #[cfg(feature = "matting")]
         {
-            run::masks(self, clip, wanted, notes)
+            run::masks(self, clip, wanted, progress, notes)
         }
         #[cfg(not(feature = "matting"))]
         {
-            let _ = (clip, wanted, notes);
+            let _ = (clip, wanted, progress, notes);
             Err(crate::features::no_matting(self))
         }
     }
 }
 
 /// Coverage of a frame as a grey PNG.
-pub(super) fn png(coverage: &[u8], clip: &Clip) -> Result<Arc<[u8]>, ClientError> {
+pub(super) fn png(coverage: &[u8], clip: &Clip) -> Result<Arc<[u8]>, ImportError> {
     let mut png = Vec::new();
     let [width, height] = clip.size;
     PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Up)

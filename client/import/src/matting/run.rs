@@ -1,14 +1,14 @@
 //! A matting model given the frames in order.
 
-use super::{Wanted, levels, png};
-use crate::MattingModel;
+use super::{MaskRequest, levels, png};
+use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
 use crate::pictures::Mask;
+use crate::{MattingModel, Progress, Stage};
 use std::collections::BTreeMap;
 use std::time::Instant;
-use yoto_client::ClientError;
-use yoto_matting::{Form, Levels, Matter, MattingError};
-use yoto_terminal::progress::{ProgressDisplay, count};
+use yoto_matting::{Levels, Matter, MattingError, ModelForm};
+use yoto_proto::text::count;
 
 impl From<crate::Levels> for Levels {
     fn from(levels: crate::Levels) -> Self {
@@ -21,27 +21,28 @@ impl From<crate::Levels> for Levels {
     }
 }
 
-/// As [`MattingModel::masks`].
+/// Implements [`MattingModel::masks`].
 pub(super) fn masks(
     model: &MattingModel,
     clip: &Clip,
-    wanted: &[Wanted],
+    wanted: &[MaskRequest],
+    progress: &Progress,
     notes: &mut Vec<String>,
-) -> Result<BTreeMap<usize, Mask>, ClientError> {
+) -> Result<BTreeMap<usize, Mask>, ImportError> {
     let mut matter = Matter::open(&model.path, Levels::Unit).map_err(failed)?;
     let levels = match (model.levels, matter.form()) {
         (Some(levels), _) => levels.into(),
-        (None, Form::Recurrent) => Levels::Unit,
-        (None, Form::Single) => levels::find(model, &mut matter, clip, wanted, notes)?,
+        (None, ModelForm::Recurrent) => Levels::Unit,
+        (None, ModelForm::Single) => levels::find(model, &mut matter, clip, wanted, notes)?,
     };
     matter.set_levels(levels);
     let frames: Vec<usize> = wanted.iter().map(|it| it.frame).collect();
-    let mut display = ProgressDisplay::new("masks");
+    let running = progress.start(Stage::Masks);
     let mut masks = BTreeMap::new();
     let mut seconds = 0.0;
     let mut next = wanted.iter();
     for_each(clip, &frames, |frame, rgb| {
-        display.count("frame", frames.len() - next.len(), frames.len());
+        running.count(frames.len() - next.len(), frames.len());
         let expected = next.next().and_then(|it| it.expected.as_deref());
         let started = Instant::now();
         let matte = matter.look(rgb, clip.size.map(|side| side as usize), expected);
@@ -52,7 +53,7 @@ pub(super) fn masks(
         }
         Ok(())
     })?;
-    display.clear();
+    drop(running);
     notes.push(format!(
         "masks by {} (levels {}): {}, {:.2} a second",
         model.name(),
@@ -71,11 +72,11 @@ pub(super) fn masks(
 }
 
 /// An error of a matting model, which names its file.
-fn failed(error: MattingError) -> ClientError {
-    ClientError::Name(error.to_string())
+fn failed(error: MattingError) -> ImportError {
+    ImportError::Unusable(error.to_string())
 }
 
-/// The same, of a frame.
-pub(super) fn failed_at(frame: usize, error: &MattingError) -> ClientError {
-    ClientError::Name(format!("frame {frame} of the clip: {error}"))
+/// An error of a matting model at a frame of the clip.
+pub(super) fn failed_at(frame: usize, error: &MattingError) -> ImportError {
+    ImportError::Unusable(format!("frame {frame} of the clip: {error}"))
 }

@@ -4,22 +4,22 @@
 //! that no motion is lost. Or the file's own joints are kept, of which those below the wrists and the head
 //! are folded into these: fingers and faces are too small for a person in a whole picture. A BVH
 //! file's rest pose is arbitrary, while a person's is a T-pose facing +z: rotations are converted
-//! ([`tree`](crate::tree)) by means of a pose that stands ([`standing`]).
+//! ([`hierarchy`]) by means of a pose that stands ([`standing`]).
 
 use super::gaps;
 use super::kept::{self, Kept};
 use super::standing::{self, Fallen, Reference};
 use super::{JointMap, Motion, MotionFrame, MotionOptions, Up};
+use crate::ImportError;
+use crate::hierarchy;
 use crate::source::Source;
-use crate::tree;
-use yoto_client::ClientError;
 use yoto_formats::bvh;
 
 pub(super) fn read(
     source: &Source,
     name: &str,
     options: &MotionOptions,
-) -> Result<Motion, ClientError> {
+) -> Result<Motion, ImportError> {
     read_up(source, name, options).map(|(motion, _)| motion)
 }
 
@@ -28,7 +28,7 @@ pub(crate) fn read_up(
     source: &Source,
     name: &str,
     options: &MotionOptions,
-) -> Result<(Motion, Up), ClientError> {
+) -> Result<(Motion, Up), ImportError> {
     let bytes = source.bytes(name, None)?;
     let file = bvh::read(&String::from_utf8_lossy(&bytes)).map_err(|error| {
         let field = format!("line {}", error.line);
@@ -41,7 +41,7 @@ pub(crate) fn read_up(
         true => Kept::own(&file, matches),
         false => Kept::matched(&file, matches),
     };
-    if !kept.is_one_tree() {
+    if !kept.has_one_root() {
         let message = format!(
             "its root '{}' matches no joint of a person, nor is there a joint that matches the pelvis \
              and has all other matched joints below it: name it in a joint map (--joint-map)",
@@ -61,11 +61,11 @@ pub(crate) fn read_up(
         source.fault("NOT_STANDING", name, None, "MOTION", message)
     })?;
     let upright = reference.up.to_y();
-    let standing = kept.tree.standing(&reference.placed);
+    let standing = kept.hierarchy.retarget(&reference.placed);
     let mut notes = notes(&file, &reference, &kept, &names);
     let frames = file.frames.iter().map(|row| {
         let placed = kept.frame(&file, row).rotated(&upright);
-        let mut rotations = standing.local(&placed.rotations);
+        let mut rotations = standing.local_rotations(&placed.rotations);
         // Rotations of numbers that are not finite may be finite.
         if let Some(joint) = kept.not_finite(&file, row) {
             rotations[joint] = [f64::NAN; 3];
@@ -78,11 +78,11 @@ pub(crate) fn read_up(
     let (frames, fps) = gaps::closed(
         frames.collect(),
         1.0 / file.frame_time,
-        &kept.tree,
+        &kept.hierarchy,
         &mut notes,
     )
     .map_err(|message| source.fault("NOT_FINITE", name, None, "MOTION", message))?;
-    let pair = |(joint, at): (&tree::Joint, &usize)| {
+    let pair = |(joint, at): (&hierarchy::Joint, &usize)| {
         let name = names.get(*at).cloned();
         (joint.name.clone(), name.unwrap_or_default())
     };
@@ -91,7 +91,13 @@ pub(crate) fn read_up(
     let motion = Motion {
         frames,
         fps,
-        matched: kept.tree.0.iter().zip(&kept.source).map(pair).collect(),
+        matched: kept
+            .hierarchy
+            .0
+            .iter()
+            .zip(&kept.source)
+            .map(pair)
+            .collect(),
         unmatched: unmatched.map(|(_, name)| name.clone()).collect(),
         notes,
         skeleton: standing.skeleton(1.0),
@@ -99,7 +105,7 @@ pub(crate) fn read_up(
     Ok((motion, reference.up))
 }
 
-/// Joints without which a limb does not move as a whole.
+/// A limb moves as a whole only with these joints.
 const LIMBS: [&str; 8] = [
     "l_hip",
     "r_hip",
@@ -110,10 +116,10 @@ const LIMBS: [&str; 8] = [
     "l_elbow",
     "r_elbow",
 ];
-/// Joints that a note names.
+/// A note names at most this number of joints.
 const NAMED: usize = 6;
 
-/// What was assumed of a file, and what its motion lacks.
+/// Notes about assumptions, and about joints that the motion lacks.
 fn notes(file: &bvh::Bvh, reference: &Reference, kept: &Kept, names: &[String]) -> Vec<String> {
     let mut notes = file.notes.clone();
     notes.extend(reference.frame.map(|frame| {
@@ -124,7 +130,7 @@ fn notes(file: &bvh::Bvh, reference: &Reference, kept: &Kept, names: &[String]) 
     notes.extend(reference.note.clone());
     let still: Vec<&str> = LIMBS
         .into_iter()
-        .filter(|joint| kept.tree.find(joint).is_none())
+        .filter(|joint| kept.hierarchy.find(joint).is_none())
         .collect();
     if !still.is_empty() {
         let others = names

@@ -1,26 +1,26 @@
-//! Frames of a motion that are not usable, and the poses between their neighbours in their place.
+//! Replaces frames of a motion that are not usable by poses between their neighbours.
 
 use super::MotionFrame;
 use crate::geometry::Vec3;
+use crate::hierarchy::JointHierarchy;
 use crate::source::{FEW, is_number};
-use crate::tree::Tree;
 use yoto_capture::skeleton::{Pose, timing};
 
-/// Frames that a note names.
+/// A note names at most this number of frames.
 const NAMED: usize = 4;
 
 /// A frame of a file.
-pub(super) struct Row {
+pub(super) struct MotionRow {
     /// Axis-angle of each joint, radians.
     pub rotations: Vec<Vec3>,
     pub translation: Vec3,
 }
 
-/// As [`filled`], of frames of a `tree` that are exact where all are usable.
+/// Fills gaps as [`filled`] does. Frames of `hierarchy` stay as they are if all are usable.
 pub(super) fn closed(
     frames: Vec<MotionFrame>,
     fps: f64,
-    tree: &Tree,
+    hierarchy: &JointHierarchy,
     notes: &mut Vec<String>,
 ) -> Result<(Vec<MotionFrame>, f64), String> {
     let is_usable = |frame: &MotionFrame| {
@@ -30,8 +30,8 @@ pub(super) fn closed(
     if frames.iter().all(is_usable) {
         return Ok((frames, fps));
     }
-    let names: Vec<String> = tree.0.iter().map(|joint| joint.name.clone()).collect();
-    let rows = frames.into_iter().map(|frame| Row {
+    let names: Vec<String> = hierarchy.0.iter().map(|joint| joint.name.clone()).collect();
+    let rows = frames.into_iter().map(|frame| MotionRow {
         rotations: frame.rotations,
         translation: frame.root,
     });
@@ -49,7 +49,7 @@ pub(super) fn closed(
 /// # Errors
 /// When many frames are not usable.
 pub(super) fn filled(
-    rows: Vec<Row>,
+    rows: Vec<MotionRow>,
     fps: f64,
     names: &[String],
     notes: &mut Vec<String>,

@@ -7,9 +7,9 @@
 //! matter, nor separators, the form of a side (`LeftHand`, `hand_l`, `Hand.L`), or a prefix that a rig
 //! puts before its names (`mixamorig:Hips`, `Bip01 L Hand`; [`Spelled`]).
 
+use crate::ImportError;
 use std::collections::HashSet;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::smpl::Spelled;
 
 /// The default map: names of CMU's conversions, Mixamo, HumanIK (MotionBuilder), Unity, VRM, Unreal, Rigify, 3ds Max's
@@ -25,13 +25,13 @@ impl JointMap {
     ///
     /// # Errors
     /// When the file can't be read or is not a map.
-    pub fn open(path: Option<&Path>) -> Result<Self, ClientError> {
+    pub fn open(path: Option<&Path>) -> Result<Self, ImportError> {
         let Some(path) = path else {
-            return Self::parse(DEFAULT).map_err(ClientError::Name);
+            return Self::parse(DEFAULT).map_err(ImportError::Unusable);
         };
-        let text = std::fs::read_to_string(path).map_err(ClientError::file("reading", path))?;
+        let text = std::fs::read_to_string(path).map_err(ImportError::file("reading", path))?;
         Self::parse(&text)
-            .map_err(|message| ClientError::Name(format!("{}: {message}", path.display())))
+            .map_err(|message| ImportError::Unusable(format!("{}: {message}", path.display())))
     }
 
     fn parse(text: &str) -> Result<Self, String> {

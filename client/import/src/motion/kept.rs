@@ -1,14 +1,14 @@
 //! The joints of a BVH file that a motion keeps, and their poses.
 
 use crate::geometry::{IDENTITY_ROTATION, Mat3, Vec3, about_axis, add, matmul, matvec};
-use crate::tree::{self, Placed, Tree};
+use crate::hierarchy::{self, GlobalPose, JointHierarchy};
 use yoto_formats::bvh::{Bvh, Channel, Joint as FileJoint};
 
-/// Joints of SMPL below which none of a file's own is kept.
+/// No joints of the file are kept below these joints of SMPL.
 const LAST: [&str; 3] = ["l_wrist", "r_wrist", "head"];
 
-/// `matches` with the joint above both legs and the back as the pelvis, where the one that is called so is not above them
-/// all (Daz has a pelvis of the legs alone, below its hip), or none is called so.
+/// `matches` with the common ancestor of both legs and the back as the pelvis, if the file has no pelvis or one that is not above
+/// them all (Daz has a pelvis of the legs alone, below its hip).
 pub(super) fn rooted(file: &Bvh, mut matches: Vec<(String, usize)>) -> Vec<(String, usize)> {
     let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
     let line = |at: usize| std::iter::successors(Some(at), |at| above(*at)).collect::<Vec<_>>();
@@ -46,23 +46,23 @@ pub(super) fn rooted(file: &Bvh, mut matches: Vec<(String, usize)>) -> Vec<(Stri
 
 /// The joints of a file that are kept, in the file's order.
 pub(super) struct Kept {
-    pub tree: Tree,
+    pub hierarchy: JointHierarchy,
     /// Indices in the file.
     pub source: Vec<usize>,
     /// Joints of the file from its root to the first kept one, whose positions move the person.
-    /// Those of others only stretch the person.
+    /// Positions of other joints only stretch the person.
     moving: Vec<usize>,
 }
 
 impl Kept {
-    /// The joints that match SMPL's, called as those.
+    /// Keeps the joints that match SMPL's, with SMPL's names.
     pub fn matched(file: &Bvh, mut matches: Vec<(String, usize)>) -> Self {
         matches.sort_by_key(|(_, at)| *at);
         let joint = |(role, at): (String, usize)| (at, role.clone(), Some(role));
         Self::new(file, matches.into_iter().map(joint).collect())
     }
 
-    /// The file's own joints from the one that matches the pelvis down, without those below [`LAST`].
+    /// Keeps the file's own joints from the pelvis down, without those below [`LAST`].
     pub fn own(file: &Bvh, matches: Vec<(String, usize)>) -> Self {
         let role = |at: usize| {
             let found = matches.iter().find(|(_, index)| *index == at);
@@ -84,7 +84,7 @@ impl Kept {
         Self::new(file, kept.map(joint).collect())
     }
 
-    /// Of joints with their indices in the file, in ascending order, their names and roles.
+    /// Keeps `joints`: their indices in the file, in ascending order, names and roles.
     fn new(file: &Bvh, joints: Vec<(usize, String, Option<String>)>) -> Self {
         let source: Vec<usize> = joints.iter().map(|(at, ..)| *at).collect();
         let above = |at: usize| file.joints.get(at).and_then(|joint| joint.parent);
@@ -93,15 +93,15 @@ impl Kept {
             let mut ancestors = std::iter::successors(above(at), |at| above(*at));
             ancestors.find_map(|above| source.iter().position(|other| *other == above))
         };
-        let joint = |(at, name, role)| tree::Joint {
+        let joint = |(at, name, role)| hierarchy::Joint {
             name,
             role,
             parent: parent(at),
         };
-        let tree = Tree(joints.into_iter().map(joint).collect());
+        let hierarchy = JointHierarchy(joints.into_iter().map(joint).collect());
         let moving = std::iter::successors(source.first().copied(), |at| above(*at)).collect();
         Self {
-            tree,
+            hierarchy,
             source,
             moving,
         }
@@ -109,13 +109,17 @@ impl Kept {
 
     /// Whether all kept joints are below the first one, and that one is the file's root or the
     /// pelvis. Some files have a root on the ground, above the hips.
-    pub fn is_one_tree(&self) -> bool {
-        let roots = self.tree.0.iter().filter(|joint| joint.parent.is_none());
+    pub fn has_one_root(&self) -> bool {
+        let roots = self
+            .hierarchy
+            .0
+            .iter()
+            .filter(|joint| joint.parent.is_none());
         let is_root = self.source.first() == Some(&0);
-        roots.count() == 1 && (is_root || self.tree.find("pelvis") == Some(0))
+        roots.count() == 1 && (is_root || self.hierarchy.find("pelvis") == Some(0))
     }
 
-    /// The kept joint that a number of `row` which is not finite moves, or the nearest one above.
+    /// The kept joint that the first number of `row` that is not finite moves, or the nearest kept joint above.
     pub fn not_finite(&self, file: &Bvh, row: &[f64]) -> Option<usize> {
         let at = row.iter().position(|value| !value.is_finite())?;
         let owners = file.joints.iter().enumerate();
@@ -127,14 +131,13 @@ impl Kept {
         Some(kept.unwrap_or(0))
     }
 
-    /// The rest pose: all rotations zero, each joint where its offset says; in the file's axes, as all
-    /// poses.
-    pub fn rest(&self, file: &Bvh) -> Placed {
+    /// The rest pose: all rotations zero, each joint at its offset; in the file's axes, as all poses.
+    pub fn rest(&self, file: &Bvh) -> GlobalPose {
         self.posed(file, |_, joint| (joint.offset, IDENTITY_ROTATION))
     }
 
     /// The frame with the channel values `row`.
-    pub fn frame(&self, file: &Bvh, row: &[f64]) -> Placed {
+    pub fn frame(&self, file: &Bvh, row: &[f64]) -> GlobalPose {
         let mut values = row.iter().copied();
         self.posed(file, |at, joint| {
             let (mut position, mut local) = (joint.offset, IDENTITY_ROTATION);
@@ -150,13 +153,12 @@ impl Kept {
         })
     }
 
-    /// The kept joints, where every joint of the file has the position and rotation from its parent that
-    /// `local` gives.
+    /// The pose of the kept joints; `local` gives each joint's position and rotation relative to its parent.
     fn posed(
         &self,
         file: &Bvh,
         mut local: impl FnMut(usize, &FileJoint) -> (Vec3, Mat3),
-    ) -> Placed {
+    ) -> GlobalPose {
         let count = file.joints.len();
         let (mut rotations, mut positions) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (at, joint) in file.joints.iter().enumerate() {
@@ -167,7 +169,7 @@ impl Kept {
             positions.push(add(from, matvec(&turn, position)));
             rotations.push(matmul(&turn, &rotation));
         }
-        Placed {
+        GlobalPose {
             rotations: self.source.iter().map(|at| rotations[*at]).collect(),
             positions: self.source.iter().map(|at| positions[*at]).collect(),
         }

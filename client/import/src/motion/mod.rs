@@ -19,10 +19,10 @@ pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
 pub use up::Up;
 
 use crate::BodyModel;
+use crate::ImportError;
 use crate::geometry::{Vec3, sub};
 use crate::source::Source;
 use std::path::{Path, PathBuf};
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{MAX_FRAMES, Skeleton, describe};
 use yoto_proto::v1;
 
@@ -70,10 +70,10 @@ pub struct MotionFrame {
 /// track's `.json` or `.pb`.
 ///
 /// # Errors
-/// [`ClientError::BadCapture`] with file, frame and field.
-pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError> {
+/// [`ImportError::BadCapture`] with file, frame and field.
+pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ImportError> {
     if !path.is_file() {
-        return Err(ClientError::Name(format!(
+        return Err(ImportError::Unusable(format!(
             "there is no file {}",
             path.display()
         )));
@@ -84,9 +84,9 @@ pub fn read(path: &Path, options: &MotionOptions) -> Result<Motion, ClientError>
     let ending = path.extension().and_then(|ending| ending.to_str());
     // A motion is no capture: its file is all that a fault has to name.
     let named = |error| match error {
-        ClientError::BadCapture { violations, .. } => {
+        ImportError::BadCapture { violations, .. } => {
             let faults: Vec<String> = violations.iter().map(describe).collect();
-            ClientError::Name(faults.join("\n"))
+            ImportError::Unusable(faults.join("\n"))
         }
         error => error,
     };
@@ -148,7 +148,7 @@ impl Motion {
 }
 
 impl MotionOptions {
-    fn rest_joints(&self, betas: &[f64]) -> Result<Option<Vec<Vec3>>, ClientError> {
+    fn rest_joints(&self, betas: &[f64]) -> Result<Option<Vec<Vec3>>, ImportError> {
         match &self.body_model {
             Some(path) => Ok(Some(BodyModel::open(path)?.joints(betas))),
             None => Ok(None),

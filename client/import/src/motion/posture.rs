@@ -1,4 +1,4 @@
-//! How a person holds themselves in the frames of a motion, in the file's axes: what tells which axis is up.
+//! The posture of a person in the frames of a motion, in the file's axes, which shows the axis that is up.
 
 use super::up::Up;
 use crate::geometry::{Vec3, add, dot, scale, sub};
@@ -7,12 +7,12 @@ use yoto_capture::skeleton::{Pose, Skeleton};
 /// Cosine of the largest angle, 45°, between the vertical and a person who is upright: from the feet to the head, and
 /// from the pelvis to the head.
 const UPRIGHT: f64 = 0.7;
-/// Frames in which a walking person treads at least once.
-const STEP: usize = 20;
+/// Frames of a stride: a walking person sets down a foot at least once.
+const STRIDE: usize = 20;
 /// Largest unevenness of a floor, and largest distance of a floor from the origin, as shares of the height of the head
 /// above the feet. The ankle of a standing person is a twentieth to a tenth above the floor.
 const EVEN: f64 = 0.15;
-/// Height of the pelvis of a person who lies on a floor, at least, in the same unit: a tenth of a metre is flesh.
+/// Least height of the pelvis of a person who lies on a floor, in the same unit: a tenth of a metre is flesh.
 const LYING: f64 = 0.03;
 /// A person who gets this far, in heights of the head above the feet, across their own length, does not lie.
 const TRAVEL: f64 = 1.0;
@@ -27,7 +27,7 @@ pub(super) struct Posture {
 }
 
 impl Posture {
-    /// From the position of each joint of SMPL by name; `None` of a body without a head or feet.
+    /// The posture of a body with the `position` of each of SMPL's joints by name; `None` without a head or feet.
     pub fn of(position: impl Fn(&str) -> Option<Vec3>) -> Option<Self> {
         let first = |names: &[&str]| names.iter().find_map(|name| position(name));
         Some(Self {
@@ -67,7 +67,7 @@ impl Posture {
     }
 }
 
-/// The postures of `poses`; `None` of a body whose joints have other names than SMPL's.
+/// The postures of `poses`; `None` if the joints have other names than SMPL's.
 pub(super) fn of_poses(skeleton: &Skeleton, poses: &[Pose]) -> Option<Vec<Posture>> {
     let posture = |pose: &Pose| {
         let joints = skeleton.posed_joints(pose);
@@ -85,35 +85,37 @@ pub(super) fn upright_share(postures: &[Posture], up: Up) -> f64 {
     upright as f64 / postures.len().max(1) as f64
 }
 
-/// Whether the feet tread on a floor across `up`, and not, or not as surely, across `other`: on one height throughout,
-/// while the person moves over the floor, or at the height of the file's origin.
-pub(super) fn treads_on_floor(postures: &[Posture], up: Up, other: Up) -> bool {
+/// Whether foot contacts show that `up` is the up axis rather than `other`. Contacts lie on a level floor perpendicular
+/// to the up axis: their heights along it stay equal while the person moves over the floor, or are near the file's origin.
+pub(super) fn foot_contacts_favour(postures: &[Posture], up: Up, other: Up) -> bool {
     let mut heights: Vec<f64> = postures.iter().map(Posture::height).collect();
     heights.sort_by(f64::total_cmp);
     let size = heights.get(heights.len() / 2).copied().unwrap_or_default();
-    let treads = |up: Up| {
-        let lowest = move |steps: &[Posture]| {
-            let heights = steps.iter().map(|it| it.lowest(up));
+    // In the frames of each stride, the lowest joint touches the floor.
+    let contact_heights = |up: Up| {
+        let lowest = move |stride: &[Posture]| {
+            let heights = stride.iter().map(|it| it.lowest(up));
             heights.fold(f64::INFINITY, f64::min)
         };
-        postures.chunks(STEP).map(lowest)
+        postures.chunks(STRIDE).map(lowest)
     };
-    let is_within = |value: f64| value.abs() <= EVEN * size;
-    let is_even = |up: Up| {
-        let least = treads(up).fold(f64::INFINITY, f64::min);
-        let most = treads(up).fold(f64::NEG_INFINITY, f64::max);
-        is_within(most - least)
+    let is_small = |height: f64| height.abs() <= EVEN * size;
+    let is_level = |up: Up| {
+        let least = contact_heights(up).fold(f64::INFINITY, f64::min);
+        let most = contact_heights(up).fold(f64::NEG_INFINITY, f64::max);
+        is_small(most - least)
     };
-    let is_at_origin = |up: Up| {
+    let is_level_at_origin = |up: Up| {
         let roots = postures.iter().map(|it| dot(it.root, up.vector()));
-        let above = roots.sum::<f64>() / postures.len().max(1) as f64;
-        is_even(up) && treads(up).all(is_within) && above > LYING * size
+        let root = roots.sum::<f64>() / postures.len().max(1) as f64;
+        is_level(up) && contact_heights(up).all(is_small) && root > LYING * size
     };
-    is_even(up) && (!is_even(other) || travel(postures, up) > TRAVEL * size)
-        || is_at_origin(up) && !is_at_origin(other)
+    let moves_on_level_floor =
+        is_level(up) && (!is_level(other) || travel(postures, up) > TRAVEL * size);
+    moves_on_level_floor || is_level_at_origin(up) && !is_level_at_origin(other)
 }
 
-/// The farthest distance of the root from where it was first, across `up`.
+/// The largest distance of the root from its first position, perpendicular to `up`.
 fn travel(postures: &[Posture], up: Up) -> f64 {
     let first = postures.first().map(|it| it.root).unwrap_or_default();
     let across = |posture: &Posture| {

@@ -5,17 +5,17 @@
 //! metres, `betas`, `mocap_framerate` or `mocap_frame_rate`; z is up in AMASS's files. Some files hold only `poses`
 //! and `trans`. InstantAvatar's names for the same fields are supported as well. Hands and faces do not move.
 
-use super::gaps::{self, Row};
+use super::gaps::{self, MotionRow};
 use super::posture;
 use super::up::{self, Up, Usual};
 use super::{Motion, MotionFrame, MotionOptions};
+use crate::ImportError;
 use crate::datasets::instant_avatar;
 use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues, sub};
-use crate::source::{Data, Part, Source};
+use crate::source::{FileData, Part, Source};
 use crate::track::{SmplPose, smpl_skeleton};
 use yoto_capture::skeleton::smpl::AVERAGE_REST;
 use yoto_capture::skeleton::{Pose, Skeleton};
-use yoto_client::ClientError;
 
 /// Numbers of the rotations that all of SMPL's models share: of 22 joints.
 const SHARED: usize = 66;
@@ -25,12 +25,12 @@ const SMPL: usize = 72;
 const WIDEST: usize = 400;
 /// Default frames per second.
 const FPS: f64 = 30.0;
-/// Where the pelvis of SMPL's mean shape rests, metres.
+/// Rest position of the pelvis of SMPL's mean shape, metres.
 const PELVIS: Vec3 = [0.0, -0.22, 0.03];
 /// Names of the frame rate.
 const RATES: [&str; 3] = ["mocap_framerate", "mocap_frame_rate", "fps"];
 
-/// What a file holds.
+/// The contents of a file.
 struct Parameters {
     betas: Vec<f64>,
     poses: Vec<SmplPose>,
@@ -43,7 +43,7 @@ pub(super) fn read(
     source: &Source,
     name: &str,
     options: &MotionOptions,
-) -> Result<Motion, ClientError> {
+) -> Result<Motion, ImportError> {
     let data = source.data(name, None)?;
     let read = parameters(&data)?;
     let mut notes = Vec::new();
@@ -62,7 +62,7 @@ pub(super) fn read(
     }
     let skeleton = smpl_skeleton(rest.clone().unwrap_or_default());
     let rows = read.poses.iter().zip(&read.translations);
-    let rows = rows.map(|(pose, translation)| Row {
+    let rows = rows.map(|(pose, translation)| MotionRow {
         rotations: pose.as_chunks::<3>().0.to_vec(),
         translation: *translation,
     });
@@ -126,7 +126,7 @@ fn found_up(
     up::find(&postures, read.is_amass.then_some(usual))
 }
 
-fn rate(root: &Part<'_>) -> Result<Option<f64>, ClientError> {
+fn rate(root: &Part<'_>) -> Result<Option<f64>, ImportError> {
     let Some(part) = RATES.iter().find_map(|name| root.find(name)) else {
         return Ok(None);
     };
@@ -137,7 +137,7 @@ fn rate(root: &Part<'_>) -> Result<Option<f64>, ClientError> {
     Err(part.fault("OUT_OF_RANGE", format!("{fps} frames per second")))
 }
 
-fn parameters(data: &Data<'_>) -> Result<Parameters, ClientError> {
+fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
     let root = data.root();
     let poses = match (
         root.find("poses"),
@@ -171,7 +171,7 @@ fn parameters(data: &Data<'_>) -> Result<Parameters, ClientError> {
 }
 
 /// The poses of `[F, J · 3]` or `[F, J, 3]`.
-fn poses(part: &Part<'_>) -> Result<Vec<SmplPose>, ClientError> {
+fn poses(part: &Part<'_>) -> Result<Vec<SmplPose>, ImportError> {
     let array = part.unchecked()?;
     let (rows, width) = match array.shape[..] {
         [rows, width] => (rows, width),
@@ -204,7 +204,7 @@ fn poses(part: &Part<'_>) -> Result<Vec<SmplPose>, ClientError> {
 }
 
 /// The poses of AMASS's `root_orient` `[F, 3]` and `pose_body` `[F, 63]`.
-fn joined(orient: &Part<'_>, body: &Part<'_>) -> Result<Vec<SmplPose>, ClientError> {
+fn joined(orient: &Part<'_>, body: &Part<'_>) -> Result<Vec<SmplPose>, ImportError> {
     let orient = orient.unchecked_rows::<3>(None)?;
     let body = body.unchecked_rows::<63>(Some(orient.len()))?;
     let join = |(orient, body): (&Vec3, &[f64; 63])| {

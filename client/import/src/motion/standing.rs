@@ -8,7 +8,7 @@ use super::kept::Kept;
 use super::posture::Posture;
 use super::up::{self, Up, Usual};
 use crate::geometry::{Mat3, Vec3, dot, matvec, sub};
-use crate::tree::Placed;
+use crate::hierarchy::GlobalPose;
 use yoto_formats::bvh::Bvh;
 
 /// Cosine of the largest angle, 37°, between the vertical and the spine of a standing person.
@@ -28,16 +28,16 @@ const LEGS: [(&str, &[&str]); 4] = [
 /// The upper end of the spine: the first that the file has.
 const SPINE: [&str; 5] = ["neck", "head", "spine3", "spine2", "spine1"];
 
-/// A pose that stands.
+/// A standing pose.
 pub(super) struct Reference {
     /// Frame of the motion; `None`: the rest pose itself.
     pub frame: Option<usize>,
-    /// Which axis is up in the motion.
+    /// The axis that is up in the motion.
     pub up: Up,
-    /// How that was found, if it is not as in most files.
+    /// A note about the axis, if it differs from most files'.
     pub note: Option<String>,
     /// The pose, with y up.
-    pub placed: Placed,
+    pub placed: GlobalPose,
 }
 
 /// Why no pose of a file stands.
@@ -60,7 +60,7 @@ pub(super) fn reference(file: &Bvh, kept: &Kept, up: Option<Up>) -> Result<Refer
         .enumerate()
         .step_by(step)
         .filter(is_usable);
-    let frames: Vec<(usize, Placed)> = frames
+    let frames: Vec<(usize, GlobalPose)> = frames
         .map(|(at, row)| (at, kept.frame(file, row)))
         .collect();
     let rest = kept.rest(file);
@@ -102,11 +102,12 @@ pub(super) fn reference(file: &Bvh, kept: &Kept, up: Option<Up>) -> Result<Refer
 /// The axis that is up in the motion, and a note about it; the rest pose stands along `rest_up`.
 fn found_up(
     kept: &Kept,
-    frames: &[(usize, Placed)],
+    frames: &[(usize, GlobalPose)],
     rest_up: Option<Up>,
 ) -> Result<(Up, String), Fallen> {
-    let posture =
-        |(_, placed): &(usize, Placed)| Posture::of(|name| kept.tree.position(placed, name));
+    let posture = |(_, placed): &(usize, GlobalPose)| {
+        Posture::of(|name| kept.hierarchy.position(placed, name))
+    };
     let usual = rest_up.map(|up| Usual {
         up,
         who: "the rest pose",
@@ -150,9 +151,10 @@ struct Stance {
 }
 
 impl Stance {
-    fn of(kept: &Kept, placed: &Placed, to_y: &Mat3) -> Self {
-        let position =
-            |name: &str| -> Option<Vec3> { Some(matvec(to_y, kept.tree.position(placed, name)?)) };
+    fn of(kept: &Kept, placed: &GlobalPose, to_y: &Mat3) -> Self {
+        let position = |name: &str| -> Option<Vec3> {
+            Some(matvec(to_y, kept.hierarchy.position(placed, name)?))
+        };
         let rise = |from: &str, to: &[&str]| {
             let bone = sub(to.iter().find_map(|to| position(to))?, position(from)?);
             let length = dot(bone, bone).sqrt();

@@ -4,11 +4,11 @@
 use super::posture;
 use super::up::{self, Up, Usual};
 use super::{Motion, MotionFrame, MotionOptions};
+use crate::ImportError;
 use crate::geometry::{add, log_map, matmul, matvec, rodrigues};
 use crate::source::Source;
 use yoto_capture::camera::Camera;
 use yoto_capture::skeleton::{Pose, Skeleton, timing};
-use yoto_client::ClientError;
 use yoto_proto::pose_track::PoseTrack;
 use yoto_proto::smpl;
 
@@ -17,7 +17,7 @@ pub(super) fn read(
     source: &Source,
     name: &str,
     options: &MotionOptions,
-) -> Result<Motion, ClientError> {
+) -> Result<Motion, ImportError> {
     let bytes = source.bytes(name, None)?;
     let mut track = PoseTrack::from_file(name, &bytes).map_err(|found| source.bad(found))?;
     let mut notes: Vec<String> = smpl::unify(&mut track).into_iter().collect();

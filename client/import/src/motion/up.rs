@@ -1,6 +1,6 @@
-//! Which axis of a motion's file is up.
+//! Finds the axis that is up in a motion's file.
 
-use super::posture::{Posture, treads_on_floor, upright_share};
+use super::posture::{Posture, foot_contacts_favour, upright_share};
 use crate::geometry::{IDENTITY_ROTATION, Mat3, Vec3, about_axis};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt;
@@ -33,8 +33,8 @@ pub(super) const ALL: [Up; 6] = [Up::Y, Up::Z, Up::MinusY, Up::MinusZ, Up::X, Up
 
 /// Axes that are up in files of many programs: of y up, of z up, and a camera's.
 const COMMON: [Up; 3] = [Up::Y, Up::Z, Up::MinusY];
-/// Least share of frames in which a person stands, walks or sits upright along the axis that is up, if the format does
-/// not document one.
+/// If the format does not document the up axis, the person must be upright along it in this share of the frames:
+/// standing, walking or sitting.
 const LEAST: f64 = 0.2;
 
 impl Up {
@@ -81,21 +81,20 @@ impl fmt::Display for Up {
     }
 }
 
-/// The axis that something else than the motion says is up.
+/// An up axis that is known from another source than the motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Usual<'a> {
     pub up: Up,
-    /// Who says so, for notes.
+    /// The source of this axis, for notes.
     pub who: &'a str,
-    /// Whether the format documents it, so that it stands where the motion does not tell.
+    /// Whether the format documents it: then it is used where the motion does not show the axis.
     pub is_documented: bool,
 }
 
 /// The axis that is up in a motion of these `postures`, and a note about it.
 ///
-/// A person is upright along it in more frames than along any other. Against what is `usual`, and for axes that no
-/// common program has, the feet must tread on a floor across it besides: a person who lies is upright along a wrong
-/// axis.
+/// The person is upright along it in more frames than along any other axis. If it is not the `usual` one, or no common
+/// program uses it, foot contacts must confirm it: a person who lies is upright along a wrong axis.
 ///
 /// # Errors
 /// When the motion does not tell, and the format documents nothing.
@@ -118,14 +117,14 @@ pub(super) fn find(postures: &[Posture], usual: Option<Usual<'_>>) -> Result<(Up
         return Ok((best, format!("{best} is up: {said} (--up for another)")));
     }
     let against = usual.map_or(Up::Y, |usual| usual.up);
-    if is_clear && treads_on_floor(postures, best, against) {
+    if is_clear && foot_contacts_favour(postures, best, against) {
         let why = usual.map_or(String::new(), |usual| {
             format!(", although {} has {} up", usual.who, usual.up)
         });
         return Ok((
             best,
             format!(
-                "{best} is up{why}: {said}, and the feet tread on a floor across it (--up for another)"
+                "{best} is up{why}: {said}, and the feet step on a level floor below it (--up for another)"
             ),
         ));
     }

@@ -7,7 +7,7 @@
 use crate::geometry::{
     Mat3, Vec3, add, extrinsics, log_map, matmul, matvec, rodrigues, scale, transpose,
 };
-use crate::track::{Camera, Placed};
+use crate::track::{Camera, WorldPose};
 
 /// Least change of an entry of the rotation, and of the position, metres, of a camera that moves.
 const MOVED: [f64; 2] = [1e-4, 1e-3];
@@ -21,11 +21,11 @@ pub(crate) struct CameraPose {
 
 impl CameraPose {
     /// A body in the camera's axes, and its camera, in the world.
-    pub fn move_to_world(&self, camera: Camera, placed: Placed) -> (Camera, Placed) {
+    pub fn move_to_world(&self, camera: Camera, placed: WorldPose) -> (Camera, WorldPose) {
         let mut pose = placed.pose;
         let root = rodrigues([pose[0], pose[1], pose[2]]);
         pose[..3].copy_from_slice(&log_map(&matmul(&self.rotation, &root)));
-        let placed = Placed {
+        let placed = WorldPose {
             pose,
             root: add(matvec(&self.rotation, placed.root), self.position),
         };
@@ -70,7 +70,7 @@ mod tests {
         let still = extrinsics(&IDENTITY_ROTATION, [0.0; 3]);
         let mut pose = [0.0; 72];
         pose[..3].copy_from_slice(&[0.1, 2.0, -0.4]);
-        let placed = Placed {
+        let placed = WorldPose {
             pose,
             root: [0.2, -0.1, 3.0],
         };

@@ -1,32 +1,32 @@
 //! The person to take, the masks that show them, and the reading that agrees with these.
 
-use super::found::{Found, Person};
+use super::found::{ToolOutput, TrackedPerson};
 use super::masks::Masks;
 use super::numbers::Numbers;
 use super::reading::{Documented, Reading};
 use super::rest::Rest;
 use super::score::{Proof, Proven};
 use super::silhouette::LEAST;
+use crate::ImportError;
 use crate::Options;
 use crate::clip::{Clip, fault};
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Most people that are compared with masks, those seen most often first.
 const MOST_PEOPLE: usize = 6;
-/// Figure of a reading that agrees well.
+/// A reading with at least this figure agrees well.
 pub(crate) const GOOD: f64 = 0.7;
-/// How nearly two people must agree with the same masks, as a share of the better figure, for both to be
-/// in them: a tracker may give one person several numbers.
+/// Two people are both in the same masks if the worse figure is at least this share of the better one: a tracker may give
+/// one person several numbers.
 const ALIKE: f64 = 0.8;
-/// Readings named by an error.
+/// An error names at most this number of readings.
 const NAMED: usize = 5;
 /// Sizes of an average adult that are tried, from the first to the last.
 const SIZES: (f64, f64, usize) = (0.8, 1.2, 21);
 
-/// What is imported.
-pub(crate) struct Choice<'a> {
-    pub person: &'a Person,
+/// The chosen person, with rest joints, masks and reading.
+pub(crate) struct ImportChoice<'a> {
+    pub person: &'a TrackedPerson,
     pub rest: Rest,
     /// `None` where there are no masks.
     pub masks: Option<&'a Masks>,
@@ -35,7 +35,7 @@ pub(crate) struct Choice<'a> {
 
 /// A person with the masks and the reading that agree best.
 struct Candidate<'a> {
-    choice: Choice<'a>,
+    choice: ImportChoice<'a>,
     proven: Option<(Proven, Vec<Proven>)>,
     /// Pixels of the masks of all frames with the person.
     masked: f64,
@@ -82,7 +82,7 @@ fn most_masked(candidates: Vec<Candidate<'_>>) -> Option<Candidate<'_>> {
     best.map(|(_, candidate)| candidate)
 }
 
-impl<'a> Choice<'a> {
+impl<'a> ImportChoice<'a> {
     /// The choice for the tool's `found` among `masks`; `at` is the tool's file, for errors.
     ///
     /// # Errors
@@ -93,14 +93,14 @@ impl<'a> Choice<'a> {
     )]
     pub fn find(
         tool: &Documented,
-        found: &'a Found,
+        found: &'a ToolOutput,
         masks: &'a [Masks],
         numbers: Numbers,
         clip: &'a Clip,
         at: &Path,
         options: &Options,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let people = people(found, masks, at, options)?.into_iter();
         let candidates =
             people.map(|person| candidate(tool, person, masks, numbers, clip, at, options));
@@ -146,11 +146,11 @@ impl<'a> Choice<'a> {
 /// The people to choose from: the user's; else the one with most masked pixels; else all people that a
 /// folder of masks may show, else the one seen most often.
 fn people<'a>(
-    found: &'a Found,
+    found: &'a ToolOutput,
     masks: &[Masks],
     at: &Path,
     options: &Options,
-) -> Result<Vec<&'a Person>, ClientError> {
+) -> Result<Vec<&'a TrackedPerson>, ImportError> {
     if let Some(name) = &options.person {
         let person = found.people.iter().find(|person| person.name == *name);
         return person.map(|person| vec![person]).ok_or_else(|| {
@@ -159,12 +159,12 @@ fn people<'a>(
             fault(at, "MISSING", message)
         });
     }
-    let mut people: Vec<&Person> = found
+    let mut people: Vec<&TrackedPerson> = found
         .people
         .iter()
         .filter(|person| !person.seen.is_empty())
         .collect();
-    let pixels = |person: &Person| -> usize {
+    let pixels = |person: &TrackedPerson| -> usize {
         let masks = person.seen.iter().filter_map(|seen| seen.mask.as_ref());
         masks.map(|mask| mask.area()).sum()
     };
@@ -176,13 +176,13 @@ fn people<'a>(
 
 fn candidate<'a>(
     tool: &Documented,
-    person: &'a Person,
+    person: &'a TrackedPerson,
     all: &'a [Masks],
     numbers: Numbers,
     clip: &'a Clip,
     at: &Path,
     options: &Options,
-) -> Result<Candidate<'a>, ClientError> {
+) -> Result<Candidate<'a>, ImportError> {
     let first = person.seen.first();
     let documented = Reading::documented(tool, first, options.focal);
     if let Some(seen) = first {
@@ -203,7 +203,7 @@ fn candidate<'a>(
         let proven = proof.best(&readings, &rest)?;
         let reading = proven.as_ref().map_or(documented, |(best, _)| best.reading);
         let found = Candidate {
-            choice: Choice {
+            choice: ImportChoice {
                 person,
                 rest,
                 masks: Some(masks),
@@ -226,7 +226,7 @@ fn candidate<'a>(
     let mut notes = Vec::new();
     let rest = Rest::find(options, tool, person, at, &mut notes)?;
     Ok(Candidate {
-        choice: Choice {
+        choice: ImportChoice {
             person,
             rest,
             masks: None,
@@ -239,7 +239,7 @@ fn candidate<'a>(
 }
 
 /// Makes an average skeleton as large as agrees best with the masks; the height, metres.
-fn fit_size(proof: &mut Proof<'_>, reading: &Reading, rest: &mut Rest) -> Result<f64, ClientError> {
+fn fit_size(proof: &mut Proof<'_>, reading: &Reading, rest: &mut Rest) -> Result<f64, ImportError> {
     let (from, to, steps) = SIZES;
     let mut best = (f64::MIN, 1.0);
     for step in 0..steps {
@@ -261,12 +261,12 @@ fn fit_size(proof: &mut Proof<'_>, reading: &Reading, rest: &mut Rest) -> Result
 /// When even that does not agree with the masks.
 fn said(
     tool: &Documented,
-    choice: &Choice<'_>,
+    choice: &ImportChoice<'_>,
     taken: &Proven,
     tried: &[Proven],
     documented: &Reading,
     at: &Path,
-) -> Result<String, ClientError> {
+) -> Result<String, ImportError> {
     let percent = |figure: f64| format!("{:.0} %", 100.0 * figure);
     let masks = choice.masks.map_or("masks", |masks| &masks.words);
     if taken.figure < LEAST {

@@ -1,8 +1,8 @@
-//! What the readers of pose tools give: people, frame by frame, in the numbers of the tool.
+//! The result of the readers of pose tools: people, frame by frame, in the numbers of the tool.
 
 use super::camera_pose::CameraPose;
 use crate::geometry::{Mat3, Vec3, rodrigues, sub};
-use crate::identities::{Track, joined};
+use crate::identities::{PersonTrack, joined};
 use crate::track::SmplPose;
 use std::sync::Arc;
 use yoto_formats::rle::RunLengths;
@@ -22,7 +22,7 @@ pub(crate) struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// Of a 3×3 matrix, rows first, whose principal point is the image's middle.
+    /// Intrinsics from a 3×3 matrix, rows first; its principal point is the image's middle.
     pub fn of_middle(k: &[f64; 9]) -> Self {
         Self {
             focal: [k[0], k[4]],
@@ -33,7 +33,7 @@ impl Intrinsics {
     }
 }
 
-/// What a tool found of a person in one frame.
+/// A tool's estimate of a person in one frame.
 #[derive(Clone, Debug)]
 pub(crate) struct PoseEstimate {
     /// Frame of the tool's clip, from 0.
@@ -80,7 +80,7 @@ impl PoseEstimate {
 
 /// A person of a clip.
 #[derive(Clone, Debug)]
-pub(crate) struct Person {
+pub(crate) struct TrackedPerson {
     /// The tool's number or name.
     pub name: String,
     /// In the order of their frames.
@@ -89,8 +89,8 @@ pub(crate) struct Person {
 
 /// The contents of a tool's files.
 #[derive(Clone, Debug)]
-pub(crate) struct Found {
-    pub people: Vec<Person>,
+pub(crate) struct ToolOutput {
+    pub people: Vec<TrackedPerson>,
     /// Frames of the tool's clip, if the files say.
     pub frames: Option<usize>,
     /// Width and height of the tool's clip, if the files say.
@@ -106,7 +106,7 @@ pub(crate) struct Found {
 /// roughly.
 const MOTION: [f64; 3] = [0.3, 0.1, 0.1];
 
-impl Track for Person {
+impl PersonTrack for TrackedPerson {
     fn name(&self) -> &str {
         &self.name
     }
@@ -135,8 +135,8 @@ impl Track for Person {
     }
 }
 
-impl Found {
-    /// The same, with one name for a person whom the tool lost and found again; with notes.
+impl ToolOutput {
+    /// Joins the tracks of a person whom the tool lost and found again; each with a note.
     pub fn joined(&self, notes: &mut Vec<String>) -> Self {
         Self {
             people: joined(self.people.clone(), notes),
@@ -144,7 +144,7 @@ impl Found {
         }
     }
 
-    pub fn of(people: Vec<Person>) -> Self {
+    pub fn of(people: Vec<TrackedPerson>) -> Self {
         Self {
             people,
             frames: None,

@@ -4,9 +4,10 @@
 //! PNGs), or a folder of pictures for every person. The one that shows the person is found by the
 //! poses: see [`score`](super::score).
 
-use super::found::{Found, Person, PoseEstimate};
+use super::found::{PoseEstimate, ToolOutput, TrackedPerson};
+use crate::ImportError;
 use crate::clip::{Clip, PICTURES, fault, is_video, listed, number_in, unusable};
-use crate::matting::Wanted;
+use crate::matting::MaskRequest;
 use crate::pictures::{Mask, MaskKind, are_alike, image_size, is_cut_out, read_image};
 use crate::{MattingModel, Options};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -14,14 +15,13 @@ use image::{ExtendedColorType, ImageEncoder};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 use yoto_media::mask::from_picture;
 use yoto_proto::media_plan;
 
 /// Most people in a folder of masks that are tried.
 const MOST_LABELS: usize = 16;
-/// Pictures of a folder whose colours are looked at.
+/// The colours of at most this number of a folder's pictures are read.
 const LOOKED_AT: usize = 8;
 /// Brightest level of labels that count people: brighter ones are coverage.
 const BRIGHTEST_LABEL: u8 = 32;
@@ -29,7 +29,7 @@ const BRIGHTEST_LABEL: u8 = 32;
 /// Masks of one person (or of all together).
 #[derive(Clone, Debug)]
 pub(crate) struct Masks {
-    /// Where they are from, for people: `masks/00012.png and others, colour #800000`.
+    /// Their source, for people: `masks/00012.png and others, colour #800000`.
     pub words: String,
     from: From,
 }
@@ -75,15 +75,15 @@ impl Masks {
         }
     }
 
-    /// All masks that there are to choose from: those that the user gave, else the tool's own.
+    /// All masks to choose from: the user's, else the tool's own.
     ///
     /// # Errors
     /// When `given` holds no masks.
     pub fn find(
         given: Option<&Path>,
-        found: &Found,
+        found: &ToolOutput,
         clip: &Clip,
-    ) -> Result<Vec<Self>, ClientError> {
+    ) -> Result<Vec<Self>, ImportError> {
         match given {
             Some(path) => Self::given(path, clip),
             None => Ok(own(found)),
@@ -94,7 +94,7 @@ impl Masks {
     ///
     /// # Errors
     /// When `path` holds no masks.
-    pub fn given(path: &Path, clip: &Clip) -> Result<Vec<Self>, ClientError> {
+    pub fn given(path: &Path, clip: &Clip) -> Result<Vec<Self>, ImportError> {
         match path {
             _ if path.is_dir() => folder(path, clip),
             _ if is_video(path) => Ok(vec![video(path, clip)?]),
@@ -108,7 +108,7 @@ impl Masks {
 }
 
 impl Masks {
-    /// Masks that a matting model makes of those of `frames` that the options select.
+    /// Masks by a matting model, for those of `frames` that the options select.
     ///
     /// # Errors
     /// When the model can't be run or finds nobody.
@@ -118,33 +118,33 @@ impl Masks {
         clip: &Clip,
         options: &Options,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let selected = clip.selected(options)?;
         let is_wanted = |frame: &usize| selected.binary_search(frame).is_ok();
-        let wanted: Vec<Wanted> = frames
+        let wanted: Vec<MaskRequest> = frames
             .into_iter()
             .filter(is_wanted)
-            .map(|frame| Wanted {
+            .map(|frame| MaskRequest {
                 frame,
                 expected: None,
             })
             .collect();
         Ok(Self {
             words: format!("the masks of {}", model.name()),
-            from: From::Frames(model.masks(clip, &wanted, notes)?),
+            from: From::Frames(model.masks(clip, &wanted, &options.progress, notes)?),
         })
     }
 }
 
-/// Masks by frame, with where they are from.
+/// Masks by frame, with their source.
 pub(crate) struct MasksByFrame {
     pub words: String,
     pub frames: BTreeMap<usize, Mask>,
 }
 
 /// The masks in the tool's files.
-fn own(found: &Found) -> Vec<Masks> {
-    let has = |person: &Person| person.seen.iter().any(|seen| seen.mask.is_some());
+fn own(found: &ToolOutput) -> Vec<Masks> {
+    let has = |person: &TrackedPerson| person.seen.iter().any(|seen| seen.mask.is_some());
     if found.people.iter().any(has) {
         return vec![Masks {
             words: "the tool's own masks".to_owned(),
@@ -161,16 +161,16 @@ fn own(found: &Found) -> Vec<Masks> {
     }]
 }
 
-fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ClientError> {
+fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ImportError> {
     let files = listed(path, &PICTURES)?;
     if !files.is_empty() {
         return of_files(path, &files, clip);
     }
     let mut all = Vec::new();
-    let entries = std::fs::read_dir(path).map_err(ClientError::file("listing", path))?;
+    let entries = std::fs::read_dir(path).map_err(ImportError::file("listing", path))?;
     let mut folders = Vec::new();
     for entry in entries {
-        folders.push(entry.map_err(ClientError::file("listing", path))?.path());
+        folders.push(entry.map_err(ImportError::file("listing", path))?.path());
     }
     folders.sort();
     for inner in folders
@@ -194,7 +194,7 @@ fn folder(path: &Path, clip: &Clip) -> Result<Vec<Masks>, ClientError> {
 }
 
 /// Masks of the pictures in one folder: one for each colour in them, or one of coverage.
-fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, ClientError> {
+fn of_files(path: &Path, files: &[PathBuf], clip: &Clip) -> Result<Vec<Masks>, ImportError> {
     let files = by_frame(files, clip);
     let step = files.len().div_ceil(LOOKED_AT).max(1);
     let (mut colours, mut is_coverage, mut is_alpha) = (BTreeSet::new(), false, false);
@@ -288,7 +288,7 @@ fn by_frame(files: &[PathBuf], clip: &Clip) -> BTreeMap<usize, PathBuf> {
 }
 
 /// The masks of a video: its alpha channel, or its brightness.
-fn video(path: &Path, clip: &Clip) -> Result<Masks, ClientError> {
+fn video(path: &Path, clip: &Clip) -> Result<Masks, ImportError> {
     let (mut video, _) = clip.video(path)?;
     let mut masks = BTreeMap::new();
     let mut resized = String::new();

@@ -1,9 +1,9 @@
-//! What the numbers of a pose tool mean, and whether that is true: by masks of the same clip.
+//! Finds what the numbers of a pose tool mean, by masks of the same clip.
 //!
-//! Readers give [`Found`]. Every tool documents one reading of its numbers ([`reading`]); converters and
+//! Readers give [`ToolOutput`]. Every tool documents one reading of its numbers ([`reading`]); converters and
 //! older versions follow others. [`choice`] takes the person, the masks ([`masks`]) and the reading that
 //! agree best ([`score`], [`silhouette`]), with rest joints ([`rest`]) and the frame of the clip that
-//! each pose is of ([`numbers`]). [`track`] compares a track with any tree of joints with masks.
+//! each pose is of ([`numbers`]). [`track`] compares a track with any joint hierarchy with masks.
 
 mod camera_pose;
 mod choice;
@@ -17,10 +17,10 @@ mod silhouette;
 mod track;
 
 pub(crate) use camera_pose::{CameraPose, moves};
-pub(crate) use choice::Choice;
-pub(crate) use found::{Found, Intrinsics, Person, PoseEstimate};
+pub(crate) use choice::ImportChoice;
+pub(crate) use found::{Intrinsics, PoseEstimate, ToolOutput, TrackedPerson};
 pub(crate) use masks::{Masks, MasksByFrame};
 pub(crate) use numbers::Numbers;
-pub(crate) use reading::{Body, Documented, Focal, Translation, ratio};
+pub(crate) use reading::{Documented, Focal, SmplVariant, Translation, ratio};
 pub(crate) use silhouette::LEAST;
 pub(crate) use track::{agreement, prove, said_agreement};

@@ -1,23 +1,23 @@
-//! Which frame of the clip each of a tool's frames is.
+//! The map from a tool's frames to the clip's frames.
 
-use super::found::{Found, PoseEstimate};
-use crate::clip::{Clip, Counting, beyond, fault, too_far};
+use super::found::{PoseEstimate, ToolOutput};
+use crate::ImportError;
+use crate::clip::{Clip, FrameNumbering, beyond, fault, too_far};
 use std::path::Path;
-use yoto_client::ClientError;
 
-/// Frames by which a tool's count may differ from the clip's: decoders disagree about the last ones.
+/// A tool may count this many frames more or fewer than the clip has: decoders disagree about the last ones.
 const SLACK: usize = 2;
 /// The rate that tools convert clips to.
 const COMMON: f64 = 30.0;
 
-/// How a tool's frames become the clip's.
+/// The rule that maps a tool's frames to the clip's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Numbers {
     /// By the names of the pictures.
     Names,
-    /// Less a first number.
+    /// The file counts from this number.
     From(usize),
-    /// Of a copy with another rate: times the ratio of the rates.
+    /// The tool saw a copy with another frame rate: numbers are multiplied by the ratio of the rates.
     Times(f64),
 }
 
@@ -25,13 +25,13 @@ impl Numbers {
     /// The rule for `found`, with notes about what it assumes.
     ///
     /// # Errors
-    /// When the tool's clip is another one.
+    /// When the tool saw another clip.
     pub fn find(
-        found: &Found,
+        found: &ToolOutput,
         clip: &Clip,
         at: &Path,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let seen = || found.people.iter().flat_map(|person| &person.seen);
         let named = |seen: &PoseEstimate| {
             seen.image
@@ -56,7 +56,7 @@ impl Numbers {
                 return Ok(Self::Times(fps / COMMON));
             }
         }
-        let counting = Counting::of(seen().map(|seen| seen.number), clip.frames, 0);
+        let counting = FrameNumbering::of(seen().map(|seen| seen.number), clip.frames, 0);
         if last == clip.frames && counting.first > 0 {
             notes.push("the tool counts frames from 1".to_owned());
             return Ok(Self::From(1));

@@ -1,5 +1,4 @@
-//! Readings of a tool's numbers: what the focal length is, what the translation means, and which
-//! frame is which.
+//! Readings of a tool's numbers: the focal length, the meaning of the translation, and the shift of frames.
 //!
 //! Every tool documents one reading. Converters and older versions follow others: a translation is
 //! copied to where another meaning is expected, a focal length is replaced, the first frame is left out.
@@ -7,9 +6,9 @@
 
 use super::found::{Intrinsics, PoseEstimate};
 use crate::geometry::{Vec3, add, matvec};
-use crate::track::{Camera, Placed};
+use crate::track::{Camera, WorldPose};
 
-/// Most by which sides of images may differ and still be the same, as a share.
+/// Sides of images of the same size differ by at most this share.
 const SAME: f64 = 0.02;
 
 /// A focal length of images of W×H pixels.
@@ -80,12 +79,12 @@ impl Translation {
 
 /// A body model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Body {
+pub(crate) enum SmplVariant {
     Smpl,
     SmplX,
 }
 
-impl Body {
+impl SmplVariant {
     pub fn name(self) -> &'static str {
         match self {
             Self::Smpl => "SMPL",
@@ -94,13 +93,13 @@ impl Body {
     }
 }
 
-/// What a tool documents of its numbers.
+/// The documented meaning of a tool's numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Documented {
     /// The tool's name, for people.
     pub tool: &'static str,
     /// The body model whose parameters it writes.
-    pub body: Body,
+    pub body: SmplVariant,
     pub focal: Focal,
     /// The focal length of files that should have their own and do not, if the tool documents one.
     pub focal_without_own: Option<Focal>,
@@ -158,7 +157,7 @@ impl Reading {
         all
     }
 
-    /// Number of assumptions in which this differs from `other`.
+    /// The number of assumptions that differ from those of `other`.
     pub fn changes(&self, other: &Self) -> usize {
         usize::from(self.focal != other.focal)
             + usize::from(self.translation != other.translation)
@@ -180,13 +179,13 @@ impl Reading {
     }
 
     /// The body of `seen`, whose pelvis at rest is `pelvis`.
-    pub fn placed(&self, seen: &PoseEstimate, pelvis: Vec3) -> Placed {
+    pub fn placed(&self, seen: &PoseEstimate, pelvis: Vec3) -> WorldPose {
         let root = match self.translation {
             Translation::AboutPelvis => add(pelvis, seen.t),
             Translation::AboutOrigin => add(matvec(&seen.root(), pelvis), seen.t),
             Translation::Pelvis => seen.t,
         };
-        Placed {
+        WorldPose {
             pose: seen.pose,
             root,
         }
@@ -239,8 +238,7 @@ fn scaled(own: &Intrinsics, size: [f64; 2]) -> Result<([f64; 2], [f64; 2]), Stri
     }
 }
 
-/// How many times as large images of `size` are as those of `of`; `None` if they are not the same
-/// images in another size.
+/// The ratio of the image sizes `size` and `of`; `None` if their aspect ratios differ.
 pub(crate) fn ratio(of: [f64; 2], size: [f64; 2]) -> Option<f64> {
     let [across, down] = [size[0] / of[0], size[1] / of[1]];
     if (across / down - 1.0).abs() > SAME || !across.is_finite() {
@@ -260,7 +258,7 @@ mod tests {
 
     const WHAM: Documented = Documented {
         tool: "WHAM",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Diagonal,
         focal_without_own: None,
         translation: Translation::AboutPelvis,

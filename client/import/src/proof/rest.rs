@@ -3,8 +3,9 @@
 //! A tool that writes posed joints p and rotations tells its skeleton without a body model: a bone's
 //! rest offset is the median over frames of `G_parentᵀ (p_j − p_parent)`.
 
-use super::found::{Person, PoseEstimate};
-use super::reading::{Body, Documented};
+use super::found::{PoseEstimate, TrackedPerson};
+use super::reading::{Documented, SmplVariant};
+use crate::ImportError;
 use crate::Options;
 use crate::clip::fault;
 use crate::geometry::{Mat3, Vec3, add, dot, matmul, matvec, rodrigues, scale, sub, transpose};
@@ -12,17 +13,16 @@ use crate::rest_joints::RestJoints;
 use crate::track::{SmplPose, median_rows};
 use std::path::Path;
 use yoto_capture::skeleton::smpl::{ASSUMED_HEIGHT, AVERAGE_HEIGHT, AVERAGE_REST};
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// Most frames that measure a skeleton.
 const MOST: usize = 200;
 
 /// The pelvis of a body model at rest, from its origin, within a few centimetres for any shape.
-fn pelvis_of(body: Body) -> Vec3 {
+fn pelvis_of(body: SmplVariant) -> Vec3 {
     match body {
-        Body::Smpl => [0.0, -0.22, 0.03],
-        Body::SmplX => [0.0, -0.35, 0.01],
+        SmplVariant::Smpl => [0.0, -0.22, 0.03],
+        SmplVariant::SmplX => [0.0, -0.35, 0.01],
     }
 }
 
@@ -47,17 +47,21 @@ impl Rest {
     pub fn find(
         options: &Options,
         tool: &Documented,
-        person: &Person,
+        person: &TrackedPerson,
         at: &Path,
         notes: &mut Vec<String>,
-    ) -> Result<Self, ClientError> {
+    ) -> Result<Self, ImportError> {
         let betas: Vec<&[f64]> = person.seen.iter().map(|seen| &*seen.betas).collect();
         let betas = median_rows(&betas);
         let body = tool.body;
         if let Some(given) = RestJoints::find(options)? {
-            let of = given
-                .is_smplx()
-                .map(|is| if is { Body::SmplX } else { Body::Smpl });
+            let of = given.is_smplx().map(|is| {
+                if is {
+                    SmplVariant::SmplX
+                } else {
+                    SmplVariant::Smpl
+                }
+            });
             let is_other = of.is_some_and(|of| of != body);
             if let Some(of) = of.filter(|_| is_other) {
                 notes.push(format!(
@@ -127,7 +131,7 @@ impl Rest {
         own.map_or(self.pelvis, |(_, position)| *position)
     }
 
-    /// With bones `by` times as long.
+    /// This skeleton with bones `by` times as long.
     pub fn scale(&mut self, by: f64) {
         let root = self.joints.first().copied().unwrap_or_default();
         for joint in &mut self.joints {
@@ -190,10 +194,10 @@ fn joints_of(offsets: &[Vec3], pelvis: Vec3) -> Vec<Vec3> {
 /// Rest joints from the posed joints of `person`; bones between unknown joints are the average's, as
 /// long as the known ones say. `None` where fewer than six bones are known.
 fn measured(
-    person: &Person,
+    person: &TrackedPerson,
     average: &[Vec3],
     at: &Path,
-) -> Result<Option<Vec<Vec3>>, ClientError> {
+) -> Result<Option<Vec<Vec3>>, ImportError> {
     let step = person.seen.len().div_ceil(MOST).max(1);
     let mut samples: Vec<Vec<Vec3>> = vec![Vec::new(); JOINTS.len()];
     for seen in person
@@ -274,7 +278,7 @@ const CHAINS: [(usize, usize, &[usize]); 3] = [
 ];
 
 /// Moves the bones of chains between known joints, so that the far ends land where they are.
-fn spread(person: &Person, offsets: &mut [Vec3], medians: &[Option<Vec3>], step: usize) {
+fn spread(person: &TrackedPerson, offsets: &mut [Vec3], medians: &[Option<Vec3>], step: usize) {
     let neck_up = |offsets: &[Vec3]| offsets.get(12).copied().unwrap_or_default();
     for (from, to, bones) in CHAINS {
         if medians.get(to).copied().flatten().is_some() {

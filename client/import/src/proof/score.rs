@@ -1,25 +1,25 @@
 //! The score of a reading: the mean over frames of how well its bodies agree with masks
 //! ([`silhouette`](super::silhouette)).
 
-use super::found::{Person, PoseEstimate};
+use super::found::{PoseEstimate, TrackedPerson};
 use super::masks::Masks;
 use super::numbers::Numbers;
 use super::reading::Reading;
 use super::rest::{Rest, posed};
 use super::silhouette::{Silhouette, agreement_of};
+use crate::ImportError;
 use crate::clip::Clip;
 use crate::pictures::read_masks;
 use std::collections::HashMap;
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
-/// Frames that a proof looks at.
+/// At most this number of frames is compared.
 pub(crate) const FRAMES: usize = 24;
-/// By how much a reading must be better for each assumption in which it differs from the documented one.
+/// A reading must be better by this much for each assumption that differs from the documented reading.
 const BETTER: f64 = 0.05;
-/// Holds readings of one person against masks.
+/// Compares readings of one person with masks.
 pub(crate) struct Proof<'a> {
-    pub person: &'a Person,
+    pub person: &'a TrackedPerson,
     pub masks: &'a Masks,
     pub numbers: Numbers,
     pub clip: &'a Clip,
@@ -35,7 +35,12 @@ pub(crate) struct Proven {
 }
 
 impl<'a> Proof<'a> {
-    pub fn new(person: &'a Person, masks: &'a Masks, numbers: Numbers, clip: &'a Clip) -> Self {
+    pub fn new(
+        person: &'a TrackedPerson,
+        masks: &'a Masks,
+        numbers: Numbers,
+        clip: &'a Clip,
+    ) -> Self {
         Self {
             person,
             masks,
@@ -49,7 +54,7 @@ impl<'a> Proof<'a> {
     ///
     /// # Errors
     /// When a mask can't be read or has another size.
-    pub fn figure(&mut self, reading: &Reading, rest: &Rest) -> Result<Option<f64>, ClientError> {
+    pub fn figure(&mut self, reading: &Reading, rest: &Rest) -> Result<Option<f64>, ImportError> {
         let person = self.person;
         let step = person.seen.len().div_ceil(FRAMES).max(1);
         let (mut sum, mut count) = (0.0, 0.0);
@@ -83,7 +88,7 @@ impl<'a> Proof<'a> {
         &mut self,
         seen: &PoseEstimate,
         frame: usize,
-    ) -> Result<Option<&Silhouette>, ClientError> {
+    ) -> Result<Option<&Silhouette>, ImportError> {
         if let std::collections::hash_map::Entry::Vacant(entry) = self.silhouettes.entry(frame) {
             let silhouette = match self.masks.of(seen, frame) {
                 None => None,
@@ -100,12 +105,12 @@ impl<'a> Proof<'a> {
     /// The best of `readings`, the documented one first, with all figures; `None` without masks.
     ///
     /// # Errors
-    /// As [`Self::figure`].
+    /// The same errors as [`Self::figure`].
     pub fn best(
         &mut self,
         readings: &[Reading],
         rest: &Rest,
-    ) -> Result<Option<(Proven, Vec<Proven>)>, ClientError> {
+    ) -> Result<Option<(Proven, Vec<Proven>)>, ImportError> {
         let mut all = Vec::new();
         for reading in readings {
             if let Some(figure) = self.figure(reading, rest)? {
@@ -128,7 +133,7 @@ impl<'a> Proof<'a> {
     }
 }
 
-/// How well the body of one frame agrees with its mask, 0 to 1.
+/// The agreement of the body of one frame with its mask, 0 to 1.
 fn agreement(
     seen: &PoseEstimate,
     reading: &Reading,

@@ -1,4 +1,4 @@
-//! How well a body agrees with a mask: joints, projected, lie inside it and reach over it.
+//! The agreement of a body with a mask: projected joints lie inside the mask and extend over it.
 //!
 //! The figure is the share of points along the bones that lie inside the mask, times how well the box
 //! around them, widened by what flesh adds, agrees with the mask's box (their intersection over their
@@ -11,7 +11,7 @@ use crate::track::Camera;
 const SIDE: usize = 480;
 /// Least figure of a reading that is believed.
 pub(crate) const LEAST: f64 = 0.45;
-/// What flesh adds to the box around joints: above, below and at the sides, shares of its longer side.
+/// Margins of flesh around the box of joints: above, below and at the sides, shares of its longer side.
 const FLESH: [f64; 3] = [0.1, 0.03, 0.03];
 /// Points along each bone.
 const POINTS: usize = 3;
@@ -28,7 +28,7 @@ pub(crate) struct Silhouette {
 }
 
 impl Silhouette {
-    /// Of the levels of a mask; `None` for an empty mask.
+    /// The silhouette in the levels of a mask; `None` for an empty mask.
     pub fn new(levels: &[u8], [width, height]: [u32; 2]) -> Option<Self> {
         let (across, down) = (width as usize, height as usize);
         let step = across.max(down).div_ceil(SIDE).max(1);
@@ -75,7 +75,7 @@ impl Silhouette {
     }
 }
 
-/// How well `joints`, with the joint above each, agree with a mask, 0 to 1.
+/// The agreement of `joints`, each with its parent, with a mask, 0 to 1.
 pub(crate) fn agreement_of(
     joints: &[Vec3],
     parents: impl Iterator<Item = Option<usize>>,

@@ -1,8 +1,9 @@
-//! Proof of a track with any tree of joints: its joints, projected, against masks.
+//! Compares a track with any joint hierarchy with masks, by its projected joints.
 
 use super::choice::GOOD;
 use super::score::FRAMES;
 use super::silhouette::{LEAST, Silhouette, agreement_of};
+use crate::ImportError;
 use crate::clip::fault;
 use crate::pictures::{Mask, read_masks};
 use crate::track::Camera;
@@ -10,10 +11,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::PoseTrack;
 
-/// How well the bodies of `track` agree with the `masks` of their frames, 0 to 1; `None` where no frame
+/// The agreement of the bodies of `track` with the `masks` of their frames, 0 to 1; `None` where no frame
 /// has both.
 ///
 /// # Errors
@@ -22,7 +22,7 @@ pub(crate) fn agreement(
     track: &PoseTrack,
     masks: &BTreeMap<usize, Mask>,
     at: &Path,
-) -> Result<Option<f64>, ClientError> {
+) -> Result<Option<f64>, ImportError> {
     let wrong = |error: &dyn std::fmt::Display| fault(at, "INVALID", error.to_string());
     let skeleton = Skeleton::from_track(&track.skeleton).map_err(|error| wrong(&error))?;
     let mask = |index: u32| masks.get(&(index as usize));
@@ -50,16 +50,16 @@ pub(crate) fn agreement(
     Ok((count > 0.0).then_some(sum / count))
 }
 
-/// Tells how well `track` agrees with `masks`.
+/// Notes the agreement of `track` with `masks`.
 ///
 /// # Errors
-/// When it does not; as [`agreement`].
+/// When they disagree, and the errors of [`agreement`].
 pub(crate) fn prove(
     track: &PoseTrack,
     masks: &BTreeMap<usize, Mask>,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let Some(figure) = agreement(track, masks, at)? else {
         let message = "no frame has both a pose and a mask: are the masks of this clip?";
         return Err(fault(at, "MISSING", message));
@@ -76,7 +76,7 @@ pub(crate) fn prove(
     Ok(())
 }
 
-/// How well a body agrees with what `masks` names, in words.
+/// The agreement of a body with `masks`, in words.
 pub(crate) fn said_agreement(masks: &str, figure: f64) -> String {
     let [percent, usual] = [figure, GOOD].map(|figure| 100.0 * figure);
     let poor = match figure < GOOD {

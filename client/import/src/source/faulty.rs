@@ -1,13 +1,13 @@
 //! Frames of a file that can't be used: a few are left out and named, many are a fault of the file.
 
-use yoto_client::ClientError;
+use crate::ImportError;
 use yoto_proto::pose_track::describe;
 
 /// Largest share of frames that are left out.
 pub(crate) const FEW: f64 = 0.25;
 /// Largest plausible number in any unit.
 const MAX_NUMBER: f64 = 1e9;
-/// Frames that a note names.
+/// A note names at most this number of frames.
 const NAMED: usize = 4;
 
 /// Whether `value` is finite and plausible in some unit.
@@ -15,27 +15,27 @@ pub(crate) fn is_number(value: f64) -> bool {
     value.is_finite() && value.abs() <= MAX_NUMBER
 }
 
-/// The frames of a file that were tried, and what is wrong with some.
+/// The number of frames that were read, and the faults of some.
 #[derive(Debug, Default)]
 pub(crate) struct Faulty {
     tried: usize,
     bad: Vec<String>,
-    first: Option<ClientError>,
+    first: Option<ImportError>,
 }
 
 impl Faulty {
-    /// What `read` gives; nothing for a fault in what it reads, which is kept.
+    /// The value of `read`; `None` for a fault of the frame, which is kept.
     ///
     /// # Errors
-    /// Errors that are no fault of the frame, such as a file that can't be opened.
-    pub fn keep<T>(&mut self, read: Result<T, ClientError>) -> Result<Option<T>, ClientError> {
+    /// Errors that are not faults of the frame, such as a file that can't be opened.
+    pub fn keep<T>(&mut self, read: Result<T, ImportError>) -> Result<Option<T>, ImportError> {
         self.tried += 1;
         match read {
             Ok(value) => Ok(Some(value)),
-            Err(ClientError::BadCapture { place, violations }) => {
+            Err(ImportError::BadCapture { place, violations }) => {
                 self.bad.extend(violations.first().map(describe));
                 self.first
-                    .get_or_insert(ClientError::BadCapture { place, violations });
+                    .get_or_insert(ImportError::BadCapture { place, violations });
                 Ok(None)
             }
             Err(error) => Err(error),
@@ -46,7 +46,7 @@ impl Faulty {
     ///
     /// # Errors
     /// The first fault, if many frames have one.
-    pub fn finish(self, notes: &mut Vec<String>) -> Result<(), ClientError> {
+    pub fn finish(self, notes: &mut Vec<String>) -> Result<(), ImportError> {
         let count = self.bad.len();
         if count as f64 > FEW * self.tried as f64 {
             return self
@@ -67,8 +67,8 @@ impl Faulty {
 }
 
 /// `first`, a fault of one of `tried` frames, with the number of frames that have one.
-fn with_count(mut first: ClientError, count: usize, tried: usize) -> ClientError {
-    if let ClientError::BadCapture { violations, .. } = &mut first
+fn with_count(mut first: ImportError, count: usize, tried: usize) -> ImportError {
+    if let ImportError::BadCapture { violations, .. } = &mut first
         && let Some(violation) = violations.first_mut()
         && tried > 1
     {
@@ -82,10 +82,10 @@ mod tests {
     use super::*;
     use yoto_proto::pose_track::violation;
 
-    fn of(bad: usize, all: usize) -> Result<Vec<String>, ClientError> {
+    fn of(bad: usize, all: usize) -> Result<Vec<String>, ImportError> {
         let mut faulty = Faulty::default();
         for at in 0..all {
-            let fault = ClientError::BadCapture {
+            let fault = ImportError::BadCapture {
                 place: "here".into(),
                 violations: vec![violation("X", "a.pkl", Some(at as u32), "pose", "NaN")],
             };
@@ -111,7 +111,7 @@ mod tests {
         );
         let alone = of(1, 1).expect_err("the only one").to_string();
         assert!(alone.ends_with("pose: NaN"), "{alone}");
-        let missing = ClientError::Name("no such file".into());
+        let missing = ImportError::Unusable("no such file".into());
         assert!(Faulty::default().keep::<()>(Err(missing)).is_err());
     }
 }

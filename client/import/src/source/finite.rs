@@ -1,12 +1,12 @@
-//! Which of SMPL's parameters is not a finite number, by the joint's name.
+//! Names the SMPL parameter that is not finite, by its joint.
 
 use super::{Part, is_number};
+use crate::ImportError;
 use crate::track::SmplPose;
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
-/// What is not finite among the rotations of `pose`, three numbers for each joint, and then among the parts
-/// of `others`: `the rotation of l_knee is NaN`.
+/// The first number that is not finite among the rotations of `pose`, three for each joint, and then among the parts of
+/// `others`, in words: `the rotation of l_knee is NaN`.
 pub(crate) fn not_finite(pose: &[f64], others: &[(&str, &[f64])]) -> Option<String> {
     let bad = |values: &[f64]| values.iter().copied().find(|value| !is_number(*value));
     let joint = |(rotation, (name, _)): (&[f64; 3], &(&str, _))| {
@@ -22,7 +22,7 @@ pub(crate) fn not_finite(pose: &[f64], others: &[(&str, &[f64])]) -> Option<Stri
 
 impl Part<'_> {
     /// SMPL's 24 rotations, all finite.
-    pub fn smpl_pose(&self) -> Result<SmplPose, ClientError> {
+    pub fn smpl_pose(&self) -> Result<SmplPose, ImportError> {
         let array = self.unchecked()?;
         let pose: SmplPose = array.fixed().ok_or_else(|| self.wrong("[72]"))?;
         match not_finite(&pose, &[]) {

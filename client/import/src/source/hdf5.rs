@@ -1,10 +1,10 @@
 //! HDF5 files of PeopleSnapshot: arrays by name at the top level.
 
 use super::Source;
+use crate::ImportError;
 use hdf5_pure::{Dataset, File};
 use std::fmt;
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::MAX_SIDE;
 
 /// Most numbers per read; masks are read one frame at a time.
@@ -20,7 +20,7 @@ pub(crate) struct Hdf5<'a> {
 }
 
 impl<'a> Hdf5<'a> {
-    pub fn open(source: &'a Source, name: &'static str) -> Result<Self, ClientError> {
+    pub fn open(source: &'a Source, name: &'static str) -> Result<Self, ImportError> {
         if !source.has(name) {
             return Err(source.fault("MISSING", name, None, "", "there is no such file"));
         }
@@ -29,11 +29,11 @@ impl<'a> Hdf5<'a> {
         Ok(Self { source, name, file })
     }
 
-    fn fault(&self, code: &str, field: &str, message: impl Into<String>) -> ClientError {
+    fn fault(&self, code: &str, field: &str, message: impl Into<String>) -> ImportError {
         self.source.fault(code, self.name, None, field, message)
     }
 
-    fn dataset(&self, field: &str) -> Result<(Dataset, Vec<u64>), ClientError> {
+    fn dataset(&self, field: &str) -> Result<(Dataset, Vec<u64>), ImportError> {
         let unreadable = |error: hdf5_pure::Error| {
             self.fault("UNREADABLE", field, format!("no readable dataset: {error}"))
         };
@@ -50,7 +50,7 @@ impl<'a> Hdf5<'a> {
         field: &str,
         dataset: &Dataset,
         shape: &[u64],
-    ) -> Result<(), ClientError> {
+    ) -> Result<(), ImportError> {
         let size = dataset.element_size().unwrap_or(1);
         let sides = dataset.chunk_shape().ok().flatten().unwrap_or_default();
         let unpacked = sides
@@ -79,7 +79,7 @@ impl<'a> Hdf5<'a> {
     }
 
     /// Extents and numbers of a dataset, finite or not.
-    pub fn unchecked(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ClientError> {
+    pub fn unchecked(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
         let (dataset, shape) = self.dataset(field)?;
         let count = shape
             .iter()
@@ -92,8 +92,8 @@ impl<'a> Hdf5<'a> {
         Ok((shape, values))
     }
 
-    /// As [`Self::unchecked`], all finite.
-    pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ClientError> {
+    /// The numbers of [`Self::unchecked`], which must be finite.
+    pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
         let (shape, values) = self.unchecked(field)?;
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok((shape, values)),
@@ -108,7 +108,7 @@ impl<'a> Hdf5<'a> {
     pub fn unchecked_rows<const N: usize>(
         &self,
         field: &str,
-    ) -> Result<Vec<[f64; N]>, ClientError> {
+    ) -> Result<Vec<[f64; N]>, ImportError> {
         let (shape, values) = self.unchecked(field)?;
         match shape[..] {
             [_, columns] if columns == N as u64 => Ok(values.as_chunks::<N>().0.to_vec()),
@@ -120,14 +120,14 @@ impl<'a> Hdf5<'a> {
     }
 
     /// A dataset of shape `[frames, height, width]`, whose frames are read on demand.
-    pub fn stack(&self, field: &str) -> Result<MaskStack, ClientError> {
+    pub fn stack(&self, field: &str) -> Result<MaskStack, ImportError> {
         let (dataset, shape) = self.dataset(field)?;
         let side = 1..=u64::from(MAX_SIDE);
         let (&[frames, height, width], false) = (
             <&[u64; 3]>::try_from(shape.as_slice()).unwrap_or(&[0; 3]),
             dataset.element_size().is_ok_and(|size| size > 8),
         ) else {
-            return Err(self.fault("SIZE_MISMATCH", field, "elements are no masks"));
+            return Err(self.fault("SIZE_MISMATCH", field, "elements are not masks"));
         };
         if frames == 0 || !side.contains(&height) || !side.contains(&width) {
             let message = format!("the shape is {shape:?}, [frames, height, width] is needed");

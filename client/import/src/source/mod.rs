@@ -11,8 +11,8 @@ mod rows;
 pub(crate) use faulty::{FEW, Faulty, is_number};
 pub(crate) use finite::not_finite;
 
+use crate::ImportError;
 use std::path::{Path, PathBuf};
-use yoto_client::ClientError;
 use yoto_formats::{Array, Value, npy, npz, pickle, torch};
 use yoto_proto::pose_track::violation;
 use yoto_proto::v1::Violation;
@@ -45,14 +45,14 @@ impl Source {
     }
 
     /// An error of the capture.
-    pub fn bad(&self, violations: Vec<Violation>) -> ClientError {
-        ClientError::BadCapture {
+    pub fn bad(&self, violations: Vec<Violation>) -> ImportError {
+        ImportError::BadCapture {
             place: self.root.display().to_string(),
             violations,
         }
     }
 
-    /// As [`Self::bad`], for one violation.
+    /// An error about one violation.
     pub fn fault(
         &self,
         code: &str,
@@ -60,31 +60,31 @@ impl Source {
         frame: Option<u32>,
         field: impl Into<String>,
         message: impl Into<String>,
-    ) -> ClientError {
+    ) -> ImportError {
         self.bad(vec![violation(code, file, frame, field, message)])
     }
 
     /// The bytes of a file.
-    pub fn bytes(&self, file: &str, frame: Option<u32>) -> Result<Vec<u8>, ClientError> {
+    pub fn bytes(&self, file: &str, frame: Option<u32>) -> Result<Vec<u8>, ImportError> {
         let path = self.path(file);
         let size = match path.metadata() {
             Ok(meta) if meta.is_file() => meta.len(),
-            Ok(_) => return Err(self.fault("MISSING", file, frame, "", "this is no file")),
+            Ok(_) => return Err(self.fault("MISSING", file, frame, "", "this is not a file")),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(self.fault("MISSING", file, frame, "", "there is no such file"));
             }
-            Err(error) => return Err(ClientError::file("reading", path)(error)),
+            Err(error) => return Err(ImportError::file("reading", path)(error)),
         };
         if size > MAX_BYTES {
             let message = format!("{size} bytes are more than the limit of {MAX_BYTES}");
             return Err(self.fault("TOO_LARGE", file, frame, "", message));
         }
-        std::fs::read(&path).map_err(ClientError::file("reading", path))
+        std::fs::read(&path).map_err(ImportError::file("reading", path))
     }
 
     /// The data of a file, by its extension: `.npy`, `.npz`, `.json`, `.pt` and `.pth` of torch, and
     /// pickles and files of joblib under any other.
-    pub fn data(&self, file: &str, frame: Option<u32>) -> Result<Data<'_>, ClientError> {
+    pub fn data(&self, file: &str, frame: Option<u32>) -> Result<FileData<'_>, ImportError> {
         let bytes = self.bytes(file, frame)?;
         let value = match Path::new(file).extension().and_then(|e| e.to_str()) {
             Some("npy") => npy::read(&bytes).map_err(|e| e.to_string()),
@@ -97,7 +97,7 @@ impl Source {
             _ => pickle::read_without(&bytes, &UNREAD).map_err(|e| e.to_string()),
         };
         let value = value.map_err(|message| self.fault("UNREADABLE", file, frame, "", message))?;
-        Ok(Data {
+        Ok(FileData {
             source: self,
             file: file.to_owned(),
             frame,
@@ -106,18 +106,18 @@ impl Source {
     }
 
     /// Names of the files in a folder that end in one of `endings` (lower case), in order.
-    pub fn list(&self, folder: &str, endings: &[&str]) -> Result<Vec<String>, ClientError> {
+    pub fn list(&self, folder: &str, endings: &[&str]) -> Result<Vec<String>, ImportError> {
         let path = self.path(folder);
         let entries = match std::fs::read_dir(&path) {
             Ok(entries) => entries,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 return Err(self.fault("MISSING", folder, None, "", "there is no such folder"));
             }
-            Err(error) => return Err(ClientError::file("listing", path)(error)),
+            Err(error) => return Err(ImportError::file("listing", path)(error)),
         };
         let mut names = Vec::new();
         for entry in entries {
-            let entry = entry.map_err(ClientError::file("listing", path.clone()))?;
+            let entry = entry.map_err(ImportError::file("listing", path.clone()))?;
             // A pose track can't refer to a name that is not text.
             let Ok(name) = entry.file_name().into_string() else {
                 let name = entry.file_name().to_string_lossy().into_owned();
@@ -136,14 +136,14 @@ impl Source {
 
 /// The data of a file.
 #[derive(Debug)]
-pub(crate) struct Data<'a> {
+pub(crate) struct FileData<'a> {
     source: &'a Source,
     file: String,
     frame: Option<u32>,
     value: Value,
 }
 
-impl Data<'_> {
+impl FileData<'_> {
     pub fn root(&self) -> Part<'_> {
         Part {
             data: self,
@@ -158,11 +158,11 @@ impl Data<'_> {
 /// A part of a file's data, with its location.
 #[derive(Clone, Debug)]
 pub(crate) struct Part<'a> {
-    data: &'a Data<'a>,
+    data: &'a FileData<'a>,
     frame: Option<u32>,
     field: String,
     value: &'a Value,
-    /// The index on the first axis of all arrays below, if only these parts of them are meant.
+    /// If set, all arrays below are replaced by this row of their first axis.
     row: Option<usize>,
 }
 
@@ -177,7 +177,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The same part, whose arrays are those of row `at` on the first axis.
+    /// This part, with each array replaced by its row `at` on the first axis.
     pub fn row(self, at: usize) -> Self {
         Self {
             row: Some(at),
@@ -185,7 +185,7 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// The same part, with `frame` as its frame.
+    /// This part, located in `frame`.
     pub fn of_frame(self, frame: u32) -> Self {
         Self {
             frame: Some(frame),
@@ -194,13 +194,13 @@ impl<'a> Part<'a> {
     }
 
     /// An error about this part.
-    pub fn fault(&self, code: &str, message: impl Into<String>) -> ClientError {
+    pub fn fault(&self, code: &str, message: impl Into<String>) -> ImportError {
         self.data
             .source
             .fault(code, &self.data.file, self.frame, &*self.field, message)
     }
 
-    fn wrong(&self, wanted: &str) -> ClientError {
+    fn wrong(&self, wanted: &str) -> ImportError {
         let message = format!("{} instead of {wanted}", self.value.kind());
         self.fault("SIZE_MISMATCH", message)
     }
@@ -217,13 +217,13 @@ impl<'a> Part<'a> {
     }
 
     /// The value of a key.
-    pub fn get(&self, key: &str) -> Result<Self, ClientError> {
+    pub fn get(&self, key: &str) -> Result<Self, ImportError> {
         self.find(key)
             .ok_or_else(|| self.fault("MISSING", format!("there is no '{key}'")))
     }
 
     /// Item `at` of a list.
-    pub fn at(&self, at: usize) -> Result<Self, ClientError> {
+    pub fn at(&self, at: usize) -> Result<Self, ImportError> {
         let items = self.value.items().ok_or_else(|| self.wrong("a list"))?;
         let item = items.get(at);
         let value = item.ok_or_else(|| {
@@ -234,13 +234,13 @@ impl<'a> Part<'a> {
     }
 
     /// Number of items of a list.
-    pub fn len(&self) -> Result<usize, ClientError> {
+    pub fn len(&self) -> Result<usize, ImportError> {
         let items = self.value.items();
         items.map(<[_]>::len).ok_or_else(|| self.wrong("a list"))
     }
 
     /// Keys (texts) and values of a dictionary, in the order of the keys.
-    pub fn entries(&self) -> Result<Vec<(&'a str, Self)>, ClientError> {
+    pub fn entries(&self) -> Result<Vec<(&'a str, Self)>, ImportError> {
         let entries = self.value.entries();
         let entries = entries.ok_or_else(|| self.wrong("a dictionary"))?;
         let mut parts = Vec::with_capacity(entries.len());
@@ -256,7 +256,7 @@ impl<'a> Part<'a> {
     }
 
     /// Keys and values of a dictionary whose keys are texts or whole numbers, in the file's order.
-    pub fn members(&self) -> Result<Vec<(String, Self)>, ClientError> {
+    pub fn members(&self) -> Result<Vec<(String, Self)>, ImportError> {
         let entries = self.value.entries();
         let entries = entries.ok_or_else(|| self.wrong("a dictionary"))?;
         let mut parts = Vec::with_capacity(entries.len());
@@ -292,12 +292,12 @@ impl<'a> Part<'a> {
         self.value.items().is_some()
     }
 
-    pub fn text(&self) -> Result<&'a str, ClientError> {
+    pub fn text(&self) -> Result<&'a str, ImportError> {
         self.value.text().ok_or_else(|| self.wrong("text"))
     }
 
     /// An array of numbers, finite or not.
-    pub fn unchecked(&self) -> Result<Array, ClientError> {
+    pub fn unchecked(&self) -> Result<Array, ImportError> {
         let array = self.value.numbers();
         let array = array.ok_or_else(|| self.wrong("an array of numbers"))?;
         match self.row {
@@ -312,7 +312,7 @@ impl<'a> Part<'a> {
     }
 
     /// An array of finite numbers.
-    pub fn array(&self) -> Result<Array, ClientError> {
+    pub fn array(&self) -> Result<Array, ImportError> {
         let array = self.unchecked()?;
         match array.values.iter().position(|value| !is_number(*value)) {
             None => Ok(array),
@@ -330,13 +330,13 @@ impl<'a> Part<'a> {
     }
 
     /// `N` numbers, ignoring axes of extent 1.
-    pub fn fixed<const N: usize>(&self) -> Result<[f64; N], ClientError> {
+    pub fn fixed<const N: usize>(&self) -> Result<[f64; N], ImportError> {
         let array = self.array()?;
         array.fixed().ok_or_else(|| self.wrong(&format!("[{N}]")))
     }
 
     /// A number, ignoring axes of extent 1.
-    pub fn number(&self) -> Result<f64, ClientError> {
+    pub fn number(&self) -> Result<f64, ImportError> {
         match self.array()?.values[..] {
             [number] => Ok(number),
             _ => Err(self.wrong("a number")),
@@ -344,7 +344,7 @@ impl<'a> Part<'a> {
     }
 
     /// Any number of numbers in a row.
-    pub fn vector(&self) -> Result<Vec<f64>, ClientError> {
+    pub fn vector(&self) -> Result<Vec<f64>, ImportError> {
         let array = self.array()?;
         if array.shape.iter().filter(|side| **side != 1).count() > 1 {
             return Err(self.wrong("a row of numbers"));
@@ -353,13 +353,13 @@ impl<'a> Part<'a> {
     }
 
     /// `[any, N]`.
-    pub fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ClientError> {
+    pub fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ImportError> {
         let array = self.array()?;
         array.rows().ok_or_else(|| self.wrong(&format!("[…, {N}]")))
     }
 
     /// `[R, C]`.
-    pub fn matrix<const R: usize, const C: usize>(&self) -> Result<[[f64; C]; R], ClientError> {
+    pub fn matrix<const R: usize, const C: usize>(&self) -> Result<[[f64; C]; R], ImportError> {
         let array = self.array()?;
         array
             .matrix()

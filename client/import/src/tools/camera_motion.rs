@@ -1,9 +1,9 @@
 //! The motion of the camera in the files of tools that find it.
 
+use crate::ImportError;
 use crate::geometry::{Vec3, exact_rotation, matvec, scale, transpose};
-use crate::proof::{CameraPose, Person, moves};
+use crate::proof::{CameraPose, TrackedPerson, moves};
 use crate::source::{Faulty, Part, is_number};
-use yoto_client::ClientError;
 
 /// The notes about a world with gravity, and about one without.
 pub(super) const Y_UP: &str = "the camera moves: bodies and cameras stand in the tool's world, whose y \
@@ -11,7 +11,7 @@ pub(super) const Y_UP: &str = "the camera moves: bodies and cameras stand in the
 pub(super) const FIRST_CAMERA: &str = "the camera moves: bodies and cameras stand in the axes of the \
      first frame's camera, for the file does not say where up is";
 
-const NO_ROTATION: &str = "the camera's matrix is no rotation";
+const NO_ROTATION: &str = "the camera's matrix is not a rotation";
 
 /// A camera of each frame, or what is wrong with it.
 pub(super) type Cameras = Vec<Result<CameraPose, &'static str>>;
@@ -23,7 +23,7 @@ pub(super) type Cameras = Vec<Result<CameraPose, &'static str>>;
 pub(super) fn of_cameras(
     rotations: &Part<'_>,
     positions: &Part<'_>,
-) -> Result<Cameras, ClientError> {
+) -> Result<Cameras, ImportError> {
     let matrices = rotations.unchecked_rows::<9>(None)?;
     let positions = positions.unchecked_rows::<3>(Some(matrices.len()))?;
     let camera = |(m, position): (&[f64; 9], Vec3)| {
@@ -44,7 +44,7 @@ pub(super) fn of_cameras(
 pub(super) fn of_extrinsics(
     rotation: &Part<'_>,
     shift: &Part<'_>,
-) -> Result<CameraPose, ClientError> {
+) -> Result<CameraPose, ImportError> {
     let matrix = exact_rotation(&rotation.matrix()?);
     let matrix = matrix.ok_or_else(|| rotation.fault("NOT_A_ROTATION", NO_ROTATION))?;
     let back = transpose(&matrix);
@@ -61,11 +61,11 @@ pub(super) fn of_extrinsics(
 /// # Errors
 /// When many poses have none.
 pub(super) fn follow(
-    people: &mut [Person],
+    people: &mut [TrackedPerson],
     cameras: &Cameras,
     part: &Part<'_>,
     notes: &mut Vec<String>,
-) -> Result<bool, ClientError> {
+) -> Result<bool, ImportError> {
     let sound: Vec<CameraPose> = cameras.iter().flatten().copied().collect();
     if !sound.is_empty() && !moves(&sound) {
         return Ok(false);

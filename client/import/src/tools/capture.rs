@@ -1,14 +1,14 @@
 //! The capture of a person that a tool found in a clip.
 
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::{Clip, fault, left_out, listed};
 use crate::geometry::{Mat3, Vec3, add, matvec, sub, transpose};
-use crate::proof::{Choice, Found, Masks, Numbers, ratio};
-use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
+use crate::proof::{ImportChoice, Masks, Numbers, ToolOutput, ratio};
+use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
 use crate::{Imported, Options};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use yoto_client::ClientError;
 
 /// Endings of videos, lower case.
 const VIDEOS: [&str; 6] = [".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi"];
@@ -20,10 +20,10 @@ const VIDEOS: [&str; 6] = [".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi"];
 /// numbers agrees with the masks.
 pub(crate) fn capture(
     tool: &Tool,
-    found: &Found,
+    found: &ToolOutput,
     source: &Path,
     options: &Options,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let at = options.poses.as_deref().unwrap_or(source);
     let mut notes = vec![summary(tool, found)];
     let found = &found.joined(&mut notes);
@@ -53,7 +53,7 @@ pub(crate) fn capture(
         }
         None => Masks::find(options.masks.as_deref(), found, &clip)?,
     };
-    let choice = Choice::find(
+    let choice = ImportChoice::find(
         &tool.documented,
         found,
         &masks,
@@ -81,7 +81,7 @@ pub(crate) fn capture(
 }
 
 /// `4D-Humans (PHALP): 2 people, 301 frames`.
-fn summary(tool: &Tool, found: &Found) -> String {
+fn summary(tool: &Tool, found: &ToolOutput) -> String {
     let people = match found.people.len() {
         1 => "1 person".to_owned(),
         many => format!("{many} people"),
@@ -96,7 +96,7 @@ fn summary(tool: &Tool, found: &Found) -> String {
 }
 
 /// The video of a tool's folder, if there is one alone.
-fn clip_in(source: &Path) -> Result<PathBuf, ClientError> {
+fn clip_in(source: &Path) -> Result<PathBuf, ImportError> {
     let folder = if source.is_dir() {
         source
     } else {
@@ -117,7 +117,7 @@ fn clip_in(source: &Path) -> Result<PathBuf, ClientError> {
     }
 }
 
-fn ensure_size(found: &Found, clip: &Clip, at: &Path, tool: &Tool) -> Result<(), ClientError> {
+fn ensure_size(found: &ToolOutput, clip: &Clip, at: &Path, tool: &Tool) -> Result<(), ImportError> {
     let Some(size) = found.size else {
         return Ok(());
     };
@@ -132,13 +132,13 @@ fn ensure_size(found: &Found, clip: &Clip, at: &Path, tool: &Tool) -> Result<(),
 }
 /// The capture of the chosen person.
 fn imported(
-    choice: &Choice<'_>,
+    choice: &ImportChoice<'_>,
     numbers: Numbers,
     clip: &Clip,
     at: &Path,
     options: &Options,
     mut notes: Vec<String>,
-) -> Result<Imported, ClientError> {
+) -> Result<Imported, ImportError> {
     let wanted = clip.selected(options)?;
     let rest_root = choice.rest.joints.first().copied().unwrap_or_default();
     let mut frames = BTreeMap::new();
@@ -201,12 +201,12 @@ fn imported(
         pictures: clip.pictures(&indices, masks),
         available: clip.frames,
         notes,
-        found: crate::Found::default(),
+        found: crate::Findings::default(),
     })
 }
 
 /// Changes the focal length, and with it the distance, so that the body stays where it is seen.
-fn refocus(camera: &mut Camera, placed: &mut Placed, focal: f64) {
+fn refocus(camera: &mut Camera, placed: &mut WorldPose, focal: f64) {
     let by = focal / camera.k[0][0];
     camera.k[0][0] *= by;
     camera.k[1][1] *= by;

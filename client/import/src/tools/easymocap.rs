@@ -9,21 +9,30 @@
 use super::opencv::calibration;
 use super::parts::push;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::Options;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
+use crate::proof::{Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, Translation};
 use crate::source::{Faulty, Part, Source};
 use crate::track::SmplPose;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::NO_DISTORTION;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "easymocap",
+    help: "EasyMocap: --poses a folder with smpl, intri.yml and extri.yml, with one view's video",
     files: "smpl/*.json with Rh and Th, and intri.yml",
+    locations: &[
+        ("smpl", "", ".json"),
+        ("output/smpl", "", ".json"),
+        ("output-smpl-3d/smpl", "", ".json"),
+    ],
+    search_rank: 8,
+    has_views: true,
     fits,
     read: |file| read(file.source, file.name, file.options),
     documented: Documented {
         tool: "EasyMocap",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutOrigin,
@@ -36,14 +45,14 @@ fn fits(root: &Part<'_>) -> bool {
     first.is_ok_and(|person| person.find("Rh").is_some() && person.find("Th").is_some())
 }
 
-fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientError> {
+fn read(source: &Source, file: &str, options: &Options) -> Result<ToolOutput, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let camera = calibration(source, folder, options)?;
     if camera.is_none() && options.focal.is_none() {
         let message = "there is no intri.yml beside the poses or above them, nor a --focal";
         return Err(source.fault("MISSING", "intri.yml", None, "", message));
     }
-    let (mut found, mut faulty) = (Found::of(Vec::new()), Faulty::default());
+    let (mut found, mut faulty) = (ToolOutput::of(Vec::new()), Faulty::default());
     found.distortion = camera
         .as_ref()
         .map_or(NO_DISTORTION, |camera| camera.distortion);
@@ -84,7 +93,7 @@ fn read(source: &Source, file: &str, options: &Options) -> Result<Found, ClientE
     Ok(found)
 }
 
-fn person(part: &Part<'_>, number: usize) -> Result<PoseEstimate, ClientError> {
+fn person(part: &Part<'_>, number: usize) -> Result<PoseEstimate, ImportError> {
     let mut pose: SmplPose = [0.0; 72];
     let body = part.get("poses")?;
     let values = body.vector()?;

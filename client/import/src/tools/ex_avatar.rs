@@ -9,13 +9,13 @@
 use super::camera_motion::of_extrinsics;
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::number_in;
 use crate::proof::{
-    Body, CameraPose, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation,
-    moves,
+    CameraPose, Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput,
+    TrackedPerson, Translation, moves,
 };
 use crate::source::{Faulty, Part, Source};
-use yoto_client::ClientError;
 
 const SHAPE: &str = "shape_param.json";
 const OFFSETS: &str = "joint_offset.json";
@@ -32,12 +32,21 @@ const NO_CAMERA: Intrinsics = Intrinsics {
 const NOTED: f64 = 0.005;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "exavatar",
+    help: "ExAvatar: --poses smplx_optimized/smplx_params, with the pictures or their video",
     files: "smplx_optimized/smplx_params/*.json with root_pose, trans and expr",
+    locations: &[
+        ("smplx_optimized/smplx_params_smoothed", "", ".json"),
+        ("smplx_params_smoothed", "", ".json"),
+        ("smplx_optimized/smplx_params", "", ".json"),
+    ],
+    search_rank: 6,
+    has_views: false,
     fits,
     read: |file| read(file.source, file.name),
     documented: Documented {
         tool: "ExAvatar",
-        body: Body::SmplX,
+        body: SmplVariant::SmplX,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -50,14 +59,14 @@ fn fits(root: &Part<'_>) -> bool {
     named.iter().all(|name| root.find(name).is_some()) && root.find("betas").is_none()
 }
 
-fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
+fn read(source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let betas = match beside(source, folder, SHAPE, 1) {
         Some(name) => source.data(&name, None)?.root().vector()?,
         None => vec![0.0; 10],
     };
     let cameras = beside(source, folder, CAMERAS, 2);
-    let mut found = Found::of(Vec::new());
+    let mut found = ToolOutput::of(Vec::new());
     let (mut seen, mut cameras_of_frames) = (Vec::new(), Vec::new());
     let mut faulty = Faulty::default();
     for name in source.list(folder, &[".json"])? {
@@ -99,7 +108,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     found.notes.extend(offsets(source, folder)?);
     // Names without leading zeros are listed in another order.
     seen.sort_by_key(|one: &PoseEstimate| one.number);
-    found.people.push(Person {
+    found.people.push(TrackedPerson {
         name: "0".to_owned(),
         seen,
     });
@@ -113,7 +122,7 @@ fn beside(source: &Source, folder: &str, name: &str, above: usize) -> Option<Str
     paths.into_iter().find(|path| source.has(path))
 }
 
-fn frame(root: &Part<'_>, number: usize, betas: &[f64]) -> Result<PoseEstimate, ClientError> {
+fn frame(root: &Part<'_>, number: usize, betas: &[f64]) -> Result<PoseEstimate, ImportError> {
     let body = root.get("body_pose")?.flat::<63>()?;
     let pose = pose_of_smplx(root.get("root_pose")?.fixed()?, &body);
     let mut seen = PoseEstimate::new(number, pose, root.get("trans")?.fixed()?, betas.to_vec());
@@ -126,14 +135,14 @@ fn camera(
     source: &Source,
     cameras: &str,
     number: usize,
-) -> Result<(Intrinsics, CameraPose), ClientError> {
+) -> Result<(Intrinsics, CameraPose), ImportError> {
     let data = source.data(&format!("{cameras}/{number}.json"), Some(number as u32))?;
     let root = data.root();
     let pose = of_extrinsics(&root.get("R")?, &root.get("t")?)?;
     Ok((intrinsics(&root)?, pose))
 }
 
-fn intrinsics(root: &Part<'_>) -> Result<Intrinsics, ClientError> {
+fn intrinsics(root: &Part<'_>) -> Result<Intrinsics, ImportError> {
     Ok(Intrinsics {
         focal: root.get("focal")?.fixed()?,
         centre: Some(root.get("princpt")?.fixed()?),
@@ -143,7 +152,7 @@ fn intrinsics(root: &Part<'_>) -> Result<Intrinsics, ClientError> {
 }
 
 /// A note about joints that the tool has moved from those of the shape, which are not moved here.
-fn offsets(source: &Source, folder: &str) -> Result<Option<String>, ClientError> {
+fn offsets(source: &Source, folder: &str) -> Result<Option<String>, ImportError> {
     let Some(name) = beside(source, folder, OFFSETS, 1) else {
         return Ok(None);
     };

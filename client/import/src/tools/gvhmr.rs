@@ -8,18 +8,26 @@
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::geometry::Vec3;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::proof::{
+    Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson,
+    Translation,
+};
 use crate::source::Part;
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "gvhmr",
+    help: "GVHMR: --poses hmr4d_results.pt, with its video",
     files: "hmr4d_results.pt with smpl_params_incam",
+    locations: &[("", "hmr4d_results", ".pt")],
+    search_rank: 1,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
         tool: "GVHMR",
-        body: Body::SmplX,
+        body: SmplVariant::SmplX,
         focal: Focal::Own,
         focal_without_own: Some(Focal::Diagonal),
         translation: Translation::AboutPelvis,
@@ -30,7 +38,7 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("smpl_params_incam").is_some() || root.find("smpl_params_global").is_some()
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
     let incam = root.get("smpl_params_incam")?;
     let orient = incam.get("global_orient")?.unchecked_rows::<3>(None)?;
     let transl = incam
@@ -62,7 +70,7 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         seen.intrinsics = camera.map(Intrinsics::of_middle);
         Some(seen)
     };
-    let mut found = Found::of(vec![Person {
+    let mut found = ToolOutput::of(vec![TrackedPerson {
         name: "0".to_owned(),
         seen: (0..orient.len()).filter_map(one).collect(),
     }]);

@@ -6,18 +6,26 @@
 
 use super::parts::pose_of_smplx;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::number_in;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::proof::{
+    Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson,
+    Translation,
+};
 use crate::source::{Faulty, Part, Source};
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "lhm",
+    help: "LHM's motions: --poses smplx_params, with their video",
     files: "smplx_params/*.json with root_pose and trans",
+    locations: &[("smplx_params", "", ".json")],
+    search_rank: 7,
+    has_views: false,
     fits,
     read: |file| read(file.source, file.name),
     documented: Documented {
         tool: "LHM",
-        body: Body::SmplX,
+        body: SmplVariant::SmplX,
         focal: Focal::Own,
         focal_without_own: Some(Focal::Sixty),
         translation: Translation::Pelvis,
@@ -29,7 +37,7 @@ fn fits(root: &Part<'_>) -> bool {
     named.iter().all(|name| root.find(name).is_some())
 }
 
-fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
+fn read(source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let (mut seen, mut faulty) = (Vec::new(), Faulty::default());
     for name in source.list(folder, &[".json"])? {
@@ -44,7 +52,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
         let read = source.data(name, Some(number as u32));
         seen.extend(faulty.keep(read.and_then(|data| frame(&data.root(), number)))?);
     }
-    let mut found = Found::of(vec![Person {
+    let mut found = ToolOutput::of(vec![TrackedPerson {
         name: "0".to_owned(),
         seen,
     }]);
@@ -52,7 +60,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     Ok(found)
 }
 
-fn frame(root: &Part<'_>, number: usize) -> Result<PoseEstimate, ClientError> {
+fn frame(root: &Part<'_>, number: usize) -> Result<PoseEstimate, ImportError> {
     let body = root.get("body_pose")?.flat::<63>()?;
     let pose = pose_of_smplx(root.get("root_pose")?.fixed()?, &body);
     let t = root.get("trans")?.fixed()?;

@@ -1,13 +1,13 @@
 //! Files of programs that find the poses of people in a video, with the clip itself.
 //!
-//! One file per tool reads its files to [`Found`](crate::proof::Found): people, frames, rotations, translations and cameras.
+//! One file per tool reads its files to [`ToolOutput`](crate::proof::ToolOutput): people, frames, rotations, translations and cameras.
 //! The rest is common to all: [`recognise`] says which tool wrote a file, [`proof`](crate::proof) which
-//! person is taken and what the numbers mean, and [`capture`] makes the capture. BVH, which has rotations
+//! person is taken and what the numbers mean, and [`mod@capture`] makes the capture. BVH, which has rotations
 //! and no body model, is a reader of its own ([`bvh_clip`]).
 //!
 //! ```text
-//! tool's files → recognise → Found ┐
-//! clip, masks ─────────────────────┴→ choice (rest × masks × readings, by proof) → track
+//! tool's files → recognise → ToolOutput ┐
+//! clip, masks ──────────────────────────┴→ choice (rest × masks × readings, by proof) → track
 //! ```
 
 pub(crate) mod bvh_clip;

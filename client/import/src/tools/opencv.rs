@@ -3,11 +3,11 @@
 //! `K_<name>` `[3, 3]`, and the lens's `dist_<name>` or `D_<name>`; `Rot_<name>` `[3, 3]` and `T_<name>`
 //! `[3]`, world to camera, metres.
 
+use crate::ImportError;
 use crate::Options;
 use crate::geometry::extrinsics;
 use crate::proof::Intrinsics;
 use crate::source::Source;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::NO_DISTORTION;
 
 /// A camera of OpenCV's files.
@@ -23,7 +23,7 @@ pub(crate) fn calibration(
     source: &Source,
     folder: &str,
     options: &Options,
-) -> Result<Option<Calibration>, ClientError> {
+) -> Result<Option<Calibration>, ImportError> {
     let folders = [
         format!("{folder}/"),
         format!("{folder}/../"),
@@ -89,7 +89,7 @@ fn relative(folder: &str, file: &str) -> String {
     format!("{}{file}", folder.trim_start_matches('/'))
 }
 
-fn read_text(source: &Source, file: &str) -> Result<String, ClientError> {
+fn read_text(source: &Source, file: &str) -> Result<String, ImportError> {
     String::from_utf8(source.bytes(file, None)?)
         .map_err(|_| source.fault("UNREADABLE", file, None, "", "this is not text"))
 }

@@ -1,18 +1,18 @@
-//! What the files of several tools have in common.
+//! Parsing that the files of several tools share.
 
+use crate::ImportError;
 use crate::geometry::{Vec3, log_map};
-use crate::proof::{Person, PoseEstimate};
+use crate::proof::{PoseEstimate, TrackedPerson};
 use crate::source::Part;
 use crate::track::SmplPose;
 use std::sync::Arc;
-use yoto_client::ClientError;
 use yoto_formats::rle::RunLengths;
 
 /// Adds a frame to the person `name`.
-pub(super) fn push(people: &mut Vec<Person>, name: String, seen: PoseEstimate) {
+pub(super) fn push(people: &mut Vec<TrackedPerson>, name: String, seen: PoseEstimate) {
     match people.iter_mut().find(|person| person.name == name) {
         Some(person) => person.seen.push(seen),
-        None => people.push(Person {
+        None => people.push(TrackedPerson {
             name,
             seen: vec![seen],
         }),
@@ -20,7 +20,7 @@ pub(super) fn push(people: &mut Vec<Person>, name: String, seen: PoseEstimate) {
 }
 
 /// Run lengths, or a list of one; `None` where there are none.
-pub(super) fn runs(part: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ClientError> {
+pub(super) fn runs(part: &Part<'_>) -> Result<Option<Arc<RunLengths>>, ImportError> {
     if part.is_list() {
         return match part.len()? {
             0 => Ok(None),

@@ -9,9 +9,9 @@
 
 use super::parts::{pose_of_matrices, push, runs};
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, PoseEstimate, Translation};
+use crate::ImportError;
+use crate::proof::{Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, Translation};
 use crate::source::{Faulty, Part};
-use yoto_client::ClientError;
 
 /// SMPL's joints among OpenPose's: index there, index in SMPL.
 const OPENPOSE: [(usize, usize); 14] = [
@@ -32,12 +32,17 @@ const OPENPOSE: [(usize, usize); 14] = [
 ];
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "phalp",
+    help: "4D-Humans' tracker PHALP: --poses outputs/results/demo_*.pkl, with its video",
     files: "results/demo_*.pkl with tid, smpl and camera of each frame",
+    locations: &[("results", "demo_", ".pkl"), ("", "demo_", ".pkl")],
+    search_rank: 4,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
         tool: "4D-Humans (PHALP)",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Phalp,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -54,9 +59,9 @@ fn fits(root: &Part<'_>) -> bool {
     !frames.is_empty() && frames.iter().all(|(_, part)| is_frame(part))
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
     let frames = root.members()?;
-    let mut found = Found::of(Vec::new());
+    let mut found = ToolOutput::of(Vec::new());
     found.frames = Some(frames.len());
     let (mut ghosts, mut faulty) = (0, Faulty::default());
     for (order, (path, frame)) in frames.iter().enumerate() {
@@ -96,8 +101,8 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
     Ok(found)
 }
 
-/// The frame's number, its tracks, and the frames for which each has not been seen.
-fn tracks(frame: &Part<'_>, order: usize) -> Result<(usize, Vec<f64>, Vec<f64>), ClientError> {
+/// The frame's number, its tracks, and for each track the frames since it was last seen.
+fn tracks(frame: &Part<'_>, order: usize) -> Result<(usize, Vec<f64>, Vec<f64>), ImportError> {
     let number = match frame.find("time") {
         Some(time) => time.number()? as usize,
         None => order,
@@ -107,7 +112,7 @@ fn tracks(frame: &Part<'_>, order: usize) -> Result<(usize, Vec<f64>, Vec<f64>),
     Ok((number, tids, ages.transpose()?.unwrap_or_default()))
 }
 
-fn person(frame: &Part<'_>, at: usize, number: usize) -> Result<PoseEstimate, ClientError> {
+fn person(frame: &Part<'_>, at: usize, number: usize) -> Result<PoseEstimate, ImportError> {
     let smpl = frame.get("smpl")?.at(at)?;
     let mut matrices = smpl.get("global_orient")?.flat::<9>()?.to_vec();
     matrices.extend(smpl.get("body_pose")?.flat::<207>()?);

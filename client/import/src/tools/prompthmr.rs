@@ -9,17 +9,25 @@
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::pose_of_matrices;
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::ImportError;
+use crate::proof::{
+    Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson,
+    Translation,
+};
 use crate::source::Part;
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "prompthmr",
+    help: "PromptHMR: --poses results.pkl, with its video",
     files: "results.pkl with people and camera",
+    locations: &[("", "results", ".pkl")],
+    search_rank: 2,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
         tool: "PromptHMR",
-        body: Body::SmplX,
+        body: SmplVariant::SmplX,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -30,7 +38,7 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("people").is_some() && root.find("camera").is_some()
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
     let camera = root.get("camera")?;
     let focal = camera.get("img_focal")?.number()?;
     let centre: [f64; 2] = camera.get("img_center")?.fixed()?;
@@ -56,12 +64,12 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
             seen.intrinsics = Some(intrinsics);
             seen
         });
-        people.push(Person {
+        people.push(TrackedPerson {
             name,
             seen: seen.collect(),
         });
     }
-    let mut found = Found::of(people);
+    let mut found = ToolOutput::of(people);
     if let Some(rotations) = camera.find("pred_cam_R") {
         let motion = of_cameras(&rotations, &camera.get("pred_cam_T")?)?;
         found.frames = Some(motion.len());

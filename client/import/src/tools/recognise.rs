@@ -1,42 +1,34 @@
-//! Which tool wrote a file or a folder, by their contents.
+//! Recognises the tool that wrote a file or a folder, by the contents.
 
 use super::ALL;
 use super::sieve::sieve;
-use super::tool::{Tool, ToolFile};
+use super::tool::{Location, Tool, ToolFile};
+use crate::ImportError;
 use crate::Options;
 use crate::clip::fault;
-use crate::proof::Found;
+use crate::proof::ToolOutput;
 use crate::source::Source;
-use crate::{keypoints, what};
+use crate::{keypoints, misplaced};
 use std::path::Path;
-use yoto_client::ClientError;
 
-/// Endings of files that tools write.
+/// Endings of the containers in which tools write.
 const ENDINGS: [&str; 7] = ["pkl", "joblib", "pt", "pth", "npz", "npy", "json"];
 
-/// Folders below the given one, and beginnings and endings of the files in them that tools write.
-const LOCATIONS: [(&str, &str, &str); 20] = [
-    ("", "wham_output", ".pkl"),
-    ("", "hmr4d_results", ".pt"),
-    ("", "results", ".pkl"),
-    ("hps", "hps_track", ".npy"),
-    ("", "hps_track", ".npy"),
-    ("results", "demo_", ".pkl"),
-    ("", "demo_", ".pkl"),
-    ("", "video_results", ".npz"),
-    ("smplx_optimized/smplx_params_smoothed", "", ".json"),
-    ("smplx_params_smoothed", "", ".json"),
-    ("smplx_optimized/smplx_params", "", ".json"),
-    ("smplx_params", "", ".json"),
-    ("smpl", "", ".json"),
-    ("output/smpl", "", ".json"),
-    ("output-smpl-3d/smpl", "", ".json"),
+/// Files of any name, which are tried after those of [`named_locations`].
+const ANY_NAME: [Location; 5] = [
     ("", "", ".pkl"),
     ("", "", ".pt"),
     ("", "", ".pth"),
     ("", "", ".npz"),
     ("", "", ".json"),
 ];
+
+/// The locations of the tools' files, the surest first.
+fn named_locations() -> impl Iterator<Item = &'static Location> {
+    let mut tools = ALL;
+    tools.sort_by_key(|tool| tool.search_rank);
+    tools.into_iter().flat_map(|tool| tool.locations)
+}
 
 /// The contents of the file or folder at `path`, and the tool that wrote it; `forced` if the user says
 /// which.
@@ -47,7 +39,7 @@ pub(crate) fn open(
     path: &Path,
     forced: Option<&'static Tool>,
     options: &Options,
-) -> Result<(&'static Tool, Found), ClientError> {
+) -> Result<(&'static Tool, ToolOutput), ImportError> {
     if path.is_file() {
         let source = Source::new(path.parent().unwrap_or(Path::new("")));
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -86,18 +78,13 @@ pub(crate) fn wrote(path: &Path) -> Option<&'static str> {
 /// Whether the folder holds files with the names of a tool's.
 pub(crate) fn has_files(path: &Path) -> bool {
     let source = Source::new(path);
-    let named = LOCATIONS
-        .iter()
-        .filter(|(folder, start, _)| !folder.is_empty() || !start.is_empty());
-    named
-        .into_iter()
-        .any(|location| first(&source, location).is_ok_and(|name| name.is_some()))
+    named_locations().any(|location| first(&source, location).is_ok_and(|name| name.is_some()))
 }
 
 /// The first file of every location, the surest first.
-fn candidates(source: &Source) -> Result<Vec<String>, ClientError> {
+fn candidates(source: &Source) -> Result<Vec<String>, ImportError> {
     let mut names = Vec::new();
-    for location in &LOCATIONS {
+    for location in named_locations().chain(&ANY_NAME) {
         if let Some(name) = first(source, location)?
             && !names.contains(&name)
         {
@@ -107,7 +94,7 @@ fn candidates(source: &Source) -> Result<Vec<String>, ClientError> {
     Ok(names)
 }
 
-fn first(source: &Source, location: &(&str, &str, &str)) -> Result<Option<String>, ClientError> {
+fn first(source: &Source, location: &Location) -> Result<Option<String>, ImportError> {
     let (folder, start, ending) = *location;
     if !source.path(folder).is_dir() {
         return Ok(None);
@@ -123,13 +110,13 @@ fn first(source: &Source, location: &(&str, &str, &str)) -> Result<Option<String
     Ok(name.map(|name| name.trim_start_matches('/').to_owned()))
 }
 
-/// The contents of `file`; `None` when it is no tool's, or another tool's than `forced`.
+/// The contents of `file`; `None` when no tool wrote it, or a tool other than `forced`.
 fn read_file(
     source: &Source,
     file: &str,
     forced: Option<&'static Tool>,
     options: &Options,
-) -> Result<Option<(&'static Tool, Found)>, ClientError> {
+) -> Result<Option<(&'static Tool, ToolOutput)>, ImportError> {
     let ending = Path::new(file)
         .extension()
         .and_then(|ending| ending.to_str());
@@ -157,8 +144,8 @@ fn read_file(
     Ok(Some((tool, found)))
 }
 
-/// The error about files of no tool: what they are, and what was looked for.
-fn unknown(path: &Path, forced: Option<&'static Tool>) -> ClientError {
+/// The error about files that no tool wrote: what they are, and what was searched for.
+fn unknown(path: &Path, forced: Option<&'static Tool>) -> ImportError {
     let looked = match forced {
         Some(tool) => format!("{}: {}", tool.documented.tool, tool.files),
         None => {
@@ -166,9 +153,9 @@ fn unknown(path: &Path, forced: Option<&'static Tool>) -> ClientError {
             format!(
                 "the poses of {}, a .bvh, and key points of {}",
                 tools.join(", "),
-                keypoints::DETECTORS
+                keypoints::looked_for()
             )
         }
     };
-    what::unknown(path, &looked)
+    misplaced::unknown(path, &looked)
 }

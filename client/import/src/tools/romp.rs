@@ -1,6 +1,6 @@
 //! ROMP and BEV: a `.npz` of `results` per frame, or `video_results.npz` of all frames by name.
 //!
-//! Of `P` people: `smpl_thetas` `[P, 72]`, `smpl_betas` `[P, 10]` (BEV: 11), `cam_trans` `[P, 3]` (for a
+//! Arrays of `P` people: `smpl_thetas` `[P, 72]`, `smpl_betas` `[P, 10]` (BEV: 11), `cam_trans` `[P, 3]` (for a
 //! view of 60°), `joints` `[P, 71, 3]` (SMPL's 24 first), `track_ids` `[P]` with `-t`. The pelvis is at
 //! `joints[0] + cam_trans`, whether the tool aligned the joints to the hips or not. Without SMPL
 //! (`--calc_smpl` switches it off) there are no joints and the translation is for another focal length:
@@ -8,23 +8,30 @@
 
 use super::parts::push;
 use super::tool::Tool;
+use crate::ImportError;
 use crate::clip::number_in;
 use crate::geometry::{Vec3, dot, sub};
-use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
+use crate::proof::{
+    Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson, Translation,
+};
 use crate::source::{Faulty, Part, Source};
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
 /// Largest motion of a person from frame to frame, metres, if no file has numbers of people.
 const STRIDE: f64 = 1.0;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "romp",
+    help: "ROMP or BEV: --poses a folder of *.npz or video_results.npz, with its video",
     files: "*.npz with results",
+    locations: &[("", "video_results", ".npz")],
+    search_rank: 5,
+    has_views: false,
     fits,
     read: |file| read(file.root, file.source, file.name),
     documented: Documented {
         tool: "ROMP or BEV",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Sixty,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -35,9 +42,9 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("results").is_some()
 }
 
-fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>, source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let results = root.get("results")?;
-    let (mut found, mut faulty) = (Found::of(Vec::new()), Faulty::default());
+    let (mut found, mut faulty) = (ToolOutput::of(Vec::new()), Faulty::default());
     if is_frame(&results) {
         let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
         for (order, name) in source.list(folder, &[".npz"])?.iter().enumerate() {
@@ -74,11 +81,11 @@ fn is_frame(part: &Part<'_>) -> bool {
 }
 
 fn add(
-    people: &mut Vec<Person>,
+    people: &mut Vec<TrackedPerson>,
     part: &Part<'_>,
     number: usize,
     name: &str,
-) -> Result<(), ClientError> {
+) -> Result<(), ImportError> {
     let Some(thetas) = part.find("smpl_thetas") else {
         let message = "there are no smpl_thetas: the tool ran without SMPL, and its translations then \
                        belong to no body. Given alone, --calc_smpl switches SMPL off: run it again \
@@ -124,9 +131,9 @@ fn add(
     Ok(())
 }
 
-/// The person who was last seen nearest to `t`, and not in this frame.
-fn nearest(people: &[Person], t: Vec3, number: usize) -> Option<String> {
-    let away = |person: &Person| {
+/// The person last seen nearest to `t`, among those not yet found in this frame.
+fn nearest(people: &[TrackedPerson], t: Vec3, number: usize) -> Option<String> {
+    let away = |person: &TrackedPerson| {
         let last = person.seen.last()?;
         let by = sub(last.t, t);
         let far = dot(by, by).sqrt();

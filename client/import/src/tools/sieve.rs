@@ -1,15 +1,15 @@
 //! Poses with numbers that are not finite: a few are left out by frame and joint.
 
-use crate::proof::{Found, PoseEstimate};
+use crate::ImportError;
+use crate::proof::{PoseEstimate, ToolOutput};
 use crate::source::{Faulty, Part, not_finite};
-use yoto_client::ClientError;
 use yoto_proto::smpl::JOINTS;
 
-/// Leaves poses out of what was `found` in the file of `root` that have numbers which are not finite, with a note.
+/// Leaves out the poses of `found`, read from the file of `root`, with numbers that are not finite; with a note.
 ///
 /// # Errors
-/// When many have.
-pub(super) fn sieve(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> {
+/// When many poses have such numbers.
+pub(super) fn sieve(found: &mut ToolOutput, root: &Part<'_>) -> Result<(), ImportError> {
     let mut faulty = Faulty::default();
     let several = found.people.len() > 1;
     for person in &mut found.people {
@@ -37,7 +37,7 @@ pub(super) fn sieve(found: &mut Found, root: &Part<'_>) -> Result<(), ClientErro
     faulty.finish(&mut found.notes)
 }
 
-/// What is not finite of a pose.
+/// The first number of a pose that is not finite, in words.
 fn fault(seen: &PoseEstimate) -> Option<String> {
     let mut others: Vec<(&str, &[f64])> =
         vec![("the translation", &seen.t), ("the shape", &seen.betas)];

@@ -10,20 +10,28 @@
 use super::camera_motion::{FIRST_CAMERA, Y_UP, follow, of_cameras};
 use super::parts::{pose_of_matrices, runs};
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Intrinsics, Person, PoseEstimate, Translation};
+use crate::ImportError;
+use crate::proof::{
+    Documented, Focal, Intrinsics, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson,
+    Translation,
+};
 use crate::source::{Part, Source};
-use yoto_client::ClientError;
 
 const CAMERA: &str = "camera.npy";
 const MASKS: &str = "masks.npy";
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "tram",
+    help: "TRAM: --poses results/CLIP, with its video",
     files: "hps/hps_track_*.npy with pred_rotmat, and camera.npy",
+    locations: &[("hps", "hps_track", ".npy"), ("", "hps_track", ".npy")],
+    search_rank: 3,
+    has_views: false,
     fits,
     read: |file| read(file.source, file.name),
     documented: Documented {
         tool: "TRAM",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Own,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -35,7 +43,7 @@ fn fits(root: &Part<'_>) -> bool {
 }
 
 /// `file` is any track, relative to the folder of `source`.
-fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
+fn read(source: &Source, file: &str) -> Result<ToolOutput, ImportError> {
     let inside = file.rsplit_once('/').map_or("", |(folder, _)| folder);
     let above = match inside.rsplit_once('/') {
         Some((above, _)) => format!("{above}/"),
@@ -60,14 +68,14 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
     } else {
         None
     };
-    let mut found = Found::of(Vec::new());
+    let mut found = ToolOutput::of(Vec::new());
     for name in source.list(inside, &[".npy"])? {
         let name = name.trim_start_matches('/');
         let data = source.data(name, None)?;
         if fits(&data.root()) {
             let track = name.rsplit_once("track_").map_or(name, |(_, track)| track);
             let seen = track_of(&data.root(), intrinsics)?;
-            found.people.push(Person {
+            found.people.push(TrackedPerson {
                 name: track.trim_end_matches(".npy").to_owned(),
                 seen,
             });
@@ -91,7 +99,7 @@ fn read(source: &Source, file: &str) -> Result<Found, ClientError> {
 }
 
 /// Moves the people of `found` to the world, if the camera of `root` moves.
-fn follow_camera(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> {
+fn follow_camera(found: &mut ToolOutput, root: &Part<'_>) -> Result<(), ImportError> {
     let cameras = [
         ("world_cam_R", "world_cam_T", Y_UP),
         ("pred_cam_R", "pred_cam_T", FIRST_CAMERA),
@@ -112,7 +120,7 @@ fn follow_camera(found: &mut Found, root: &Part<'_>) -> Result<(), ClientError> 
 fn track_of(
     root: &Part<'_>,
     intrinsics: Option<Intrinsics>,
-) -> Result<Vec<PoseEstimate>, ClientError> {
+) -> Result<Vec<PoseEstimate>, ImportError> {
     let matrices = root.get("pred_rotmat")?.unchecked_rows::<216>(None)?;
     let count = matrices.len();
     let shapes = root.get("pred_shape")?.same_betas(count)?;

@@ -5,17 +5,24 @@
 //! origin of their own for each person and another joint at it, so they are not read.
 
 use super::tool::Tool;
-use crate::proof::{Body, Documented, Focal, Found, Person, PoseEstimate, Translation};
+use crate::ImportError;
+use crate::proof::{
+    Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, TrackedPerson, Translation,
+};
 use crate::source::Part;
-use yoto_client::ClientError;
 
 pub(crate) static TOOL: Tool = Tool {
+    from: "wham",
+    help: "WHAM: --poses wham_output.pkl, with its video",
     files: "wham_output.pkl with pose, trans and frame_ids of each person",
+    locations: &[("", "wham_output", ".pkl")],
+    search_rank: 0,
+    has_views: false,
     fits,
     read: |file| read(file.root),
     documented: Documented {
         tool: "WHAM",
-        body: Body::Smpl,
+        body: SmplVariant::Smpl,
         focal: Focal::Diagonal,
         focal_without_own: None,
         translation: Translation::AboutPelvis,
@@ -33,7 +40,7 @@ fn fits(root: &Part<'_>) -> bool {
     !people.is_empty() && people.iter().all(|(_, part)| is_person(part))
 }
 
-fn read(root: &Part<'_>) -> Result<Found, ClientError> {
+fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
     let mut people = Vec::new();
     for (name, part) in root.members()? {
         let poses = part.get("pose")?.unchecked_rows::<72>(None)?;
@@ -44,10 +51,10 @@ fn read(root: &Part<'_>) -> Result<Found, ClientError> {
         let seen = numbers.into_iter().zip(poses).zip(translations).zip(betas);
         let seen =
             seen.map(|(((number, pose), t), betas)| PoseEstimate::new(number, pose, t, betas));
-        people.push(Person {
+        people.push(TrackedPerson {
             name,
             seen: seen.collect(),
         });
     }
-    Ok(Found::of(people))
+    Ok(ToolOutput::of(people))
 }

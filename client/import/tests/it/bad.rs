@@ -1,6 +1,7 @@
 //! What is wrong is said by file, frame and field.
 
 use crate::captures;
+use crate::format;
 use std::path::Path;
 use yoto_import::{Format, Options, TrackForm, read, write};
 
@@ -45,11 +46,11 @@ fn smpl() -> Options {
 fn shape_parameters_need_a_body_model() {
     let none = Options::default();
     for (format, name) in [
-        (Format::Zju, "CoreView_377"),
-        (Format::HumanNerf, "humannerf_wild"),
+        (format("zju"), "CoreView_377"),
+        (format("humannerf"), "humannerf_wild"),
         #[cfg(feature = "hdf5")]
-        (Format::PeopleSnapshot, "people_snapshot/x-1-test"),
-        (Format::InstantAvatar, "instant_avatar"),
+        (format("people-snapshot"), "people_snapshot/x-1-test"),
+        (format("instant-avatar"), "instant_avatar"),
     ] {
         let text = fault(format, name, &none, |_| {});
         assert!(text.contains("--smpl FILE"), "{name}: {text}");
@@ -77,7 +78,7 @@ fn empty(name: &'static str) -> impl Fn(&Path) {
 fn missing_and_truncated_files_of_people_snapshot_are_named() {
     let snapshot = |break_it: &dyn Fn(&Path)| {
         fault(
-            Format::PeopleSnapshot,
+            format("people-snapshot"),
             "people_snapshot/x-1-test",
             &smpl(),
             break_it,
@@ -108,7 +109,7 @@ fn chunks_beyond_their_file_or_dataset_are_refused() {
     ];
     for (at, forged, reason) in cases {
         let text = fault(
-            Format::PeopleSnapshot,
+            format("people-snapshot"),
             "people_snapshot/x-1-test",
             &smpl(),
             |dir| {
@@ -129,7 +130,7 @@ fn chunks_beyond_their_file_or_dataset_are_refused() {
 
 #[test]
 fn missing_and_truncated_files_are_named_with_their_frame() {
-    let zju = |break_it: &dyn Fn(&Path)| fault(Format::Zju, "CoreView_377", &smpl(), break_it);
+    let zju = |break_it: &dyn Fn(&Path)| fault(format("zju"), "CoreView_377", &smpl(), break_it);
     let text = zju(&remove("new_params/1.npy"));
     assert!(
         text.contains("new_params/1.npy frame 1: there is no such file"),
@@ -153,7 +154,7 @@ fn missing_and_truncated_files_are_named_with_their_frame() {
     let prepared = |break_it: &dyn Fn(&Path)| {
         let none = Options::default();
         fault(
-            Format::HumanNerf,
+            format("humannerf"),
             "humannerf_wild_prepared",
             &none,
             break_it,
@@ -174,7 +175,7 @@ fn missing_and_truncated_files_are_named_with_their_frame() {
 #[test]
 fn wrong_numbers_are_named_with_their_field() {
     let edit = |change: &dyn Fn(&mut serde_json::Value)| {
-        fault(Format::HumanNerf, "humannerf_wild", &smpl(), |dir| {
+        fault(format("humannerf"), "humannerf_wild", &smpl(), |dir| {
             let path = dir.join("metadata.json");
             let text = std::fs::read(&path).expect("reads");
             let mut json = serde_json::from_slice(&text).expect("JSON");
@@ -223,7 +224,7 @@ fn wrong_numbers_are_named_with_their_field() {
 
 #[test]
 fn counts_that_do_not_fit_are_said() {
-    let text = fault(Format::InstantAvatar, "instant_avatar", &smpl(), |dir| {
+    let text = fault(format("instant-avatar"), "instant_avatar", &smpl(), |dir| {
         std::fs::remove_file(dir.join("masks/mask_0002.npy")).expect("removes");
     });
     assert!(text.contains("masks: 3 masks for 4 images"), "{text}");
@@ -231,9 +232,9 @@ fn counts_that_do_not_fit_are_said() {
         poses: Some("poses/train.npz".into()),
         ..smpl()
     };
-    let text = fault(Format::InstantAvatar, "instant_avatar", &split, |_| {});
+    let text = fault(format("instant-avatar"), "instant_avatar", &split, |_| {});
     assert!(text.contains("2 poses for 4 images"), "{text}");
-    let text = fault(Format::InstantAvatar, "instant_avatar", &smpl(), |dir| {
+    let text = fault(format("instant-avatar"), "instant_avatar", &smpl(), |dir| {
         std::fs::remove_file(dir.join("poses.npz")).expect("removes");
         std::fs::copy(dir.join("poses/train.npz"), dir.join("poses/test.npz")).expect("copies");
     });
@@ -245,7 +246,7 @@ fn counts_that_do_not_fit_are_said() {
         camera: Some(23),
         ..smpl()
     };
-    let text = fault(Format::Zju, "CoreView_377", &many, |_| {});
+    let text = fault(format("zju"), "CoreView_377", &many, |_| {});
     assert!(
         text.contains("cams.K: there is no camera 23: there are 23"),
         "{text}"
@@ -254,13 +255,13 @@ fn counts_that_do_not_fit_are_said() {
         frames: Some((9, 12, 1)),
         ..smpl()
     };
-    let text = fault(Format::Zju, "CoreView_377", &none, |_| {});
+    let text = fault(format("zju"), "CoreView_377", &none, |_| {});
     assert!(text.contains("0 of 3 frames"), "{text}");
 }
 
 #[test]
 fn pictures_of_another_size_or_kind_are_refused() {
-    let text = fault(Format::HumanNerf, "humannerf_wild", &smpl(), |dir| {
+    let text = fault(format("humannerf"), "humannerf_wild", &smpl(), |dir| {
         let small = image::RgbImage::new(10, 10);
         small
             .save(dir.join("masks/frame_000001.png"))
@@ -270,7 +271,7 @@ fn pictures_of_another_size_or_kind_are_refused() {
         text.contains("frame_000001.png frame 1: 10x10 pixels"),
         "{text}"
     );
-    let text = fault(Format::HumanNerf, "humannerf_wild", &smpl(), |dir| {
+    let text = fault(format("humannerf"), "humannerf_wild", &smpl(), |dir| {
         std::fs::write(dir.join("images/frame_000001.png"), b"GIF89a").expect("writes");
     });
     assert!(text.contains("frame_000001.png frame 1:"), "{text}");
@@ -280,7 +281,7 @@ fn pictures_of_another_size_or_kind_are_refused() {
 #[test]
 fn a_pickle_that_would_run_a_program_is_refused() {
     let text = fault(
-        Format::PeopleSnapshot,
+        format("people-snapshot"),
         "people_snapshot/x-1-test",
         &smpl(),
         |dir| {

@@ -2,6 +2,7 @@
 //! corrected and said, or refused.
 
 use crate::bvh::{MIXAMO, UNTURNED, bvh};
+use crate::format;
 use crate::own_skeleton::smpl;
 use crate::pose_tools::{files, indices, truth};
 use std::path::Path;
@@ -53,11 +54,11 @@ fn options(dir: &Path, text: &str) -> Options {
 }
 
 fn import(options: &Options) -> Imported {
-    read(Format::Auto, &files("clip/frames"), options).expect("imports")
+    read(Format::AUTO, &files("clip/frames"), options).expect("imports")
 }
 
 fn refused(options: &Options) -> String {
-    let done = read(Format::Auto, &files("clip/frames"), options);
+    let done = read(Format::AUTO, &files("clip/frames"), options);
     done.map(|found| found.notes)
         .expect_err("refused")
         .to_string()
@@ -164,7 +165,7 @@ fn units_directions_frames_and_rates_are_found() {
             fps: Some(25.0),
             ..options(dir.path(), &bvh(&track, 0.01, &Y_UP, &UNTURNED))
         };
-        read(Format::Auto, &clip.join("frames"), &options)
+        read(Format::AUTO, &clip.join("frames"), &options)
     };
     let early = of(&[4, 8, 12], 25.0).expect("imports");
     let notes = early.notes.join("\n");
@@ -282,7 +283,7 @@ fn what_is_not_there_is_said() {
         message.contains("is read as bvh, which does not read --height"),
         "{message}"
     );
-    let alone = read(Format::Bvh, &files("clip/frames"), &Options::default());
+    let alone = read(format("bvh"), &files("clip/frames"), &Options::default());
     let message = alone.expect_err("no file").to_string();
     assert!(message.contains("--poses FILE.bvh"), "{message}");
 }

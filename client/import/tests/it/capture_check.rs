@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use yoto_capture::FrameImage;
+use yoto_import::Progress;
 use yoto_import::capture_check::{Checked, check};
 use yoto_import::capture_dir::CaptureOptions;
 use yoto_proto::pose_track::FILE;
@@ -40,7 +41,7 @@ fn write(folder: &Path) {
 }
 
 fn checked(folder: &Path, options: &CaptureOptions) -> Checked {
-    check(folder, options, None).expect("reads")
+    check(folder, options, None, &Progress::default()).expect("reads")
 }
 
 #[test]

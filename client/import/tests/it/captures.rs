@@ -1,8 +1,9 @@
 //! Every format's joints land where they should.
 
+use crate::format;
 use crate::projected::assert_lands;
 use crate::{captures, expected};
-use yoto_import::{BodyModel, Format, Options, Pictures, read};
+use yoto_import::{BodyModel, Options, Pictures, read};
 
 fn smpl() -> Options {
     Options {
@@ -56,7 +57,7 @@ fn body_models_of_every_kind_give_the_same_joints() {
 #[test]
 fn zju_is_in_millimetres_and_turns_about_the_origin() {
     for name in ["CoreView_377", "CoreView_313"] {
-        let found = read(Format::Zju, &captures(name), &smpl()).expect(name);
+        let found = read(format("zju"), &captures(name), &smpl()).expect(name);
         assert_lands(&found.track, name, &[0, 1, 2], SHAPES_DIFFER);
         root_is_exact(&found.track, name);
         let other = Options {
@@ -64,7 +65,7 @@ fn zju_is_in_millimetres_and_turns_about_the_origin() {
             frames: Some((1, 3, 1)),
             ..smpl()
         };
-        let found = read(Format::Zju, &captures(name), &other).expect(name);
+        let found = read(format("zju"), &captures(name), &other).expect(name);
         assert_lands(&found.track, &format!("{name}@1"), &[1, 2], SHAPES_DIFFER);
         let Pictures::Files(files) = &found.pictures else {
             panic!("{name} has files");
@@ -75,7 +76,7 @@ fn zju_is_in_millimetres_and_turns_about_the_origin() {
             frames: Some((1, 900, 2)),
             ..smpl()
         };
-        let found = read(Format::Zju, &captures(name), &beyond).expect(name);
+        let found = read(format("zju"), &captures(name), &beyond).expect(name);
         let told = "the range goes to frame 900, and there are 3 frames";
         assert!(found.notes.iter().any(|it| it == told), "{:?}", found.notes);
     }
@@ -83,12 +84,12 @@ fn zju_is_in_millimetres_and_turns_about_the_origin() {
 
 #[test]
 fn humannerf_s_wild_video_and_what_it_prepares_are_the_same() {
-    let wild = read(Format::HumanNerf, &captures("humannerf_wild"), &smpl()).expect("wild");
+    let wild = read(format("humannerf"), &captures("humannerf_wild"), &smpl()).expect("wild");
     assert_lands(&wild.track, "humannerf_wild", &[0, 1], SHAPES_DIFFER);
     root_is_exact(&wild.track, "humannerf_wild");
     // Its rest joints are in the files: no body model is needed.
     let folder = captures("humannerf_wild_prepared");
-    let made = read(Format::HumanNerf, &folder, &Options::default()).expect("prepared");
+    let made = read(format("humannerf"), &folder, &Options::default()).expect("prepared");
     assert_lands(
         &made.track,
         "humannerf_wild_prepared",
@@ -111,14 +112,14 @@ fn humannerf_s_wild_video_and_what_it_prepares_are_the_same() {
         rest_joints: Some(folder.join("canonical_joints.pkl")),
         ..Options::default()
     };
-    let given = read(Format::HumanNerf, &captures("humannerf_wild"), &joints).expect("given");
+    let given = read(format("humannerf"), &captures("humannerf_wild"), &joints).expect("given");
     assert_eq!(given.track.skeleton, made.track.skeleton);
 }
 
 #[test]
 fn humannerf_s_prepared_zju_keeps_its_lens() {
     let name = "humannerf_zju_prepared";
-    let found = read(Format::HumanNerf, &captures(name), &Options::default()).expect(name);
+    let found = read(format("humannerf"), &captures(name), &Options::default()).expect(name);
     assert_lands(&found.track, name, &[0, 1], SHAPES_DIFFER);
     root_is_exact(&found.track, name);
 }
@@ -127,10 +128,10 @@ fn humannerf_s_prepared_zju_keeps_its_lens() {
 #[test]
 fn people_snapshot_is_exact() {
     let name = "people_snapshot/x-1-test";
-    let found = read(Format::PeopleSnapshot, &captures(name), &smpl()).expect(name);
+    let found = read(format("people-snapshot"), &captures(name), &smpl()).expect(name);
     assert_lands(&found.track, name, &[0, 1, 2, 3], 1e-3);
     let name = "people_snapshot/x-2-film";
-    let found = read(Format::PeopleSnapshot, &captures(name), &smpl()).expect(name);
+    let found = read(format("people-snapshot"), &captures(name), &smpl()).expect(name);
     assert_lands(&found.track, name, &[0, 1, 2, 3], 1e-3);
     assert!(matches!(&found.pictures, Pictures::Video { masks, .. } if masks.len() == 4));
 }
@@ -138,13 +139,13 @@ fn people_snapshot_is_exact() {
 #[test]
 fn instant_avatar_is_exact() {
     let name = "instant_avatar";
-    let found = read(Format::InstantAvatar, &captures(name), &smpl()).expect(name);
+    let found = read(format("instant-avatar"), &captures(name), &smpl()).expect(name);
     assert_lands(&found.track, name, &[0, 1, 2, 3], 1e-3);
     let split = Options {
         poses: Some("poses/train.npz".into()),
         frames: Some((0, 4, 2)),
         ..smpl()
     };
-    let found = read(Format::InstantAvatar, &captures(name), &split).expect("a split");
+    let found = read(format("instant-avatar"), &captures(name), &split).expect("a split");
     assert_lands(&found.track, name, &[0, 2], 1e-3);
 }

@@ -35,7 +35,7 @@ fn easymocap_needs_its_camera_and_keeps_its_lens() {
     ] {
         std::fs::write(at.join("intri.yml"), text.replace(lens, numbers)).expect("writes");
         let read = read(
-            Format::Auto,
+            Format::AUTO,
             &files("clip/frames"),
             &options(dir.path(), at.clone()),
         );

@@ -8,7 +8,7 @@ use yoto_import::{Format, Options, read};
 #[test]
 fn people_snapshot_needs_the_feature_hdf5() {
     let folder = crate::captures("people_snapshot/x-1-test");
-    for format in [Format::Auto, Format::PeopleSnapshot] {
+    for format in [Format::AUTO, crate::format("people-snapshot")] {
         let error = read(format, &folder, &Options::default()).expect_err("no reader of HDF5");
         let text = error.to_string();
         for part in [
@@ -24,7 +24,7 @@ fn people_snapshot_needs_the_feature_hdf5() {
 #[test]
 fn a_file_of_people_snapshot_is_not_imported_alone() {
     let file = crate::captures("people_snapshot/x-1-test/masks.hdf5");
-    let error = read(Format::Auto, &file, &Options::default()).expect_err("one file");
+    let error = read(Format::AUTO, &file, &Options::default()).expect_err("one file");
     assert!(error.to_string().contains("name their folder"), "{error}");
 }
 
@@ -39,7 +39,7 @@ fn matting_models_need_the_feature_matting_before_any_work() {
         ..Options::default()
     };
     let clip = std::path::Path::new("there is no such clip");
-    let error = read(Format::Auto, clip, &options).expect_err("no runtime for networks");
+    let error = read(Format::AUTO, clip, &options).expect_err("no runtime for networks");
     let text = error.to_string();
     for part in [
         "modnet.onnx",

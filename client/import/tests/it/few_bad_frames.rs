@@ -1,5 +1,6 @@
 //! A few frames that can't be used, of datasets and of pose tools, are left out by name; many refuse the file.
 
+use crate::format;
 use crate::pose_tools::{self, import};
 use crate::pose_tools_made::{all, lands, lhm, wham};
 use crate::{captures, npz, pickled};
@@ -103,7 +104,7 @@ fn zju_leaves_out_a_few() {
         "2.npy frame 2: poses: the rotation of l_knee is NaN",
         "6.npy frame 6: poses: a list of 1 instead of [72]",
     ];
-    few_and_many(Format::Zju, &write, &[2, 6], &[0, 1, 3, 4, 5, 7], &said);
+    few_and_many(format("zju"), &write, &[2, 6], &[0, 1, 3, 4, 5, 7], &said);
 }
 
 #[test]
@@ -128,7 +129,7 @@ fn humannerf_s_wild_video_leaves_out_a_few() {
         "masks/frame_000007.png frame 7: there is no such file",
     ];
     let left = [0, 1, 3, 4, 5, 6];
-    few_and_many(Format::HumanNerf, &write, &[2], &left, &said);
+    few_and_many(format("humannerf"), &write, &[2], &left, &said);
 }
 
 #[test]
@@ -159,7 +160,7 @@ fn humannerf_s_prepared_capture_leaves_out_a_few() {
         "cameras.pkl frame 3: frame_000003.extrinsics[3]: NaN is not a finite number",
     ];
     let left = [1, 2, 4, 5, 6, 7];
-    few_and_many(Format::HumanNerf, &write, &[0], &left, &said);
+    few_and_many(format("humannerf"), &write, &[0], &left, &said);
 }
 
 #[test]
@@ -206,7 +207,7 @@ fn instant_avatar_leaves_out_a_few() {
         "poses.npz frame 6: the rotation of l_knee is NaN",
     ];
     let left = [0, 1, 3, 4, 5, 7];
-    few_and_many(Format::InstantAvatar, &write, &[2, 6], &left, &said);
+    few_and_many(format("instant-avatar"), &write, &[2, 6], &left, &said);
 }
 
 /// A copy of `from` whose numbers `before` are `after`.
@@ -235,7 +236,7 @@ fn patched(from: std::path::PathBuf, before: &[f32], after: &[f32]) -> Vec<u8> {
 fn people_snapshot_leaves_out_one() {
     let from = captures("people_snapshot/x-1-test");
     let dir = tempfile::tempdir().expect("a folder");
-    let whole = read(Format::PeopleSnapshot, &from, &smpl()).expect("reads");
+    let whole = read(format("people-snapshot"), &from, &smpl()).expect("reads");
     for name in ["camera.pkl", "masks.hdf5"] {
         std::fs::copy(from.join(name), dir.path().join(name)).expect("copies");
     }
@@ -250,7 +251,7 @@ fn people_snapshot_leaves_out_one() {
         .collect();
     let bytes = patched(from.join("reconstructed_poses.hdf5"), &knee, &[f32::NAN; 3]);
     std::fs::write(dir.path().join("reconstructed_poses.hdf5"), bytes).expect("writes");
-    let found = read(Format::PeopleSnapshot, dir.path(), &smpl()).expect("one");
+    let found = read(format("people-snapshot"), dir.path(), &smpl()).expect("one");
     assert_eq!(indices(&found), [1, 2, 3]);
     let notes = found.notes.join("\n");
     assert!(
@@ -261,7 +262,7 @@ fn people_snapshot_leaves_out_one() {
         frames: Some((0, 2, 1)),
         ..smpl()
     };
-    let text = read(Format::PeopleSnapshot, dir.path(), &two)
+    let text = read(format("people-snapshot"), dir.path(), &two)
         .expect_err("a half")
         .to_string();
     assert!(text.contains("(1 of 2 frames can't be used)"), "{text}");

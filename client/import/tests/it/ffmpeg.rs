@@ -37,7 +37,7 @@ fn clips_and_masks_go_to_the_named_program() {
         ffmpeg: Some(program(dir.path())),
         ..options(dir.path(), poses)
     };
-    let found = read(Format::Auto, &video, &named).expect("imports");
+    let found = read(Format::AUTO, &video, &named).expect("imports");
     assert_eq!(found.track.image_size, [8, 4]);
     assert_eq!(indices(&found.track), [0, 1, 3]);
     assert!((found.track.fps - 20.0).abs() < 1e-6);
@@ -45,14 +45,14 @@ fn clips_and_masks_go_to_the_named_program() {
         masks: Some(video.clone()),
         ..named.clone()
     };
-    let text = read(Format::Auto, &video, &masked);
+    let text = read(Format::AUTO, &video, &masked);
     let text = text.map(|_| ()).expect_err("masks of nobody").to_string();
     assert!(!text.contains("ffmpeg"), "the masks were decoded: {text}");
     let none = Options {
         ffmpeg: Some(dir.path().join("nowhere")),
         ..named
     };
-    let text = read(Format::Auto, &video, &none);
+    let text = read(Format::AUTO, &video, &none);
     let text = text.map(|_| ()).expect_err("no program").to_string();
     assert!(text.contains("YOTO_FFMPEG"), "{text}");
 }

@@ -49,7 +49,7 @@ pub(crate) fn film(folder: &Path, frames: u32, without: &[u32]) {
 fn without_a_pose_model_the_way_to_one_is_told() {
     let folder = tempfile::tempdir().expect("a folder");
     film(folder.path(), 1, &[]);
-    let error = read(Format::Auto, folder.path(), &Options::default());
+    let error = read(Format::AUTO, folder.path(), &Options::default());
     let error = error.expect_err("no model").to_string();
     assert!(error.contains("--pose-model"), "{error}");
     assert!(error.contains("deploy/models/get.sh"), "{error}");
@@ -57,7 +57,7 @@ fn without_a_pose_model_the_way_to_one_is_told() {
         pose_model: Some(folder.path().join("nowhere.tflite")),
         ..Options::default()
     };
-    let error = read(Format::Film, folder.path(), &options);
+    let error = read(Format::FILM, folder.path(), &options);
     let error = error.expect_err("no model").to_string();
     assert!(error.contains("get.sh"), "{error}");
 }
@@ -75,7 +75,7 @@ fn a_person_is_followed_through_a_clip() {
         height: Some(1.6),
         ..Options::default()
     };
-    let imported = read(Format::Auto, &clip, &options).expect("a capture");
+    let imported = read(Format::AUTO, &clip, &options).expect("a capture");
     let indices: Vec<u32> = imported.track.frames.iter().map(|it| it.index).collect();
     assert_eq!(indices, [0, 1, 2, 4, 5, 6]);
     assert_eq!(imported.track.image_size, [SIZE, SIZE]);
@@ -123,7 +123,7 @@ fn a_clip_without_a_person_is_refused() {
         pose_model: Some(model),
         ..Options::default()
     };
-    let error = read(Format::Film, folder.path(), &options);
+    let error = read(Format::FILM, folder.path(), &options);
     let error = error.expect_err("nobody").to_string();
     assert!(error.contains("nobody was found in 2 frames"), "{error}");
 }

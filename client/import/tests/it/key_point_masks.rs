@@ -1,7 +1,8 @@
 //! Masks for key points: the person's own, somebody else's, and the detector's.
 
+use crate::format;
 use crate::key_points::{DETECTORS, files, import, options};
-use yoto_import::{Format, Options, Pictures, TrackForm, read, write};
+use yoto_import::{Options, Pictures, TrackForm, read, write};
 
 #[test]
 fn masks_are_the_person_s_own() {
@@ -38,7 +39,7 @@ fn masks_of_another_person_are_refused_and_gaps_are_said() {
             masks: Some(dir.path().to_owned()),
             ..options(files(path))
         };
-        let refused = read(Format::KeyPoints, &files("clip/frames"), &others);
+        let refused = read(format("key-points"), &files("clip/frames"), &others);
         let message = refused
             .map(|found| found.notes)
             .expect_err(name)

@@ -1,12 +1,13 @@
 //! Files of detectors of key points, against the joints that the script that wrote them knows
 //! (`tests/formats/pose_tools`), and files that are wrong.
 
+use crate::format;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_import::{Format, Imported, Options, read};
+use yoto_import::{Format, Imported, Options, key_point_detectors, read};
 
 /// What the script says.
 #[derive(Deserialize)]
@@ -42,7 +43,7 @@ pub(crate) fn options(poses: PathBuf) -> Options {
 }
 
 pub(crate) fn import(options: &Options) -> Imported {
-    read(Format::KeyPoints, &files("clip/frames"), options).expect("imports")
+    read(format("key-points"), &files("clip/frames"), options).expect("imports")
 }
 
 pub(crate) fn indices(found: &Imported) -> Vec<usize> {
@@ -82,6 +83,20 @@ pub(crate) const DETECTORS: [(&str, &str, bool); 7] = [
     ("sam_3d_body", "SAM 3D Body", true),
 ];
 
+/// Detectors whose files a test of this page writes.
+const WRITTEN: [&str; 1] = ["easy_ViTPose"];
+
+#[test]
+fn every_detector_has_files_of_its_own() {
+    for name in key_point_detectors() {
+        let has_files = DETECTORS.iter().any(|(_, of, _)| *of == name);
+        assert!(
+            has_files || WRITTEN.contains(&name),
+            "DETECTORS lacks {name}"
+        );
+    }
+}
+
 #[test]
 fn a_body_is_fitted_to_every_detector_s_points() {
     for (path, name, has_both) in DETECTORS {
@@ -105,7 +120,7 @@ fn a_body_is_fitted_to_every_detector_s_points() {
 #[test]
 fn key_points_are_recognised() {
     for (path, name, _) in DETECTORS {
-        let found = read(Format::Auto, &files("clip/frames"), &options(files(path)));
+        let found = read(Format::AUTO, &files("clip/frames"), &options(files(path)));
         let notes = found.expect("imports").notes.join("\n");
         assert!(
             notes.contains(&format!("{name}: key points")),
@@ -133,7 +148,7 @@ fn the_second_person_is_taken_by_number_or_by_order() {
             person: Some("nobody".into()),
             ..options(files(path))
         };
-        let refused = read(Format::KeyPoints, &files("clip/frames"), &absent);
+        let refused = read(format("key-points"), &files("clip/frames"), &absent);
         let message = refused.expect_err("nobody").to_string();
         assert!(
             message.contains("there is no person nobody; there are"),
@@ -208,7 +223,7 @@ fn easy_vitpose_s_rows_are_read_by_their_names() {
 fn wrong_files_are_refused_with_their_place() {
     let dir = tempfile::tempdir().expect("a folder");
     let refused = |poses: PathBuf| {
-        let refused = read(Format::KeyPoints, &files("clip/frames"), &options(poses));
+        let refused = read(format("key-points"), &files("clip/frames"), &options(poses));
         refused.expect_err("must be refused").to_string()
     };
     let truncated = |list: &mut Value, from: usize, to: usize| {
@@ -281,7 +296,7 @@ fn wrong_files_are_refused_with_their_place() {
     );
 
     let alone = read(
-        Format::KeyPoints,
+        format("key-points"),
         &files("clip/frames"),
         &Options::default(),
     );

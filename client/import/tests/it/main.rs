@@ -41,6 +41,12 @@ mod words;
 mod written;
 
 use std::path::PathBuf;
+use yoto_import::Format;
+
+/// The format that `--from` calls `name`.
+fn format(name: &str) -> Format {
+    Format::named(name).unwrap_or_else(|| panic!("no format is called {name}"))
+}
 
 /// A file or folder that the script wrote.
 fn captures(name: &str) -> PathBuf {

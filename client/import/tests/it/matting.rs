@@ -45,7 +45,7 @@ fn a_clip_alone_gets_the_masks_of_the_matting_model() {
         matting: matting(folder.path(), bright(0, 0), None),
         ..Options::default()
     };
-    let imported = read(Format::Auto, &clip, &options).expect("a capture");
+    let imported = read(Format::AUTO, &clip, &options).expect("a capture");
     let notes = imported.notes.join("\n");
     assert!(
         notes.contains("masks by matting.onnx (levels signed): 4 frames,"),
@@ -89,7 +89,7 @@ fn a_model_that_sees_another_person_is_refused() {
         matting: matting(folder.path(), dark, None),
         ..Options::default()
     };
-    let error = read(Format::Auto, &clip, &options).expect_err("another person");
+    let error = read(Format::AUTO, &clip, &options).expect_err("another person");
     let error = error.to_string();
     assert!(
         error.contains("matting.onnx") && error.contains("with any levels"),
@@ -127,7 +127,7 @@ fn a_pose_tool_s_poses_are_held_against_the_matting_model_s_masks() {
     };
     let clip = files("clip/frames");
     let imported = read(
-        Format::Auto,
+        Format::AUTO,
         &clip,
         &options(Some(Levels::Signed), Some((0, 16, 2))),
     );
@@ -150,7 +150,7 @@ fn a_pose_tool_s_poses_are_held_against_the_matting_model_s_masks() {
     });
     assert!(share > 0.5, "{share}");
 
-    let error = read(Format::Auto, &clip, &options(None, None)).expect_err("no levels");
+    let error = read(Format::AUTO, &clip, &options(None, None)).expect_err("no levels");
     let error = error.to_string();
     assert!(
         error.contains("--matting-levels") && error.contains("imagenet"),
@@ -171,7 +171,7 @@ fn a_file_that_is_no_matting_model_is_named() {
         ..options(folder.path(), files("wham/output/demo/walk"))
     };
     let import = |levels| {
-        let imported = read(Format::Auto, &files("clip/frames"), &options(levels));
+        let imported = read(Format::AUTO, &files("clip/frames"), &options(levels));
         imported.expect_err("refused").to_string()
     };
     let error = import(Some(Levels::Unit));
@@ -181,7 +181,7 @@ fn a_file_that_is_no_matting_model_is_named() {
     );
     std::fs::write(&path, "no network").expect("a file");
     let error = import(Some(Levels::Unit));
-    assert!(error.contains("no ONNX file"), "{error}");
+    assert!(error.contains("not an ONNX file"), "{error}");
     let blank = Network::default()
         .input("input", &[1, 3, 96, 64])
         .constant("zero", 0.0)

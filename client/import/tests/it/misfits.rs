@@ -1,12 +1,13 @@
 //! Key points and masks that are not quite of the clip: mirrored or early points, people with two numbers, times as numbers, masks
 //! of another resolution, cut-outs, and black ones.
 
+use crate::format;
 use crate::key_points::off;
 use image::{GrayImage, Luma, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use yoto_client::ClientError;
-use yoto_import::{Format, Imported, Options, PointTurn, read};
+use yoto_import::ImportError;
+use yoto_import::{Imported, Options, PointRotation, read};
 
 /// Width and height of the clip.
 const SIZE: [u32; 2] = [64, 96];
@@ -52,17 +53,17 @@ fn masks(dir: &Path, size: [u32; 2], change: impl Fn(usize, GrayImage) -> GrayIm
     folder
 }
 
-fn import(poses: PathBuf, masks: Option<PathBuf>) -> Result<Imported, ClientError> {
+fn import(poses: PathBuf, masks: Option<PathBuf>) -> Result<Imported, ImportError> {
     let options = Options {
         poses: Some(poses),
         masks,
         fps: Some(25.0),
         ..Options::default()
     };
-    read(Format::KeyPoints, &files("clip/frames"), &options)
+    read(format("key-points"), &files("clip/frames"), &options)
 }
 
-fn notes(found: Result<Imported, ClientError>) -> (String, usize) {
+fn notes(found: Result<Imported, ImportError>) -> (String, usize) {
     let found = found.expect("imports");
     (found.notes.join("\n"), found.track.frames.len())
 }
@@ -143,16 +144,16 @@ fn mirrored_and_turned_points_are_named_and_undone_as_the_error_says() {
             masks: Some(masks.clone()),
             fps: Some(25.0),
             mirror_points: advice.contains("--mirror-points"),
-            turn_points: advice.contains("--turn-points").then_some({
+            point_rotation: advice.contains("--turn-points").then_some({
                 match advice {
-                    advice if advice.contains("90") => PointTurn::Quarter,
-                    advice if advice.contains("270") => PointTurn::ThreeQuarters,
-                    _ => PointTurn::Half,
+                    advice if advice.contains("90") => PointRotation::Quarter,
+                    advice if advice.contains("270") => PointRotation::ThreeQuarters,
+                    _ => PointRotation::Half,
                 }
             }),
             ..Options::default()
         };
-        let found = read(Format::KeyPoints, &files("clip/frames"), &undone).expect(words);
+        let found = read(format("key-points"), &files("clip/frames"), &undone).expect(words);
         let far = off(&found, 0);
         assert!(
             (far - right).abs() < 0.05,
@@ -165,8 +166,8 @@ fn mirrored_and_turned_points_are_named_and_undone_as_the_error_says() {
             mirror_points: !undone.mirror_points,
             ..undone
         };
-        let without = wrong.turn_points.is_none() && !wrong.mirror_points;
-        let done = read(Format::KeyPoints, &files("clip/frames"), &wrong);
+        let without = wrong.point_rotation.is_none() && !wrong.mirror_points;
+        let done = read(format("key-points"), &files("clip/frames"), &wrong);
         let message = done.map(|found| found.notes).expect_err(words).to_string();
         assert!(
             message.contains("after the options that turn and mirror them") != without,

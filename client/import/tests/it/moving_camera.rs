@@ -1,5 +1,6 @@
 //! Cameras that move: bodies and cameras stand in the tool's world, and bodies are seen where they were.
 
+use crate::format;
 use crate::pickled;
 use crate::pose_tools::{ToWorld, files, import, off, options, truth};
 use serde_json::{Value, json};
@@ -144,7 +145,7 @@ fn wrong_cameras_are_named_with_their_frame() {
     let refused = |change: &dyn Fn(&mut Value)| {
         let path = prompt_hmr(dir.path(), change);
         let read = read(
-            Format::Auto,
+            Format::AUTO,
             &files("clip/frames"),
             &options(dir.path(), path),
         );
@@ -171,7 +172,7 @@ fn wrong_cameras_are_named_with_their_frame() {
     let notes = found.notes.join("\n");
     for said in [
         "left out: 2 of 16 poses",
-        "frame 5: camera_world.pred_cam_R: the camera's matrix is no rotation",
+        "frame 5: camera_world.pred_cam_R: the camera's matrix is not a rotation",
         "frame 9: camera_world.pred_cam_R: the camera's rotation or position is not finite",
     ] {
         assert!(notes.contains(said), "{said}: {notes}");
@@ -223,7 +224,7 @@ fn ex_avatar_s_camera_is_from_the_world() {
     let without = |frame: usize| {
         std::fs::remove_file(dir.path().join(format!("cam_params/{frame}.json"))).expect("removes");
         read(
-            Format::ExAvatar,
+            format("exavatar"),
             &files("clip/frames"),
             &options(dir.path(), dir.path().to_owned()),
         )

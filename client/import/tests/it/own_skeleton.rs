@@ -26,7 +26,7 @@ fn keeping(poses: PathBuf) -> Options {
 }
 
 fn refused(options: &Options) -> String {
-    let done = read(Format::Auto, &files("clip/frames"), options);
+    let done = read(Format::AUTO, &files("clip/frames"), options);
     done.map(|found| found.notes)
         .expect_err("refused")
         .to_string()
@@ -101,7 +101,7 @@ fn lands(found: &Imported) {
 #[test]
 fn mhr_s_joints_are_kept_with_their_places_and_turns() {
     let found = read(
-        Format::Auto,
+        Format::AUTO,
         &files("clip/frames"),
         &keeping(files("sam_3d_body")),
     );
@@ -141,7 +141,7 @@ fn mhr_s_joints_are_kept_with_their_places_and_turns() {
         focal: Some(2.0 * found.track.frames[0].k[0][0]),
         ..keeping(files("sam_3d_body"))
     };
-    let longer = read(Format::Auto, &files("clip/frames"), &longer).expect("imports");
+    let longer = read(Format::AUTO, &files("clip/frames"), &longer).expect("imports");
     let depth =
         |found: &Imported| skeleton.rest_joints[0][2] + found.track.frames[3].translation[2];
     assert!((depth(&longer) / depth(&found) - 2.0).abs() < 1e-6);
@@ -158,7 +158,7 @@ fn rotations_in_the_camera_s_axes_are_found_and_others_are_refused() {
             }
         }
     });
-    let found = read(Format::Auto, &files("clip/frames"), &keeping(turned)).expect("imports");
+    let found = read(Format::AUTO, &files("clip/frames"), &keeping(turned)).expect("imports");
     let notes = found.notes.join("\n");
     assert!(notes.contains("in the camera's axes already"), "{notes}");
     lands(&found);
@@ -196,7 +196,7 @@ fn rotations_in_the_camera_s_axes_are_found_and_others_are_refused() {
         keep_skeleton: false,
         ..keeping(without)
     };
-    let found = read(Format::Auto, &files("clip/frames"), &fitted).expect("imports");
+    let found = read(Format::AUTO, &files("clip/frames"), &fitted).expect("imports");
     assert_eq!(found.track.skeleton.names.len(), 24);
 }
 

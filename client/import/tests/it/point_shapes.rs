@@ -55,7 +55,7 @@ fn written(dir: &Path, name: &str, text: &str) -> PathBuf {
 
 /// Imports `path`, by itself and as told, and checks that the person lands in all frames; the notes.
 fn lands(path: PathBuf, said: &str, most: f64) -> String {
-    let found = read(Format::Auto, &files("clip/frames"), &options(path.clone()));
+    let found = read(Format::AUTO, &files("clip/frames"), &options(path.clone()));
     let found = found.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let notes = found.notes.join("\n");
     assert!(notes.contains(said), "{}: {notes}", path.display());
@@ -232,7 +232,7 @@ fn a_set_is_told_or_asked_for() {
     let few: Vec<Vec<[f64; 2]>> = all.iter().map(|frame| frame[..18].to_vec()).collect();
     let path = written(dir.path(), "few.json", &json!(few).to_string());
     let refused = |options: &Options| {
-        let refused = read(Format::Auto, &files("clip/frames"), options);
+        let refused = read(Format::AUTO, &files("clip/frames"), options);
         refused.expect_err("must be refused").to_string()
     };
     let message = refused(&options(path.clone()));

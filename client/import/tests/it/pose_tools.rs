@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_import::{Format, Imported, Options, Pictures, TrackForm, read, write};
+use yoto_import::{Format, Imported, Options, Pictures, TrackForm, pose_tools, read, write};
 use yoto_proto::pose_track::PoseTrack;
 
 /// What the script says.
@@ -64,26 +64,26 @@ pub(crate) fn truth() -> Truth {
 }
 
 /// Each tool, its files, and the format that forces it.
-pub(crate) const TOOLS: [(&str, &str, Format); 10] = [
-    (
-        "phalp",
-        "phalp/outputs/results/demo_walk.pkl",
-        Format::Phalp,
-    ),
-    ("wham", "wham/output/demo/walk", Format::Wham),
-    (
-        "gvhmr",
-        "gvhmr/outputs/demo/walk/hmr4d_results.pt",
-        Format::Gvhmr,
-    ),
-    ("tram", "tram/results/walk", Format::Tram),
-    ("romp", "romp", Format::Romp),
-    ("bev", "bev", Format::Romp),
-    ("prompt_hmr", "prompt_hmr/results/walk", Format::PromptHmr),
-    ("lhm", "lhm", Format::Lhm),
-    ("ex_avatar", "ex_avatar", Format::ExAvatar),
-    ("easymocap", "easymocap", Format::EasyMocap),
+pub(crate) const TOOLS: [(&str, &str, &str); 10] = [
+    ("phalp", "phalp/outputs/results/demo_walk.pkl", "phalp"),
+    ("wham", "wham/output/demo/walk", "wham"),
+    ("gvhmr", "gvhmr/outputs/demo/walk/hmr4d_results.pt", "gvhmr"),
+    ("tram", "tram/results/walk", "tram"),
+    ("romp", "romp", "romp"),
+    ("bev", "bev", "romp"),
+    ("prompt_hmr", "prompt_hmr/results/walk", "prompthmr"),
+    ("lhm", "lhm", "lhm"),
+    ("ex_avatar", "ex_avatar", "exavatar"),
+    ("easymocap", "easymocap", "easymocap"),
 ];
+
+#[test]
+fn every_tool_has_files_of_its_own() {
+    for (format, name) in pose_tools() {
+        let has_files = TOOLS.iter().any(|(.., from)| *from == format.name());
+        assert!(has_files, "TOOLS lacks {name}");
+    }
+}
 
 /// The script's rest joints as a file.
 pub(crate) fn rest_joints(dir: &Path) -> PathBuf {
@@ -103,7 +103,7 @@ pub(crate) fn options(dir: &Path, poses: PathBuf) -> Options {
 }
 
 pub(crate) fn import(options: &Options) -> Imported {
-    read(Format::Auto, &files("clip/frames"), options).expect("imports")
+    read(Format::AUTO, &files("clip/frames"), options).expect("imports")
 }
 
 /// The largest distance of a joint's pixel from where `wanted` has it, by frame.
@@ -139,7 +139,7 @@ fn every_tool_s_joints_land_where_the_script_has_them() {
         let tool = &truth.tools[name];
         let seen = &tool.people[0];
         let options = options(dir.path(), files(path));
-        for format in [Format::Auto, format] {
+        for format in [Format::AUTO, crate::format(format)] {
             let found = read(format, &files("clip/frames"), &options);
             let found = found.unwrap_or_else(|error| panic!("{name}: {error}"));
             let notes = found.notes.join("\n");
@@ -265,7 +265,7 @@ fn poses_of_a_copy_with_another_rate_go_to_the_nearest_frames() {
         masks: None,
         ..options(dir.path(), poses)
     };
-    let found = read(Format::Auto, &film("baseline.mp4"), &options).expect("imports");
+    let found = read(Format::AUTO, &film("baseline.mp4"), &options).expect("imports");
     let notes = found.notes.join("\n");
     assert!(
         notes.contains("copy of 30 frames per second (40 frames)"),
@@ -279,7 +279,7 @@ fn poses_of_a_copy_with_another_rate_go_to_the_nearest_frames() {
         masks: Some(film("b_frames.mp4")),
         ..options
     };
-    let text = read(Format::Auto, &film("baseline.mp4"), &masked);
+    let text = read(Format::AUTO, &film("baseline.mp4"), &masked);
     let text = text
         .map(|found| found.notes)
         .expect_err("no person")
@@ -292,7 +292,7 @@ fn poses_of_a_copy_with_another_rate_go_to_the_nearest_frames() {
         masks: Some(film("turned_right.mp4")),
         ..masked
     };
-    let text = read(Format::Auto, &film("baseline.mp4"), &smaller);
+    let text = read(Format::AUTO, &film("baseline.mp4"), &smaller);
     let text = text
         .map(|found| found.notes)
         .expect_err("turned")
@@ -317,7 +317,7 @@ fn a_video_is_a_clip_with_its_own_size_and_rate() {
         ..options(dir.path(), poses)
     };
     let film = film("turned_right.mp4");
-    let found = read(Format::Auto, &film, &options).expect("imports");
+    let found = read(Format::AUTO, &film, &options).expect("imports");
     assert_eq!(found.track.image_size, [38, 50]);
     assert_eq!(indices(&found.track), [0, 1, 3]);
     assert!((found.track.fps - 15.0).abs() < 0.1, "{}", found.track.fps);

@@ -1,10 +1,11 @@
 //! Files of pose tools that are refused: known faults of tools, others' masks, damaged files, and what is no clip.
 
+use crate::format;
 use crate::pose_tools::{files, options};
 use crate::pose_tools_made::{all, refused, wham};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use yoto_import::{Format, Options, read};
+use yoto_import::{Options, read};
 
 #[test]
 fn files_known_to_be_wrong_are_refused_by_name() {
@@ -33,7 +34,7 @@ fn files_known_to_be_wrong_are_refused_by_name() {
         }
     }
     let forced = options(dir.path(), files("gvhmr/outputs/demo/walk"));
-    let text = read(Format::Wham, &files("clip/frames"), &forced);
+    let text = read(format("wham"), &files("clip/frames"), &forced);
     let text = text
         .map(|found| found.notes)
         .expect_err("refused")
@@ -174,7 +175,7 @@ fn what_is_no_clip_or_selects_nothing_is_named() {
     std::fs::write(&text, "no video").expect("a file");
     let error = refused(&text, &Options::default());
     assert!(
-        error.contains("walk.mp4: is no video by its first bytes")
+        error.contains("walk.mp4: is not a video by its first bytes")
             && error.contains("--poses")
             && !error.contains("ZJU"),
         "{error}"

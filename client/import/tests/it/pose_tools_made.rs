@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use yoto_import::{Format, Imported, Options, read};
 
 pub(crate) fn refused(clip: &Path, options: &Options) -> String {
-    let done = read(Format::Auto, clip, options);
+    let done = read(Format::AUTO, clip, options);
     done.map(|found| found.notes)
         .expect_err("refused")
         .to_string()

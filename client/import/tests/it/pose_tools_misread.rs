@@ -65,7 +65,7 @@ fn poses_a_frame_late_are_found_by_the_masks() {
             masks: Some(clip.join("masks")),
             ..options(dir.path(), path)
         };
-        read(Format::Auto, &clip.join("frames"), &options).expect("imports")
+        read(Format::AUTO, &clip.join("frames"), &options).expect("imports")
     };
     let (right, late) = (shifted(0), shifted(1));
     assert!(

@@ -6,7 +6,7 @@ use crate::pose_tools::{files, indices, off, options, truth};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_capture::skeleton::transform::{Mat3, matvec, rodrigues};
-use yoto_import::{Format, Imported, Options, read};
+use yoto_import::{Format, Imported, Options, pose_tools, read};
 
 type Vec3 = [f64; 3];
 
@@ -15,17 +15,10 @@ type Vec3 = [f64; 3];
 const FLATTER: f64 = 4.0;
 
 /// The tools, by the names that notes give them.
-const TOOLS: [(Tool, &str); 9] = [
-    (Tool::Phalp, "4D-Humans (PHALP)"),
-    (Tool::Wham, "WHAM"),
-    (Tool::Gvhmr, "GVHMR"),
-    (Tool::Tram, "TRAM"),
-    (Tool::Romp, "ROMP or BEV"),
-    (Tool::PromptHmr, "PromptHMR"),
-    (Tool::Lhm, "LHM"),
-    (Tool::ExAvatar, "ExAvatar"),
-    (Tool::EasyMocap, "EasyMocap"),
-];
+fn tools() -> Vec<(Tool, &'static str)> {
+    let tools = pose_tools().map(|(format, name)| (Tool::of(format.name()), name));
+    tools.collect()
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Tool {
@@ -77,6 +70,21 @@ fn rows(frames: impl IntoIterator<Item = usize>) -> Vec<Row> {
 }
 
 impl Tool {
+    fn of(format: &str) -> Self {
+        match format {
+            "phalp" => Self::Phalp,
+            "wham" => Self::Wham,
+            "gvhmr" => Self::Gvhmr,
+            "tram" => Self::Tram,
+            "romp" => Self::Romp,
+            "prompthmr" => Self::PromptHmr,
+            "lhm" => Self::Lhm,
+            "exavatar" => Self::ExAvatar,
+            "easymocap" => Self::EasyMocap,
+            other => panic!("no files of {other} are written here: add it to Tool"),
+        }
+    }
+
     /// The focal length that the tool documents, where its files have none.
     fn documented(self) -> Option<f64> {
         match self {
@@ -248,7 +256,7 @@ fn import(tool: Tool, written: &Written) -> Result<Imported, String> {
     let dir = tempfile::tempdir().expect("a folder");
     let path = tool.write(dir.path(), written);
     let options = options(dir.path(), path);
-    let found = read(Format::Auto, &files("clip/frames"), &options);
+    let found = read(Format::AUTO, &files("clip/frames"), &options);
     found.map_err(|error| error.to_string())
 }
 
@@ -268,7 +276,7 @@ fn is_named(tool: (Tool, &str), written: &Written, words: &str, most: f64) {
 
 #[test]
 fn what_is_right_is_read_as_documented() {
-    for (tool, name) in TOOLS {
+    for (tool, name) in tools() {
         let found = import(tool, &tool.right(rows(0..16)));
         let found = found.unwrap_or_else(|error| panic!("{name}: {error}"));
         let notes = found.notes.join("\n");
@@ -282,7 +290,7 @@ fn what_is_right_is_read_as_documented() {
 
 #[test]
 fn another_focal_length_is_named() {
-    for tool in TOOLS {
+    for tool in tools() {
         // A file with a focal length says a wrong one; positions in others are for another than documented.
         let written = match tool.0.documented() {
             None => Written {
@@ -304,7 +312,7 @@ fn another_focal_length_is_named() {
 
 #[test]
 fn another_meaning_of_the_translation_is_named() {
-    for tool in TOOLS {
+    for tool in tools() {
         let written = Written {
             other_place: true,
             ..tool.0.right(rows(0..16))
@@ -328,7 +336,7 @@ fn steps(dir: &Path) -> PathBuf {
 
 #[test]
 fn poses_a_frame_late_are_named() {
-    for (tool, name) in TOOLS {
+    for (tool, name) in tools() {
         let dir = tempfile::tempdir().expect("a folder");
         let clip = steps(dir.path());
         // GVHMR's rows have no numbers: a first one too many makes the others late.
@@ -346,7 +354,7 @@ fn poses_a_frame_late_are_named() {
             masks: Some(clip.join("masks")),
             ..options(dir.path(), path)
         };
-        let found = read(Format::Auto, &clip.join("frames"), &options);
+        let found = read(Format::AUTO, &clip.join("frames"), &options);
         let found = found.unwrap_or_else(|error| panic!("{name}: {error}"));
         let notes = found.notes.join("\n");
         assert!(
@@ -363,7 +371,7 @@ fn poses_a_frame_late_are_named() {
 
 #[test]
 fn poses_of_another_person_are_refused() {
-    for (tool, name) in TOOLS {
+    for (tool, name) in tools() {
         let mut rows = rows(0..16);
         rows.iter_mut().for_each(|row| row.pelvis[0] += 0.7);
         let error = import(tool, &tool.right(rows));
@@ -377,7 +385,7 @@ fn poses_of_another_person_are_refused() {
 
 #[test]
 fn gaps_are_said_and_left_out() {
-    for (tool, name) in TOOLS {
+    for (tool, name) in tools() {
         let kept: Vec<usize> = match tool {
             // Its rows have no numbers, so that only the end can be missing.
             Tool::Gvhmr => (0..12).collect(),

@@ -13,7 +13,7 @@ fn refused(path: &Path) -> String {
         poses: Some(path.to_owned()),
         ..Options::default()
     };
-    let done = read(Format::Auto, &files("clip/frames"), &options);
+    let done = read(Format::AUTO, &files("clip/frames"), &options);
     let message = done
         .map(|found| found.notes)
         .expect_err("refused")

@@ -1,6 +1,7 @@
 //! What an import writes: a capture folder of our own.
 
 use crate::captures;
+use crate::format;
 use crate::pose_tools::{options, truth};
 #[cfg(feature = "hdf5")]
 use crate::projected::assert_lands;
@@ -42,7 +43,7 @@ fn same_track(found: &PoseTrack, wanted: &PoseTrack) {
 fn a_capture_folder_comes_out_and_goes_in_again() {
     let out = tempfile::tempdir().expect("a folder");
     let dir = out.path().join("capture");
-    let found = read(Format::Zju, &captures("CoreView_377"), &smpl()).expect("reads");
+    let found = read(format("zju"), &captures("CoreView_377"), &smpl()).expect("reads");
     let mut heard = Vec::new();
     let bytes = write(&found, &dir, TrackForm::Json, |done, of, _| {
         heard.push((done, of))
@@ -84,7 +85,7 @@ fn a_capture_folder_comes_out_and_goes_in_again() {
     assert!(one.iter().any(|level| *level != 0) && two.iter().any(|level| *level != 0));
 
     let again = out.path().join("again");
-    let folder = read(Format::Folder, &dir, &Options::default()).expect("reads");
+    let folder = read(Format::FOLDER, &dir, &Options::default()).expect("reads");
     write(&folder, &again, TrackForm::Binary, |_, _, _| {}).expect("writes");
     assert!(again.join(BINARY_FILE).is_file() && !again.join(FILE).exists());
     let copied = CaptureDir::open(&again).expect("a capture");
@@ -115,7 +116,7 @@ fn a_video_is_taken_over_with_its_masks() {
         frames: Some((1, 4, 2)),
         ..smpl()
     };
-    let found = read(Format::PeopleSnapshot, &captures(name), &some).expect("reads");
+    let found = read(format("people-snapshot"), &captures(name), &some).expect("reads");
     write(&found, out.path(), TrackForm::Json, |_, _, _| {}).expect("writes");
     let same = |a: std::path::PathBuf, b: std::path::PathBuf| {
         std::fs::read(a).expect("a file") == std::fs::read(b).expect("a file")
@@ -150,7 +151,7 @@ fn a_capture_with_a_video_is_decoded_as_a_check_decodes_it() {
         masks: None,
         ..options(out.path(), poses)
     };
-    let found = read(Format::Wham, &clip, &of_tool).expect("reads");
+    let found = read(format("wham"), &clip, &of_tool).expect("reads");
     write(&found, &film, TrackForm::Json, |_, _, _| {}).expect("writes");
     let [width, height] = found.track.image_size;
     for frame in 0..4 {
@@ -162,12 +163,12 @@ fn a_capture_with_a_video_is_decoded_as_a_check_decodes_it() {
         frames: Some((1, 4, 2)),
         ..Options::default()
     };
-    for format in [Format::Auto, Format::Folder] {
+    for format in [Format::AUTO, Format::FOLDER] {
         let again = read(format, &film, &some).expect("reads");
         let indices: Vec<u32> = again.track.frames.iter().map(|it| it.index).collect();
         assert_eq!(indices, [1, 3]);
     }
-    let again = read(Format::Folder, &film, &some).expect("reads");
+    let again = read(Format::FOLDER, &film, &some).expect("reads");
     write(&again, &copy, TrackForm::Json, |_, _, _| {}).expect("writes");
     assert!(!copy.join(VIDEO).exists());
     let open = |path: &std::path::Path| {
@@ -186,7 +187,7 @@ fn a_capture_with_a_video_is_decoded_as_a_check_decodes_it() {
         best: std::num::NonZeroUsize::new(1),
         ..Options::default()
     };
-    let mut one = read(Format::Folder, &film, &best).expect("reads");
+    let mut one = read(Format::FOLDER, &film, &best).expect("reads");
     let count = best.best.expect("one");
     yoto_import::best::choose(&mut one, count, None, |_, _| {}).expect("chooses");
     let dir = out.path().join("one");

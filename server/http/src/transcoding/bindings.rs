@@ -44,7 +44,7 @@ pub enum BodyOf {
 
 /// A request that is a call.
 #[derive(Debug)]
-pub struct Found {
+pub struct BoundCall {
     /// Which.
     pub binding: &'static Binding,
     /// Values of fields in the path.
@@ -64,7 +64,7 @@ pub fn bindings() -> &'static [Binding] {
 }
 
 /// The call of a request. HEAD is as GET. Where a path of any length fits too, the other one is meant.
-pub fn find(verb: &Method, path: &str) -> Option<Found> {
+pub fn find(verb: &Method, path: &str) -> Option<BoundCall> {
     if !path.starts_with(PREFIX) {
         return None;
     }
@@ -77,7 +77,7 @@ pub fn find(verb: &Method, path: &str) -> Option<Found> {
     of_verb
         .filter_map(|binding| {
             let values = binding.template.values(path)?;
-            Some(Found { binding, values })
+            Some(BoundCall { binding, values })
         })
         .min_by_key(|found| found.binding.template.has_any_length())
 }

@@ -1,6 +1,6 @@
 //! Files over HTTP: whole or a range of them, so that a browser or `curl -C -` continues where it stopped.
 
-use super::bindings::Found;
+use super::bindings::BoundCall;
 use super::call::{call, framed};
 use super::{Calls, problem};
 use crate::file_kind::FileKind;
@@ -21,7 +21,7 @@ use yoto_store::Tenant;
 
 /// What a request asks for of a file.
 #[derive(Debug, PartialEq, Eq)]
-enum Wanted {
+enum RequestedBytes {
     All,
     Part(Range<u64>),
     /// What it has already.
@@ -31,14 +31,14 @@ enum Wanted {
 }
 
 /// Answers with the file that `found` names.
-pub async fn answer(calls: &Calls, parts: &Parts, found: &Found) -> Response<Body> {
+pub async fn answer(calls: &Calls, parts: &Parts, found: &BoundCall) -> Response<Body> {
     match file(calls, parts, found).await {
         Ok(answer) => answer,
         Err(status) => problem::answer(&status),
     }
 }
 
-async fn file(calls: &Calls, parts: &Parts, found: &Found) -> Result<Response<Body>, Status> {
+async fn file(calls: &Calls, parts: &Parts, found: &BoundCall) -> Result<Response<Body>, Status> {
     if let Some(query) = parts.uri.query().filter(|it| !it.is_empty()) {
         let name: String = query.chars().take_while(|it| *it != '=').collect();
         let message = "there is no such field: the header Range has the bytes that are wanted";
@@ -51,10 +51,10 @@ async fn file(calls: &Calls, parts: &Parts, found: &Found) -> Result<Response<Bo
     let etag = format!("\"{}\"", object.sha256);
     let wanted = wanted(&parts.headers, &etag, object.bytes);
     let (code, range) = match wanted {
-        Wanted::All => (StatusCode::OK, 0..object.bytes),
-        Wanted::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
-        Wanted::Nothing => (StatusCode::NOT_MODIFIED, 0..0),
-        Wanted::Beyond => (StatusCode::RANGE_NOT_SATISFIABLE, 0..0),
+        RequestedBytes::All => (StatusCode::OK, 0..object.bytes),
+        RequestedBytes::Part(range) => (StatusCode::PARTIAL_CONTENT, range),
+        RequestedBytes::Nothing => (StatusCode::NOT_MODIFIED, 0..0),
+        RequestedBytes::Beyond => (StatusCode::RANGE_NOT_SATISFIABLE, 0..0),
     };
     let length = range.end - range.start;
     let sends = length > 0 && parts.method != Method::HEAD;
@@ -124,7 +124,7 @@ fn disposition(file: &str) -> String {
 
 /// What the headers of a request ask for of a file of `bytes` bytes (RFC 9110, 13 and 14). A range that is none, or several of
 /// them, ask for all.
-fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> Wanted {
+fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> RequestedBytes {
     let text = |name| {
         headers
             .get(name)
@@ -135,19 +135,19 @@ fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> Wanted {
             .any(|it| it.trim() == etag || it.trim() == "*")
     };
     if text(IF_NONE_MATCH).is_some_and(known) {
-        return Wanted::Nothing;
+        return RequestedBytes::Nothing;
     }
     if text(IF_RANGE).is_some_and(|it| it != etag) {
-        return Wanted::All;
+        return RequestedBytes::All;
     }
     let range = text(RANGE).and_then(|it| it.strip_prefix("bytes="));
     let Some((first, last)) = range.and_then(|it| it.split_once('-')) else {
-        return Wanted::All;
+        return RequestedBytes::All;
     };
     let number = |text: &str| text.parse::<u64>().ok();
     let part = |begin: u64, end: u64| match begin < end {
-        true => Wanted::Part(begin..end),
-        false => Wanted::Beyond,
+        true => RequestedBytes::Part(begin..end),
+        false => RequestedBytes::Beyond,
     };
     match (number(first), number(last)) {
         (Some(first), None) if last.is_empty() => part(first, bytes),
@@ -155,7 +155,7 @@ fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> Wanted {
             part(first, last.saturating_add(1).min(bytes))
         }
         (None, Some(count)) if first.is_empty() => part(bytes - count.min(bytes), bytes),
-        _ => Wanted::All,
+        _ => RequestedBytes::All,
     }
 }
 
@@ -163,7 +163,7 @@ fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> Wanted {
 mod tests {
     use super::*;
 
-    fn asked(headers: &[(axum::http::HeaderName, &'static str)]) -> Wanted {
+    fn asked(headers: &[(axum::http::HeaderName, &'static str)]) -> RequestedBytes {
         let headers = headers.iter().cloned();
         let headers = headers.map(|(name, value)| (name, HeaderValue::from_static(value)));
         wanted(&headers.collect(), "\"tag\"", 10)
@@ -172,17 +172,17 @@ mod tests {
     #[test]
     fn ranges_are_those_of_the_standard() {
         for (range, expected) in [
-            ("bytes=2-4", Wanted::Part(2..5)),
-            ("bytes=2-", Wanted::Part(2..10)),
-            ("bytes=2-99", Wanted::Part(2..10)),
-            ("bytes=-3", Wanted::Part(7..10)),
-            ("bytes=-99", Wanted::Part(0..10)),
-            ("bytes=10-", Wanted::Beyond),
-            ("bytes=-0", Wanted::Beyond),
-            ("bytes=4-2", Wanted::All),
-            ("bytes=1-2,4-5", Wanted::All),
-            ("lines=1-2", Wanted::All),
-            ("bytes=x-2", Wanted::All),
+            ("bytes=2-4", RequestedBytes::Part(2..5)),
+            ("bytes=2-", RequestedBytes::Part(2..10)),
+            ("bytes=2-99", RequestedBytes::Part(2..10)),
+            ("bytes=-3", RequestedBytes::Part(7..10)),
+            ("bytes=-99", RequestedBytes::Part(0..10)),
+            ("bytes=10-", RequestedBytes::Beyond),
+            ("bytes=-0", RequestedBytes::Beyond),
+            ("bytes=4-2", RequestedBytes::All),
+            ("bytes=1-2,4-5", RequestedBytes::All),
+            ("lines=1-2", RequestedBytes::All),
+            ("bytes=x-2", RequestedBytes::All),
         ] {
             assert_eq!(asked(&[(RANGE, range)]), expected, "{range}");
         }
@@ -190,12 +190,15 @@ mod tests {
 
     #[test]
     fn a_file_that_is_known_is_not_sent_again() {
-        assert_eq!(asked(&[(IF_NONE_MATCH, "\"a\", \"tag\"")]), Wanted::Nothing);
-        assert_eq!(asked(&[(IF_NONE_MATCH, "\"a\"")]), Wanted::All);
+        assert_eq!(
+            asked(&[(IF_NONE_MATCH, "\"a\", \"tag\"")]),
+            RequestedBytes::Nothing
+        );
+        assert_eq!(asked(&[(IF_NONE_MATCH, "\"a\"")]), RequestedBytes::All);
         let changed = [(IF_RANGE, "\"a\""), (RANGE, "bytes=2-")];
-        assert_eq!(asked(&changed), Wanted::All);
+        assert_eq!(asked(&changed), RequestedBytes::All);
         let same = [(IF_RANGE, "\"tag\""), (RANGE, "bytes=2-")];
-        assert_eq!(asked(&same), Wanted::Part(2..10));
+        assert_eq!(asked(&same), RequestedBytes::Part(2..10));
     }
 
     #[test]

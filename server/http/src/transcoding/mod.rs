@@ -31,10 +31,10 @@ use axum::body::{Body, to_bytes};
 use axum::extract::{Request, State};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderValue, Method, Response};
-use bindings::{DOWNLOAD, Found, PREFIX};
+use bindings::{BoundCall, DOWNLOAD, PREFIX};
 use prost_reflect::ReflectMessage;
 use prost_reflect::prost::Message;
-use request::Sent;
+use request::HttpInput;
 use std::sync::Arc;
 use tonic::Status;
 use yoto_process::metrics::METRICS;
@@ -136,7 +136,11 @@ async fn answer_to(State(calls): State<Calls>, request: Request) -> Response<Bod
     }
 }
 
-async fn call_of(calls: &Calls, asked: Request, found: &Found) -> Result<Response<Body>, Status> {
+async fn call_of(
+    calls: &Calls,
+    asked: Request,
+    found: &BoundCall,
+) -> Result<Response<Body>, Status> {
     let (mut parts, body) = asked.into_parts();
     let body = to_bytes(body, request::LONGEST).await.map_err(|_| {
         let message = format!("is longer than {} bytes, or broke off", request::LONGEST);
@@ -151,7 +155,7 @@ async fn call_of(calls: &Calls, asked: Request, found: &Found) -> Result<Respons
         return Err(RequestError::invalid("Content-Type", message).into());
     }
     let text = |name: &str| parts.headers.get(name).and_then(|it| it.to_str().ok());
-    let sent = Sent {
+    let sent = HttpInput {
         query: parts.uri.query().unwrap_or_default(),
         body: &body,
         idempotency_key: text(IDEMPOTENCY_KEY),

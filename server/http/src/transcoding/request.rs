@@ -1,6 +1,6 @@
 //! The request of a call, out of path, query and body of an HTTP request.
 
-use super::bindings::{BodyOf, Found, empty};
+use super::bindings::{BodyOf, BoundCall, empty};
 use prost_reflect::{DeserializeOptions, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor};
 use serde_json::{Map, Value};
 use yoto_request::RequestError;
@@ -14,7 +14,7 @@ const REQUEST_ID: &str = "request_id";
 
 /// What of an HTTP request becomes fields, beside the path.
 #[derive(Debug, Default)]
-pub struct Sent<'a> {
+pub struct HttpInput<'a> {
     /// The query without its question mark.
     pub query: &'a str,
     /// The body.
@@ -27,7 +27,7 @@ pub struct Sent<'a> {
 ///
 /// # Errors
 /// When a field is unknown, or has no value of its type. The error names it.
-pub fn message(found: &Found, sent: &Sent<'_>) -> Result<DynamicMessage, RequestError> {
+pub fn message(found: &BoundCall, sent: &HttpInput<'_>) -> Result<DynamicMessage, RequestError> {
     let binding = found.binding;
     let kind = binding.method.input();
     let mut fields = match &binding.body {
@@ -214,33 +214,33 @@ mod tests {
         CreateJobRequest, GetJobRequest, JobView, ListJobsRequest, UpdateSubjectRequest, job,
     };
 
-    fn read(verb: Method, path: &str, sent: &Sent<'_>) -> Result<DynamicMessage, String> {
+    fn read(verb: Method, path: &str, sent: &HttpInput<'_>) -> Result<DynamicMessage, String> {
         let found = find(&verb, path).expect("a call");
         message(&found, sent).map_err(|error| error.to_string())
     }
 
-    fn asked<T: prost::Message + Default>(verb: Method, path: &str, sent: &Sent<'_>) -> T {
+    fn asked<T: prost::Message + Default>(verb: Method, path: &str, sent: &HttpInput<'_>) -> T {
         let message = read(verb, path, sent).expect("a request");
         message.transcode_to().expect("its message")
     }
 
     #[test]
     fn path_query_and_body_become_fields() {
-        let job: GetJobRequest = asked(Method::GET, "/v1/jobs/7", &Sent::default());
+        let job: GetJobRequest = asked(Method::GET, "/v1/jobs/7", &HttpInput::default());
         assert_eq!(job.name, "jobs/7");
-        let sent = Sent {
+        let sent = HttpInput {
             query: "pageSize=3&states=QUEUED&states=RUNNING&view=JOB_VIEW_FULL&owner=a%20b",
-            ..Sent::default()
+            ..HttpInput::default()
         };
         let jobs: ListJobsRequest = asked(Method::GET, "/v1/jobs", &sent);
         assert_eq!((jobs.page_size, jobs.owner.as_str()), (3, "a b"));
         let states = [job::State::Queued, job::State::Running].map(i32::from);
         assert_eq!(jobs.states, states);
         assert_eq!(jobs.view(), JobView::Full);
-        let sent = Sent {
+        let sent = HttpInput {
             query: "update_mask=display_name,consentNote",
             body: br#"{"display_name": "Ada", "name": "subjects/other"}"#,
-            ..Sent::default()
+            ..HttpInput::default()
         };
         let update: UpdateSubjectRequest = asked(Method::PATCH, "/v1/subjects/ada", &sent);
         let subject = update.subject.expect("a person");
@@ -252,10 +252,10 @@ mod tests {
 
     #[test]
     fn an_idempotency_key_is_the_request_id_unless_the_body_has_one() {
-        let sent = |body| Sent {
+        let sent = |body| HttpInput {
             body,
             idempotency_key: Some("key"),
-            ..Sent::default()
+            ..HttpInput::default()
         };
         let job: CreateJobRequest = asked(Method::POST, "/v1/jobs", &sent(b"{}"));
         assert_eq!(job.request_id, "key");
@@ -269,9 +269,9 @@ mod tests {
     #[test]
     fn what_is_no_request_is_told_by_its_field() {
         let get = |query| {
-            let sent = Sent {
+            let sent = HttpInput {
                 query,
-                ..Sent::default()
+                ..HttpInput::default()
             };
             read(Method::GET, "/v1/jobs", &sent).expect_err("refused")
         };
@@ -287,9 +287,9 @@ mod tests {
         );
         assert_eq!(get("model.name=a"), "model.name: there is no such field");
         let post = |body: &[u8]| {
-            let sent = Sent {
+            let sent = HttpInput {
                 body,
-                ..Sent::default()
+                ..HttpInput::default()
             };
             read(Method::POST, "/v1/jobs", &sent).expect_err("refused")
         };
@@ -298,9 +298,9 @@ mod tests {
         assert!(post(br#"{"speck": {}}"#).contains("speck"));
         let many = format!("{{\"spec\": [{}]}}", "{},".repeat(MOST_PARTS));
         assert!(post(many.as_bytes()).contains("parts"));
-        let sent = Sent {
+        let sent = HttpInput {
             body: b"{}",
-            ..Sent::default()
+            ..HttpInput::default()
         };
         let got = read(Method::GET, "/v1/jobs", &sent).expect_err("refused");
         assert!(got.contains("takes no body"), "{got}");

@@ -5,17 +5,19 @@ use super::call::Answers;
 use super::{json, problem};
 use axum::body::Body;
 use axum::http::header::{ACCEPT, CACHE_CONTROL, CONTENT_TYPE};
-use axum::http::{HeaderMap, HeaderValue, Response};
+use axum::http::{HeaderMap, Response};
+use axum::response::IntoResponse;
+use axum::response::sse::{Event, KeepAlive, Sse};
 use futures::{Stream, StreamExt, stream};
 use prost_reflect::DynamicMessage;
 use std::convert::Infallible;
 use std::time::Duration;
-use tokio::time::{Instant, Interval, MissedTickBehavior, interval_at};
 use tonic::Status;
 
 const EVENTS: &str = "text/event-stream";
 const LINES: &str = "application/x-ndjson";
-/// Interval of comments that keep a silent stream of events open.
+const NO_STORE: &str = "no-store";
+/// Silence after which a comment keeps a stream of events open.
 const TICK: Duration = Duration::from_secs(15);
 /// The header with the id of the last event that a browser has seen.
 pub const LAST_EVENT: &str = "last-event-id";
@@ -35,21 +37,16 @@ pub async fn answer(
     let messages = stream::iter(first.map(Ok)).chain(answers.stream());
     let messages = messages.map(|message| json::read(binding.method.output(), &message?));
     let accepted = headers.get(ACCEPT).and_then(|it| it.to_str().ok());
-    let (kind, body) = match accepted.is_some_and(|it| it.contains(EVENTS)) {
-        true => (EVENTS, Body::from_stream(events(messages))),
-        false => (LINES, Body::from_stream(messages.map(|it| line(&it)))),
-    };
-    let mut answer = Response::new(body);
-    let headers = answer.headers_mut();
-    headers.insert(CONTENT_TYPE, HeaderValue::from_static(kind));
-    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
-    answer
+    if accepted.is_some_and(|it| it.contains(EVENTS)) {
+        return ([(CACHE_CONTROL, NO_STORE)], events(messages)).into_response();
+    }
+    let lines = Body::from_stream(messages.map(|it| line(&it)));
+    let headers = [(CONTENT_TYPE, LINES), (CACHE_CONTROL, NO_STORE)];
+    (headers, lines).into_response()
 }
 
-type Line = Result<String, Infallible>;
-
 /// A message in a line, or the error that ends the stream.
-fn line(message: &Result<DynamicMessage, Status>) -> Line {
+fn line(message: &Result<DynamicMessage, Status>) -> Result<String, Infallible> {
     let mut line = match message {
         Ok(message) => json::text(message),
         Err(status) => json::error(status),
@@ -58,32 +55,27 @@ fn line(message: &Result<DynamicMessage, Status>) -> Line {
     Ok(line)
 }
 
-/// Messages as events, with comments between them.
+/// Messages as events, with comments in the silence between them.
 fn events(
     messages: impl Stream<Item = Result<DynamicMessage, Status>> + Send + 'static,
-) -> impl Stream<Item = Line> + Send {
-    let mut ticks = interval_at(Instant::now() + TICK, TICK);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let state = (messages.boxed(), ticks);
-    stream::unfold(state, |(mut messages, mut ticks): (_, Interval)| async {
-        let event = tokio::select! {
-            biased;
-            message = messages.next() => event(&message?),
-            _ = ticks.tick() => ":\n\n".to_owned(),
-        };
-        Some((Ok(event), (messages, ticks)))
-    })
+) -> impl IntoResponse {
+    let events = messages.map(|it| Ok::<_, Infallible>(event(&it)));
+    Sse::new(events).keep_alive(KeepAlive::new().interval(TICK))
 }
 
 /// A message as an event. Its id is the sequence number of its job, from which a new watch goes on.
-fn event(message: &Result<DynamicMessage, Status>) -> String {
+fn event(message: &Result<DynamicMessage, Status>) -> Event {
+    let event = Event::default();
     match message {
         Ok(message) => {
-            let id = sequence(message).map_or_else(String::new, |it| format!("id: {it}\n"));
-            format!("{id}data: {}\n\n", json::text(message))
+            let event = match sequence(message) {
+                Some(number) => event.id(number.to_string()),
+                None => event,
+            };
+            event.data(json::text(message))
         }
         // Not `error`: browsers call the loss of a connection so, and connect again.
-        Err(status) => format!("event: problem\ndata: {}\n\n", json::error(status)),
+        Err(status) => event.event("problem").data(json::error(status)),
     }
 }
 
@@ -96,12 +88,20 @@ fn sequence(message: &DynamicMessage) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use axum::body::to_bytes;
     use prost::Message;
     use yoto_proto::v1::{Job, WatchJobResponse};
     use yoto_request::methods::POOL;
 
-    #[test]
-    fn an_event_has_the_sequence_number_as_its_id() {
+    /// The bytes of the stream of one message.
+    async fn sent(message: Result<DynamicMessage, Status>) -> String {
+        let answer = events(stream::iter([message])).into_response();
+        let bytes = to_bytes(answer.into_body(), usize::MAX).await;
+        String::from_utf8(bytes.expect("ends").to_vec()).expect("UTF-8")
+    }
+
+    #[tokio::test]
+    async fn an_event_has_the_sequence_number_as_its_id() {
         let job = Job {
             name: "jobs/a\nb".to_owned(),
             sequence: 7,
@@ -110,10 +110,11 @@ mod tests {
         let response = WatchJobResponse { job: Some(job) }.encode_to_vec();
         let kind = POOL.get_message_by_name("yoto.v1.WatchJobResponse");
         let message = json::read(kind.expect("it is of the contract"), &response);
-        let event = event(&message);
+        let event = sent(message).await;
         assert!(event.starts_with("id: 7\ndata: {"), "{event}");
         assert_eq!(event.matches('\n').count(), 3, "{event}");
-        let end = super::event(&Err(Status::unavailable("later")));
+        let end = sent(Err(Status::unavailable("later"))).await;
         assert!(end.starts_with("event: problem\ndata: {"), "{end}");
+        assert!(end.ends_with("}\n\n"), "{end}");
     }
 }

@@ -7,13 +7,11 @@ mod trainings;
 
 use crate::clock::{Clock, SystemClock};
 use prometheus_client::encoding::EncodeLabelSet;
-use prometheus_client::encoding::text::encode_registry;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
-use std::fmt;
 use std::sync::LazyLock;
 use std::time::Duration;
 use trainings::Trainings;
@@ -146,12 +144,9 @@ impl Metrics {
         }
     }
 
-    /// Appends all figures to `text`.
-    ///
-    /// # Errors
-    /// Never in practice: when a string can't be written to.
-    pub fn encode(&self, text: &mut String) -> fmt::Result {
-        encode_registry(text, &self.registry)
+    /// All figures.
+    pub fn registry(&self) -> &Registry {
+        &self.registry
     }
 
     /// Bytes of an upload have arrived.

@@ -23,14 +23,14 @@ struct Table {
 
 struct Column {
     name: String,
-    kind: Kind,
+    kind: ColumnKind,
     /// Whether the database gives numbers to new rows.
     counted: bool,
 }
 
 /// Types of PostgreSQL's schema.
 #[derive(Clone, Copy)]
-enum Kind {
+enum ColumnKind {
     Integer,
     Real,
     Text,
@@ -98,10 +98,10 @@ async fn tables_of(database: &mut PgConnection) -> Result<Vec<Table>, BackupErro
         let table: String = row.try_get("table_name")?;
         let kind: String = row.try_get("data_type")?;
         let kind = match kind.as_str() {
-            "bigint" => Kind::Integer,
-            "double precision" => Kind::Real,
-            "text" => Kind::Text,
-            "bytea" => Kind::Bytes,
+            "bigint" => ColumnKind::Integer,
+            "double precision" => ColumnKind::Real,
+            "text" => ColumnKind::Text,
+            "bytea" => ColumnKind::Bytes,
             _ => return Err(BackupError::Type { table, kind }),
         };
         let column = Column {
@@ -203,12 +203,12 @@ fn bound<'q>(
     query: Query<'q, Postgres, PgArguments>,
     row: &SqliteRow,
     index: usize,
-    kind: Kind,
+    kind: ColumnKind,
 ) -> Result<Query<'q, Postgres, PgArguments>, sqlx::Error> {
     Ok(match kind {
-        Kind::Integer => query.bind(row.try_get::<Option<i64>, _>(index)?),
-        Kind::Real => query.bind(row.try_get::<Option<f64>, _>(index)?),
-        Kind::Text => query.bind(row.try_get::<Option<String>, _>(index)?),
-        Kind::Bytes => query.bind(row.try_get::<Option<Vec<u8>>, _>(index)?),
+        ColumnKind::Integer => query.bind(row.try_get::<Option<i64>, _>(index)?),
+        ColumnKind::Real => query.bind(row.try_get::<Option<f64>, _>(index)?),
+        ColumnKind::Text => query.bind(row.try_get::<Option<String>, _>(index)?),
+        ColumnKind::Bytes => query.bind(row.try_get::<Option<Vec<u8>>, _>(index)?),
     })
 }

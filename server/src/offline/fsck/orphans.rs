@@ -1,12 +1,16 @@
 //! Objects that nothing names.
 
-use super::verify::Found;
+use super::verify::Verification;
 use yoto_objects::Listed;
 use yoto_proto::keys::{self, FolderOwner};
 use yoto_store::References;
 
 /// Those of `listed` that nothing names and nobody can commit any more.
-pub fn among(listed: Vec<Listed>, references: &References, found: &Found<'_>) -> Vec<Listed> {
+pub fn among(
+    listed: Vec<Listed>,
+    references: &References,
+    found: &Verification<'_>,
+) -> Vec<Listed> {
     let orphans = listed.into_iter().filter(|it| {
         !found.keys.contains(&it.key)
             && !found.unknown.contains(keys::folder(&it.key))
@@ -42,7 +46,7 @@ mod tests {
         let mut references = References::default();
         references.leases.insert(("j".to_owned(), 7));
         references.writers.insert("c".to_owned(), 3);
-        let mut found = Found::default();
+        let mut found = Verification::default();
         found.keys.insert(keys::render("done", 1, "0.png"));
         found.unknown.insert("models/m/t-1/000000005".to_owned());
         let listed = [

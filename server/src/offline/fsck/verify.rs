@@ -14,7 +14,7 @@ const AT_ONCE: usize = 8;
 
 /// What was read.
 #[derive(Debug, Default)]
-pub struct Found<'a> {
+pub struct Verification<'a> {
     /// Keys of all objects that rows and manifests name.
     pub keys: HashSet<String>,
     /// Their bytes.
@@ -38,7 +38,7 @@ pub struct Faulty<'a> {
 
 /// An object to read, and the row's object from which it is known.
 #[derive(Debug, Clone)]
-struct Wanted<'a> {
+struct ObjectToRead<'a> {
     by: &'a NamedObject,
     object: ObjectRef,
 }
@@ -48,11 +48,11 @@ pub async fn all<'a>(
     objects: &Objects,
     named: &'a [NamedObject],
     mut progress: impl FnMut(Progress),
-) -> Result<Found<'a>, ObjectsError> {
-    let mut found = Found::default();
+) -> Result<Verification<'a>, ObjectsError> {
+    let mut found = Verification::default();
     let (manifests, others): (Vec<_>, Vec<_>) = named.iter().partition(|it| it.manifest);
-    let mut wanted: Vec<Wanted<'_>> = (others.into_iter())
-        .map(|by| Wanted {
+    let mut wanted: Vec<ObjectToRead<'_>> = (others.into_iter())
+        .map(|by| ObjectToRead {
             by,
             object: by.object.clone(),
         })
@@ -66,7 +66,7 @@ pub async fn all<'a>(
         let object = &by.object;
         found.count(object);
         match read {
-            Ok(its) => wanted.extend(its.objects.into_iter().map(|it| Wanted {
+            Ok(its) => wanted.extend(its.objects.into_iter().map(|it| ObjectToRead {
                 by,
                 object: ObjectRef {
                     key: it.key,
@@ -111,7 +111,7 @@ pub async fn all<'a>(
     Ok(found)
 }
 
-impl Found<'_> {
+impl Verification<'_> {
     fn count(&mut self, object: &ObjectRef) {
         if self.keys.insert(object.key.clone()) {
             self.bytes += object.bytes;

@@ -2,7 +2,7 @@
 
 use crate::Tenant;
 use crate::rules::retention::Retention;
-use crate::scripts::leases::{self, Turn};
+use crate::scripts::leases::{self, LeaseAnswer};
 use crate::scripts::{outcome, outputs, queue, ranges, workers};
 use crate::transaction::transaction;
 use crate::{
@@ -94,15 +94,16 @@ impl Store {
         let mut outcome = LeaseOutcome::default();
         // One transaction for each job that is tried, so that each locks one job.
         loop {
-            let turn: Result<Turn, StoreError> = transaction!(self, |tx| leases::lease(tx, &ask));
-            match turn? {
-                Turn::Leased(leased) => outcome.leased = Some(*leased),
-                Turn::Failed(job, reason) => {
+            let answer: Result<LeaseAnswer, StoreError> =
+                transaction!(self, |tx| leases::lease(tx, &ask));
+            match answer? {
+                LeaseAnswer::Leased(leased) => outcome.leased = Some(*leased),
+                LeaseAnswer::Failed(job, reason) => {
                     outcome.failed.push((job, reason));
                     continue;
                 }
-                Turn::Taken => continue,
-                Turn::Nothing => {}
+                LeaseAnswer::Taken => continue,
+                LeaseAnswer::Nothing => {}
             }
             return Ok(outcome);
         }

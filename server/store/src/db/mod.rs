@@ -16,6 +16,8 @@ mod row;
 mod schema;
 pub mod sqlite;
 mod statement;
+#[cfg(test)]
+mod taken_over;
 mod tx;
 
 pub use locks::Lock;

@@ -1,6 +1,6 @@
 //! The users' side of jobs: create, read, list, cancel.
 
-use super::positions::{self, Asked};
+use super::positions::{self, JobToPlace};
 use super::{
     attempts, consent_rule, models, operators, outcome, page, pins, quotas, requests, uploads,
 };
@@ -323,7 +323,7 @@ pub(super) async fn place<'a>(
     jobs: impl Iterator<Item = (&'a Row, &'a mut Job)>,
 ) -> Result<(), StoreError> {
     let asked = jobs.map(|(row, job)| {
-        Ok(Asked {
+        Ok(JobToPlace {
             priority: row.number("priority")?,
             ord: row.number("ord")?,
             job,

@@ -72,7 +72,7 @@ pub struct Ask<'a> {
 
 /// The answer to a request for a job.
 #[derive(Debug)]
-pub enum Turn {
+pub enum LeaseAnswer {
     /// A lease.
     Leased(Box<LeasedJob>),
     /// Another job has to be chosen: this one, `jobs/{id}`, FAILED for this reason, so that it never blocks the others.
@@ -86,9 +86,9 @@ pub enum Turn {
 /// The lease of an earlier call with the same id, while it lasts; otherwise a lease of the first queued job
 /// that the worker may run, or of a part of a running render with a higher priority. A job whose inputs can't be
 /// found, or with a person who lacks consent, FAILS.
-pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<Turn, StoreError> {
+pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<LeaseAnswer, StoreError> {
     if let Some(leased) = again(tx, ask).await? {
-        return Ok(Turn::Leased(leased.into()));
+        return Ok(LeaseAnswer::Leased(leased.into()));
     }
     let next = queue::next(tx, ask.worker_id).await?;
     let priority = next.as_ref().map(|it| it.priority);
@@ -96,22 +96,24 @@ pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<Turn, StoreError> {
         && let Some(id) = queue::to_help(tx, ask.worker_id, priority).await?
     {
         return match helpers::begin(tx, ask, &id).await? {
-            Some(key) => Ok(Turn::Leased(leased(tx, ask.tenant, &key).await?.into())),
-            None => Ok(Turn::Taken),
+            Some(key) => Ok(LeaseAnswer::Leased(
+                leased(tx, ask.tenant, &key).await?.into(),
+            )),
+            None => Ok(LeaseAnswer::Taken),
         };
     }
     let Some(queue::Next { id, trains, .. }) = next else {
-        return Ok(Turn::Nothing);
+        return Ok(LeaseAnswer::Nothing);
     };
     if let Some(model) = trains {
         // Otherwise, two trainings of one model could each find that no other one runs.
         tx.lock(Lock::Model(&model)).await?;
     }
     let Some(key) = begin(tx, ask, &id).await? else {
-        return Ok(Turn::Taken);
+        return Ok(LeaseAnswer::Taken);
     };
     match inputs_of(tx, ask, &key).await {
-        Ok(leased) => Ok(Turn::Leased(leased.into())),
+        Ok(leased) => Ok(LeaseAnswer::Leased(leased.into())),
         Err(error) if error.is_failure() => Err(error),
         Err(error) => {
             let error = match error {
@@ -127,7 +129,7 @@ pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<Turn, StoreError> {
             };
             let message = error.message.clone();
             outcome::fail(tx, &key, error).await?;
-            Ok(Turn::Failed(Collection::Jobs.name(&id), message))
+            Ok(LeaseAnswer::Failed(Collection::Jobs.name(&id), message))
         }
     }
 }

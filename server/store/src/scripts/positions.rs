@@ -7,7 +7,7 @@ use yoto_proto::v1::{Job, job};
 
 /// A job that was read, and where it stands.
 #[derive(Debug)]
-pub struct Asked<'a> {
+pub struct JobToPlace<'a> {
     /// Its priority, as in its row.
     pub priority: i64,
     /// Its place among all jobs.
@@ -18,11 +18,15 @@ pub struct Asked<'a> {
 
 /// Sets the positions of those of `jobs` that are QUEUED. The database walks over the queue once, from each to the next,
 /// however many jobs ask: a page of 100 that counted all jobs ahead of each took 137 ms with 20,000 in the queue.
-pub async fn fill(tx: &mut Tx, tenant: &Tenant, jobs: Vec<Asked<'_>>) -> Result<(), StoreError> {
+pub async fn fill(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    jobs: Vec<JobToPlace<'_>>,
+) -> Result<(), StoreError> {
     let queued = jobs
         .into_iter()
         .filter(|asked| asked.job.state() == job::State::Queued);
-    let mut queued: Vec<Asked<'_>> = queued.collect();
+    let mut queued: Vec<JobToPlace<'_>> = queued.collect();
     if queued.is_empty() {
         return Ok(());
     }
@@ -30,7 +34,7 @@ pub async fn fill(tx: &mut Tx, tenant: &Tenant, jobs: Vec<Asked<'_>>) -> Result<
     queued.sort_by_key(|asked| (-asked.priority, asked.ord));
     let mut query = sql("WITH asked (priority, since, ord) AS (VALUES ").bind(tenant.id());
     let mut before: Option<(i64, i64)> = None;
-    for (i, Asked { priority, ord, .. }) in queued.iter().enumerate() {
+    for (i, JobToPlace { priority, ord, .. }) in queued.iter().enumerate() {
         query.push(if i == 0 { "(" } else { ", (" });
         let since = before.filter(|before| before.0 == *priority);
         query.push_all([*priority, since.map_or(0, |before| before.1), *ord]);

@@ -262,6 +262,14 @@ async fn a_key_without_write_or_of_another_tenant_can_send_nothing() {
     serving.abort();
 }
 
+/// What the service sends next.
+async fn arrived(connection: &mut TcpStream) -> String {
+    let mut bytes = vec![0; 4096];
+    let read = tokio::time::timeout(Duration::from_secs(20), connection.read(&mut bytes));
+    let read = read.await.expect("is answered").expect("reads");
+    String::from_utf8_lossy(&bytes[..read]).into_owned()
+}
+
 /// The status of the answer to a PUT whose body never ends, once its key has.
 async fn cut_short(
     address: SocketAddr,
@@ -271,15 +279,16 @@ async fn cut_short(
     key: &str,
 ) -> u16 {
     let mut connection = TcpStream::connect(address).await.expect("connects");
-    let head =
-        format!("PUT {path} HTTP/1.1\r\nHost: {address}\r\nContent-Length: 6\r\n{headers}\r\npix");
+    let head = format!(
+        "PUT {path} HTTP/1.1\r\nHost: {address}\r\nContent-Length: 6\r\nExpect: 100-continue\r\n{headers}\r\n"
+    );
     connection.write_all(head.as_bytes()).await.expect("writes");
-    tokio::time::sleep(Duration::from_millis(300)).await;
+    // The service says so when it begins to read the body.
+    let begun = arrived(&mut connection).await;
+    assert_eq!(begun, "HTTP/1.1 100 Continue\r\n\r\n");
+    connection.write_all(b"pix").await.expect("writes");
     service.revoke(key).await;
-    let mut answer = vec![0; 4096];
-    let read = tokio::time::timeout(Duration::from_secs(20), connection.read(&mut answer));
-    let read = read.await.expect("is answered").expect("reads");
-    let answer = String::from_utf8_lossy(&answer[..read]).into_owned();
+    let answer = arrived(&mut connection).await;
     let status = answer.split(' ').nth(1).and_then(|it| it.parse().ok());
     status.unwrap_or_else(|| panic!("{answer}"))
 }

@@ -23,7 +23,7 @@ impl Latencies {
     /// Times a call.
     ///
     /// # Errors
-    /// Those of the call.
+    /// When the call fails.
     pub async fn time<T, E>(&self, call: impl Future<Output = Result<T, E>>) -> Result<T>
     where
         anyhow::Error: From<E>,

@@ -81,7 +81,7 @@ pub async fn run(settings: CoordinatorArgs) -> Result<()> {
 #[derive(Debug)]
 struct JumpingClock {
     controls: Controls,
-    /// Whose it is.
+    /// Number of the coordinator.
     number: usize,
     /// Whether the database's clock takes its place.
     replaced: bool,

@@ -4,9 +4,9 @@ use super::{Avatar, Posed};
 use crate::config::{Appearance, FieldConfig, ModelConfig, SplatConfig};
 use crate::field::canonical::{Canonical, FieldValues};
 use crate::field::pose_shapes::HostShapes;
-use crate::field::splats::Splats;
+use crate::field::splats::{SplatValues, Splats};
 use crate::host::ReadError;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::module::Param;
 use burn::tensor::Tensor;
 use yoto_capture::camera::Pose;
@@ -43,25 +43,28 @@ pub struct AvatarSplats<'a> {
 }
 
 impl Avatar {
-    /// What the model has in canonical space; `config` is the one that it was made by.
+    /// The representation in canonical space; `model` is the configuration that the model was made by.
     ///
     /// # Panics
     /// If `config` is of another model.
     pub fn appearance<'a>(&'a self, model: &'a ModelConfig) -> AvatarAppearance<'a> {
-        match (&model.appearance, &self.canonical) {
-            (Appearance::Field(config), Some(canonical)) => AvatarAppearance::Field(AvatarField {
+        const OTHER: &str = "a configuration of another model";
+        match &model.appearance {
+            Appearance::Field(config) => AvatarAppearance::Field(AvatarField {
                 avatar: self,
                 model,
                 config,
-                canonical,
+                canonical: self.canonical.as_ref().expect(OTHER),
             }),
-            (Appearance::Splats(config), None) => AvatarAppearance::Splats(AvatarSplats {
-                avatar: self,
-                model,
-                config,
-                splats: &self.splats,
-            }),
-            _ => panic!("a configuration of another model"),
+            Appearance::Splats(config) => {
+                assert!(self.canonical.is_none(), "{OTHER}");
+                AvatarAppearance::Splats(AvatarSplats {
+                    avatar: self,
+                    model,
+                    config,
+                    splats: &self.splats,
+                })
+            }
         }
     }
 }
@@ -72,22 +75,22 @@ impl AvatarField<'_> {
     /// points if they were found before, and only need gradients.
     pub fn evaluate(
         &self,
-        body: &Body,
+        body: &CanonicalBody,
         posed: &Posed,
         points: Tensor<2>,
         near: Option<Tensor<2>>,
     ) -> (FieldValues, Tensor<2>, Tensor<1>) {
-        let (canonical, likelihood) = self.avatar.unposed(self.model, body, posed, points, near);
+        let (canonical, likelihood) = self.avatar.unpose(self.model, body, posed, points, near);
         let values = self.values(body, posed, canonical.clone());
         (values, canonical, likelihood)
     }
 
     /// Colour and density at `canonical` points `[N, 3]`, metres: the part of the model that
     /// follows the warp.
-    pub fn values(&self, body: &Body, posed: &Posed, canonical: Tensor<2>) -> FieldValues {
+    pub fn values(&self, body: &CanonicalBody, posed: &Posed, canonical: Tensor<2>) -> FieldValues {
         self.canonical.forward(
             &self.config.canonical,
-            self.avatar.moved(self.model, posed, canonical),
+            self.avatar.apply_non_rigid(self.model, posed, canonical),
             posed.slot,
             body.hash.as_ref(),
             posed.code.clone(),
@@ -100,8 +103,33 @@ impl AvatarSplats<'_> {
     ///
     /// # Panics
     /// If the model has no identity in `slot`.
-    pub fn pose(&self, body: &Body, slot: usize, pose: &Pose, progress: f64) -> Posed {
-        self.avatar.pose(self.model, body, slot, pose, progress)
+    pub fn pose(
+        &self,
+        body: &CanonicalBody,
+        slot: usize,
+        pose: &Pose,
+        schedule_progress: f64,
+    ) -> Posed {
+        self.avatar
+            .pose(self.model, body, slot, pose, schedule_progress)
+    }
+
+    /// The values of the splats of the identity in `slot`.
+    ///
+    /// # Errors
+    /// If they can't be read from their device.
+    pub(crate) fn values(&self, slot: usize) -> Result<SplatValues, ReadError> {
+        let own = Avatar::own_slot(self.model, slot);
+        self.avatar.splat_values(own)
+    }
+
+    /// Flags of the splats of the identity in `slot` that have a frozen colour; `None` if nothing was guessed.
+    ///
+    /// # Errors
+    /// If the flags can't be read from their device.
+    pub(crate) fn frozen_colours(&self, slot: usize) -> Result<Option<Vec<bool>>, ReadError> {
+        let own = Avatar::own_slot(self.model, slot);
+        self.avatar.frozen_colours(own)
     }
 
     /// The splats of a posed identity. Their bones are those of their canonical places: pose blend shapes move what bones
@@ -112,9 +140,15 @@ impl AvatarSplats<'_> {
     ///
     /// # Panics
     /// If `posed` is of another model, with more identities.
-    pub fn posed(&self, body: &Body, posed: &Posed) -> Result<splat::Splats, ReadError> {
+    pub fn posed_splats(
+        &self,
+        body: &CanonicalBody,
+        posed: &Posed,
+    ) -> Result<splat::Splats, ReadError> {
         let splats = &self.splats[posed.slot];
-        let means = self.avatar.moved(self.model, posed, splats.means.val());
+        let means = self
+            .avatar
+            .apply_non_rigid(self.model, posed, splats.means.val());
         let transforms = warp::skin::skin(
             posed.weights.clone(),
             posed.transforms.clone(),
@@ -132,7 +166,7 @@ impl AvatarSplats<'_> {
         Ok(splat::Splats {
             transforms,
             means,
-            rotations: splats.turns.val(),
+            rotations: splats.rotations.val(),
             scales: splats.scales.val(),
             opacities: splats.opacities.val(),
             colours: splats.learning_colours(),
@@ -148,7 +182,7 @@ impl AvatarSplats<'_> {
     /// If the model can't be read from its device.
     pub(crate) fn host_shapes(
         &self,
-        body: &Body,
+        body: &CanonicalBody,
         posed: &Posed,
         means: &[f32],
     ) -> Result<Option<HostShapes>, ReadError> {

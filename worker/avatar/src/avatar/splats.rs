@@ -1,13 +1,13 @@
 //! Reading and changing the splats of one identity from outside of the optimiser.
 
 use super::Avatar;
-use crate::field::splats::{FirstSplats, Splats};
+use crate::field::splats::{SplatValues, Splats};
 use crate::host::ReadError;
 use crate::init::Initial;
 use yoto_capture::camera::Pose;
 
 impl Avatar {
-    /// Whether no splat of the identity in `slot` is hidden ([`FirstSplats::and_hidden`]).
+    /// Whether no splat of the identity in `slot` is hidden ([`SplatValues::padded_to`]).
     pub(crate) fn shows_all_splats(&self, slot: usize) -> Result<bool, ReadError> {
         match self.splats.get(slot) {
             Some(splats) => splats.shows_all(),
@@ -30,8 +30,8 @@ impl Avatar {
         }
     }
 
-    /// Notes the poses that were filmed of the identity in `slot`.
-    pub(crate) fn film<'a>(
+    /// Widens the range of poses of the identity in `slot` to the `poses` of a capture.
+    pub(crate) fn record_pose_range<'a>(
         &mut self,
         slot: usize,
         poses: impl Iterator<Item = &'a Pose>,
@@ -40,14 +40,14 @@ impl Avatar {
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);
         match &mut self.pose_shapes {
-            Some(shapes) => shapes.film(&init, slot, poses),
+            Some(shapes) => shapes.record_pose_range(&init, slot, poses),
             None => Ok(()),
         }
     }
 
     /// Replaces the splats and the light of the identity in `slot` by those at the start of a
     /// training.
-    pub(crate) fn place_splats(&mut self, slot: usize, first: &FirstSplats) {
+    pub(crate) fn place_splats(&mut self, slot: usize, first: &SplatValues) {
         let device = self.device();
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);
@@ -57,10 +57,10 @@ impl Avatar {
     }
 
     /// The values of the splats of the identity in `slot`; none if the model has no splats.
-    pub(crate) fn splat_values(&self, slot: usize) -> Result<FirstSplats, ReadError> {
+    pub(crate) fn splat_values(&self, slot: usize) -> Result<SplatValues, ReadError> {
         match self.splats.get(slot) {
             Some(splats) => splats.values(),
-            None => Ok(FirstSplats::of_nobody(0)),
+            None => Ok(SplatValues::at_origin(0)),
         }
     }
 
@@ -69,7 +69,7 @@ impl Avatar {
     pub(crate) fn replace_splats(
         &mut self,
         slot: usize,
-        values: &FirstSplats,
+        values: &SplatValues,
         from: &[usize],
     ) -> Result<(), ReadError> {
         self.change_splats(slot, |init, splats| {
@@ -89,7 +89,7 @@ impl Avatar {
     }
 
     /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.
-    pub(crate) fn reach_harmonics(&mut self, degree: usize) -> Result<(), ReadError> {
+    pub(crate) fn set_harmonics_degree(&mut self, degree: usize) -> Result<(), ReadError> {
         let device = self.device();
         // Nothing is drawn, so any seed will do.
         let init = Initial::new(&device, 0);

@@ -10,7 +10,7 @@ fn codes(tier: &str, progress: f64) -> [Vec<f32>; 2] {
     let (track, _) = SyntheticPerson::cast(1, 7)[0].capture(2, 16);
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let pose = Pose::from_frame(&track.frames[1]).expect("a pose");
-    let body = Body::new(skeleton, &config, &device);
+    let body = CanonicalBody::new(skeleton, &config, &device);
     let avatar = Avatar::new(&config, 1, body.skeleton.joints(), 5, &device);
     let posed = avatar.pose(&config, &body, 0, &pose, progress);
     [posed.conditioned, posed.code].map(|code| read(code.expect("a code")).expect("reads"))

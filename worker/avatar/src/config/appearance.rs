@@ -1,4 +1,4 @@
-//! What a model has in canonical space: a field that rays march through, or splats.
+//! The representation in canonical space: a field that rays march through, or splats.
 
 use super::{CanonicalConfig, FieldConfig, MarchConfig, ModelConfig, SplatConfig};
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// others. Checkpoints depend on it.
 const BOX_EPSILON: f32 = 1e-3;
 
-/// What a model has in canonical space.
+/// The representation in canonical space.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Parts", into = "Parts")]
 pub enum Appearance {
@@ -18,15 +18,7 @@ pub enum Appearance {
 }
 
 impl Appearance {
-    /// The field's settings; `None` for splats.
-    pub fn field(&self) -> Option<&FieldConfig> {
-        match self {
-            Self::Field(field) => Some(field),
-            Self::Splats(_) => None,
-        }
-    }
-
-    /// The field's settings, to change them.
+    /// The field's settings, for an experiment that changes them; `None` for other representations.
     pub fn field_mut(&mut self) -> Option<&mut FieldConfig> {
         match self {
             Self::Field(field) => Some(field),
@@ -34,15 +26,7 @@ impl Appearance {
         }
     }
 
-    /// The settings of splats; `None` for a field.
-    pub fn splats(&self) -> Option<&SplatConfig> {
-        match self {
-            Self::Field(_) => None,
-            Self::Splats(splats) => Some(splats),
-        }
-    }
-
-    /// The settings of splats, to change them.
+    /// The settings of splats, for an experiment that changes them; `None` for other representations.
     pub fn splats_mut(&mut self) -> Option<&mut SplatConfig> {
         match self {
             Self::Field(_) => None,

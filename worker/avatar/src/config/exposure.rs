@@ -11,14 +11,14 @@ pub enum LearnExposure {
     /// No film: all frames count as exposed alike.
     #[default]
     Never,
-    /// Those whose frames differ by more than [`ExposureConfig::least`].
+    /// Exposures of captures whose frames differ by more than [`ExposureConfig::least`].
     Auto,
     /// All films.
     Always,
 }
 
 impl LearnExposure {
-    /// What an order asks for; `None` leaves the choice to the configuration.
+    /// The choice of an order; `None` leaves the choice to the configuration.
     pub fn ordered(order: ExposureLearning) -> Option<Self> {
         match order {
             ExposureLearning::Unspecified => None,
@@ -35,7 +35,7 @@ impl LearnExposure {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ExposureConfig {
-    /// Whose are learned.
+    /// Captures whose exposures are learned.
     pub who: LearnExposure,
     /// Share of the run after which exposures are fitted: before, the model's colours are too rough.
     pub start: f64,
@@ -55,7 +55,7 @@ pub struct ExposureConfig {
 }
 
 impl Default for ExposureConfig {
-    /// Nothing is learned.
+    /// A configuration that learns no exposures.
     fn default() -> Self {
         Self {
             who: LearnExposure::Never,

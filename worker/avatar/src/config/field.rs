@@ -28,7 +28,7 @@ pub struct CanonicalConfig {
 }
 
 /// Activation of the density. Weights are trained with one of them, so it belongs to the model
-/// and not to [`Numerics`].
+/// and not to [`Numerics`](super::Numerics).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DensityActivation {
@@ -61,7 +61,7 @@ pub enum Encoding {
         /// Features per row: 1, 2, 4 or 8.
         features: usize,
         /// Binary logarithm of the rows of the largest level of an identity's own table. Its features are
-        /// added to those of a table that all share (docs/use/tiers.md).
+        /// added to those of a table that all share (docs/research/tiers-experiments.md).
         #[serde(rename = "sharing", with = "super::sharing")]
         own_log2_rows: u32,
     },

@@ -83,7 +83,7 @@ fn grid_tier(
                     growth: 1.45,
                     log2_rows,
                     features: 2,
-                    // Chosen by experiment (docs/use/tiers.md).
+                    // Chosen by experiment (docs/research/tiers-experiments.md).
                     own_log2_rows: log2_rows - 3,
                 },
                 layers: LayersConfig {
@@ -135,19 +135,19 @@ fn grid_tier(
     }
 }
 
-/// The tier `fast` with splats in place of its field (docs/research/splats.md has the experiments).
+/// The tier `fast` with splats in place of its field (docs/research/splats-experiments.md has the experiments).
 fn splats(variant: Variant) -> ModelConfig {
     let mut config = grid_tier("splat", variant, 8, 15, 64, 3, 64, [32, 33, 13]);
     config.appearance = Appearance::Splats(SplatConfig {
         pose_shapes: PoseShapesConfig::of_tier(),
         ..SplatConfig::default()
     });
-    // What a person has beyond the shared weights needs no fine cells (docs/research/splats.md).
+    // What a person has beyond the shared weights needs no fine cells (docs/research/splats-experiments.md).
     config.motion.own = Some(Resolution::Axes([16, 17, 7]));
     config.optimise.ssim_weight = 0.2;
     config.optimise.mask_weight = 0.1;
     config.refinement.noise = 0.08;
-    // A minute's training gains nothing by it (docs/research/splats.md).
+    // A minute's training gains nothing by it (docs/research/splats-experiments.md).
     config.schedule.non_rigid = Schedule::NEVER;
     config.schedule.all_bands = Schedule::NEVER;
     config.exposure.who = LearnExposure::Auto;
@@ -158,11 +158,25 @@ fn splats(variant: Variant) -> ModelConfig {
 /// place of 1. The likelihood is an upper bound of a sample's opacity.
 const INVISIBLE: f32 = f32::EPSILON / 2.0;
 
+/// The march of the paper: all samples, without an occupancy grid.
+const ALL_SAMPLES: MarchConfig = MarchConfig {
+    samples: 128,
+    epsilon: INVISIBLE,
+    min_transmittance: 0.0,
+    occupancy_cells: 0,
+    occupancy_alpha: 0.0,
+};
+
 /// The sizes and the training of the paper and of HumanNeRF, on which it builds, with all samples
 /// and all gradients (docs/research/paper.md lists every choice).
 fn paper(variant: Variant) -> ModelConfig {
+    paper_sizes("paper", variant, ALL_SAMPLES)
+}
+
+/// The sizes and the training of the paper with a `march`.
+fn paper_sizes(tier: &str, variant: Variant, march: MarchConfig) -> ModelConfig {
     ModelConfig {
-        tier: "paper".into(),
+        tier: tier.into(),
         variant,
         numerics: Numerics::Sound,
         precision: Precision::F32,
@@ -200,13 +214,7 @@ fn paper(variant: Variant) -> ModelConfig {
                 density_scale: 1.0,
                 activation: DensityActivation::Softplus,
             },
-            march: MarchConfig {
-                samples: 128,
-                epsilon: INVISIBLE,
-                min_transmittance: 0.0,
-                occupancy_cells: 0,
-                occupancy_alpha: 0.0,
-            },
+            march,
         }),
         optimise: OptimiseConfig {
             patches: 6,
@@ -229,18 +237,15 @@ fn paper(variant: Variant) -> ModelConfig {
 /// [`paper`] for slower machines: samples, gradients and ends of rays with little influence are
 /// left out. docs/research/performance.md has the effect.
 fn paper_lean(variant: Variant) -> ModelConfig {
-    let mut config = paper(variant);
-    config.tier = "paper-lean".into();
-    if let Appearance::Field(field) = &mut config.appearance {
-        field.march = MarchConfig {
-            epsilon: 1e-2,
-            min_transmittance: 1e-3,
-            occupancy_cells: 64,
-            // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
-            occupancy_alpha: 2e-3,
-            ..field.march
-        };
-    }
+    let march = MarchConfig {
+        epsilon: 1e-2,
+        min_transmittance: 1e-3,
+        occupancy_cells: 64,
+        // Below the opacity of a step before training: a density of 0.3/m over 1.6 cm.
+        occupancy_alpha: 2e-3,
+        ..ALL_SAMPLES
+    };
+    let mut config = paper_sizes("paper-lean", variant, march);
     config.optimise.backward_share = 0.05;
     config
 }

@@ -44,7 +44,7 @@ impl Default for PoseShapesConfig {
 }
 
 impl PoseShapesConfig {
-    /// Those of the tier `splat` (docs/research/splats.md has the experiments).
+    /// The pose blend shapes of the tier `splat` (docs/research/splats-experiments.md has the experiments).
     pub(crate) fn of_tier() -> Self {
         Self {
             count: 8,
@@ -95,7 +95,7 @@ impl PoseShapesConfig {
 impl ModelConfig {
     /// Pose blend shapes of the model's splats, if it has any. Without a pose condition, poses move bones alone.
     pub(crate) fn pose_shapes(&self) -> Option<&PoseShapesConfig> {
-        let shapes = &self.appearance.splats()?.pose_shapes;
+        let shapes = self.appearance.pose_shapes()?;
         (shapes.count > 0 && self.variant != Variant::NoPoseCondition).then_some(shapes)
     }
 

@@ -4,14 +4,14 @@ use super::ConfigError;
 use serde::{Deserialize, Serialize};
 use yoto_proto::v1::PoseRefinement;
 
-/// Whose poses a training refines.
+/// The people whose poses a training refines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Refine {
     /// Nobody's.
     #[default]
     Never,
-    /// Those of people whose bodies wander off their masks ([`PRECISE`](yoto_capture::check::PRECISE)),
+    /// People whose bodies wander off their masks ([`PRECISE`](yoto_capture::check::PRECISE)),
     /// or jump as no body can. With splats, those of all others as well, but finely ([`Extent::Fine`]).
     Auto,
     /// Everybody's.
@@ -31,7 +31,7 @@ pub enum Extent {
 }
 
 impl Refine {
-    /// What an order asks for; `None` leaves the choice to the configuration.
+    /// The choice of an order; `None` leaves the choice to the configuration.
     pub fn ordered(order: PoseRefinement) -> Option<Self> {
         match order {
             PoseRefinement::Unspecified => None,
@@ -48,7 +48,7 @@ impl Refine {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefinementConfig {
-    /// Whose poses are refined.
+    /// The people whose poses are refined.
     pub who: Refine,
     /// Start, as a share of the run.
     pub start: f64,
@@ -80,12 +80,15 @@ pub struct RefinementConfig {
     /// Frames to both sides that follow a frame's step at the start, by a Gauss curve; none from
     /// two thirds on. Errors of neighbours are alike.
     pub reach: f64,
-    /// Expected error of a given rotation about each axis, radians.
-    pub turn: f64,
+    /// Expected error of a given rotation about each axis, radians. Configurations call it `turn`.
+    #[serde(rename = "turn")]
+    pub rotation: f64,
     /// Expected error of the root's given position along each axis, metres.
     pub shift: f64,
-    /// Expected change of a rotation's error from the mean of its neighbours, radians.
-    pub turn_jitter: f64,
+    /// Expected change of a rotation's error from the mean of its neighbours, radians. Configurations call it
+    /// `turn_jitter`.
+    #[serde(rename = "turn_jitter")]
+    pub rotation_jitter: f64,
     /// Expected change of the position's error from the mean of its neighbours, metres.
     pub shift_jitter: f64,
     /// Expected difference of a blurred value from the model's where the pose is right.
@@ -110,16 +113,16 @@ impl Default for RefinementConfig {
             telling: 30,
             judged_last: 0.6,
             reach: 2.0,
-            turn: 0.05,
+            rotation: 0.05,
             shift: 0.02,
-            turn_jitter: 0.03,
+            rotation_jitter: 0.03,
             shift_jitter: 0.01,
             noise: 0.1,
         }
     }
 }
 
-/// How poses are refined at one point of a run.
+/// The settings of pose refinement at one point of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RefinementStage {
     /// Blur, as a share of the person's longer side in the picture.
@@ -133,7 +136,7 @@ pub(crate) struct RefinementStage {
 }
 
 impl RefinementStage {
-    /// The same without any step taken: what fits ask for tells how far given poses are off.
+    /// The same stage without any step taken: what fits ask for tells how far given poses are off.
     pub fn observing(self) -> Self {
         Self { share: 0.0, ..self }
     }
@@ -146,7 +149,7 @@ impl RefinementConfig {
         progress >= self.start
     }
 
-    /// How poses are refined to an `extent` after the completed fraction `progress` of a run; `None` where they
+    /// The settings of pose refinement to an `extent` after the completed fraction `progress` of a run; `None` where they
     /// are not.
     pub(crate) fn stage(&self, extent: Extent, progress: f64) -> Option<RefinementStage> {
         let start = match extent {
@@ -228,9 +231,9 @@ impl RefinementConfig {
             return wrong("refinement.reach", "must be between 0 and 100 frames");
         }
         for (field, value) in [
-            ("refinement.turn", self.turn),
+            ("refinement.turn", self.rotation),
             ("refinement.shift", self.shift),
-            ("refinement.turn_jitter", self.turn_jitter),
+            ("refinement.turn_jitter", self.rotation_jitter),
             ("refinement.shift_jitter", self.shift_jitter),
             ("refinement.noise", self.noise),
             ("refinement.exact", self.exact),

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The order of people.
+/// How a step chooses its person and frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Turns {
+pub enum SamplingStrategy {
     /// Every frame of everybody once per epoch, as in HumanNeRF's data loader: a longer film gets more steps.
     #[default]
     Frame,
@@ -14,17 +14,18 @@ pub enum Turns {
     Person,
 }
 
-/// The person that each step learns from (docs/use/people.md has the experiments).
+/// The person that each step learns from (docs/use/people.md).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SamplingConfig {
-    /// The order of people.
-    pub turns: Turns,
+    /// How a step chooses its person and frame. Configurations call it `turns`.
+    #[serde(rename = "turns")]
+    pub strategy: SamplingStrategy,
 }
 
 impl SamplingConfig {
     /// Equal shares for everybody.
     pub const FAIR: Self = Self {
-        turns: Turns::Person,
+        strategy: SamplingStrategy::Person,
     };
 }

@@ -22,7 +22,7 @@ pub struct Schedule {
     /// Learning rates at the end of the run, relative to their start.
     pub final_rate: f64,
     /// Latest point of the schedule, as a fraction of a run, at which the learning rates begin when a run continues
-    /// with a trained model: a short run at full rates loses more than it learns (docs/use/tiers.md).
+    /// with a trained model: a short run at full rates loses more than it learns (docs/research/tiers-experiments.md).
     #[serde(default)]
     pub restart: f64,
 }

@@ -87,10 +87,7 @@ mod tests {
     #[test]
     fn numbers_and_words_are_set_by_name() {
         let config = with("march.epsilon=0.25").expect("there");
-        assert_eq!(
-            config.appearance.field().expect("a field").march.epsilon,
-            0.25
-        );
+        assert_eq!(config.appearance.march().expect("rays").epsilon, 0.25);
         let config = with("precision=bf16").expect("there");
         assert_eq!(config.precision, crate::config::Precision::Bf16);
         assert_eq!(fast().with(&[]).expect("nothing asked"), fast());

@@ -24,8 +24,9 @@ pub struct SplatConfig {
     pub grow_all: f64,
     /// Learning rate of the means, metres.
     pub mean_rate: f64,
-    /// Learning rate of the rotations, which are quaternions.
-    pub turn_rate: f64,
+    /// Learning rate of the rotations, which are quaternions. Configurations call it `turn_rate`.
+    #[serde(rename = "turn_rate")]
+    pub rotation_rate: f64,
     /// Learning rate of the scales' logarithms.
     pub scale_rate: f64,
     /// Learning rate of the opacities' logits.
@@ -45,7 +46,7 @@ pub struct SplatConfig {
 }
 
 impl Default for SplatConfig {
-    /// Chosen by experiment (docs/research/splats.md).
+    /// Chosen by experiment (docs/research/splats-experiments.md).
     fn default() -> Self {
         Self {
             count: 20_000,
@@ -53,7 +54,7 @@ impl Default for SplatConfig {
             grow: 0.3,
             grow_all: 0.5,
             mean_rate: 1e-3,
-            turn_rate: 1e-2,
+            rotation_rate: 1e-2,
             scale_rate: 1e-2,
             opacity_rate: 5e-2,
             colour_rate: 8e-3,
@@ -68,7 +69,7 @@ impl Default for SplatConfig {
 
 impl SplatConfig {
     /// Number at first, where poses are refined.
-    pub(crate) fn first_count(&self) -> usize {
+    pub(crate) fn initial_count(&self) -> usize {
         self.coarse.min(self.count)
     }
 
@@ -102,7 +103,7 @@ impl SplatConfig {
         }
         for (field, rate) in [
             ("splats.mean_rate", self.mean_rate),
-            ("splats.turn_rate", self.turn_rate),
+            ("splats.turn_rate", self.rotation_rate),
             ("splats.scale_rate", self.scale_rate),
             ("splats.opacity_rate", self.opacity_rate),
             ("splats.colour_rate", self.colour_rate),

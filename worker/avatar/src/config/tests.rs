@@ -20,7 +20,7 @@ fn every_listed_tier_and_variant_exists() {
 #[test]
 fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
     let config = ModelConfig::named("fast", "yoto").expect("named");
-    let march = &config.appearance.field().expect("a field").march;
+    let march = config.appearance.march().expect("rays");
     assert!(march.min_transmittance > 0.0 && march.occupancy_cells > 0);
     let mut json = serde_json::to_value(&config).expect("serialises");
     let march = json["march"].as_object_mut().expect("an object");
@@ -28,7 +28,7 @@ fn configurations_of_before_there_were_bounds_leave_nothing_more_out() {
         assert!(march.remove(field).is_some(), "{field}");
     }
     let old: ModelConfig = serde_json::from_value(json).expect("reads");
-    let march = &old.appearance.field().expect("a field").march;
+    let march = old.appearance.march().expect("rays");
     assert_eq!((march.min_transmittance, march.occupancy_cells), (0.0, 0));
     let mut bad = config.clone();
     bad.appearance
@@ -232,23 +232,18 @@ fn settings_of_both_appearances_keep_their_names() {
         let config = ModelConfig::named(tier, "yoto").expect("named");
         config.with(&[text.parse().expect("a setting")])
     };
-    let splats = set("splat", "splats.harmonics=2").expect("there");
-    assert_eq!(splats.appearance.splats().expect("splats").harmonics, 2);
+    let mut splats = set("splat", "splats.harmonics=2").expect("there");
+    let splats = splats.appearance.splats_mut().expect("splats");
+    assert_eq!(splats.harmonics, 2);
     let field = set("fast", "march.samples=32").expect("there");
-    assert_eq!(field.appearance.field().expect("a field").march.samples, 32);
+    assert_eq!(field.appearance.march().expect("rays").samples, 32);
     let field = set("fast", "canonical.encoding.sharing.own_log2_rows=9").expect("there");
-    let encoding = &field
-        .appearance
-        .field()
-        .expect("a field")
-        .canonical
-        .encoding;
     assert!(matches!(
-        encoding,
-        Encoding::Hash {
+        field.appearance.encoding(),
+        Some(Encoding::Hash {
             own_log2_rows: 9,
             ..
-        }
+        })
     ));
     for (tier, text) in [
         ("splat", "march.samples=32"),

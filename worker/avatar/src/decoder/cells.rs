@@ -1,6 +1,6 @@
 //! The grid of places at which a decoder has values: rings along each part of the body, with equal steps around it.
 
-use super::parts::{PARTS, Parts, Place};
+use super::parts::{BodyPlace, PARTS, Parts};
 
 /// The grid of one part.
 #[derive(Clone, Copy)]
@@ -45,7 +45,7 @@ const FIRST: [usize; PARTS + 1] = {
 pub(crate) const CELLS: usize = FIRST[PARTS];
 
 /// The four cells around a place, with their bilinear weights, which sum to 1.
-pub(crate) fn around(place: Place) -> [(usize, f32); 4] {
+pub(crate) fn around(place: BodyPlace) -> [(usize, f32); 4] {
     let Grid {
         rings,
         steps,
@@ -99,7 +99,7 @@ pub(crate) struct Means {
 
 impl Means {
     /// The mean at a place, of the cells around it that have a weight; `None` if none has.
-    pub fn at(&self, place: Place) -> Option<[f32; 3]> {
+    pub fn at(&self, place: BodyPlace) -> Option<[f32; 3]> {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for (cell, share) in around(place) {
             if self.weights[cell] > 0.0 {
@@ -112,8 +112,8 @@ impl Means {
         (total > 0.0).then(|| sum.map(|value| value / total))
     }
 
-    /// Those of colours at places, each with a weight.
-    pub fn of(points: impl Iterator<Item = (Place, [f32; 3], f32)>) -> Self {
+    /// The means of colours at places, each with a weight.
+    pub fn of(points: impl Iterator<Item = (BodyPlace, [f32; 3], f32)>) -> Self {
         let mut sums = vec![[0f64; 4]; CELLS];
         for (place, colour, weight) in points {
             for (cell, share) in around(place) {
@@ -139,8 +139,8 @@ impl Means {
 mod tests {
     use super::*;
 
-    fn place(part: usize, along: f32, around: f32) -> Place {
-        Place {
+    fn place(part: usize, along: f32, around: f32) -> BodyPlace {
+        BodyPlace {
             part,
             along,
             around,

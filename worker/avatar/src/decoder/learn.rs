@@ -3,7 +3,7 @@
 
 use super::cells::{CELLS, Means, mirrored};
 use super::linear::Decoder;
-use super::parts::{Parts, Place};
+use super::parts::{BodyPlace, Parts};
 use faer::Mat;
 use thiserror::Error;
 use yoto_capture::skeleton::Skeleton;
@@ -32,11 +32,11 @@ pub enum LearnError {
 }
 
 /// A person to learn from: splats in the rest pose.
-pub struct Person {
+pub struct ExamplePerson {
     pub(super) means: Means,
 }
 
-impl Person {
+impl ExamplePerson {
     /// A person with a skeleton, of splats at `points`, metres, each with the joint that moves it, its colour and its
     /// opaque area, m². `None` if the skeleton has other joints than SMPL's.
     pub fn new(
@@ -44,7 +44,7 @@ impl Person {
         points: impl Iterator<Item = ([f32; 3], usize, [f32; 3], f32)>,
     ) -> Option<Self> {
         let parts = Parts::of(skeleton)?;
-        let placed = points.map(|(at, joint, colour, area)| -> (Place, [f32; 3], f32) {
+        let placed = points.map(|(at, joint, colour, area)| -> (BodyPlace, [f32; 3], f32) {
             (parts.place(at, joint), colour, area)
         });
         let means = Means::of(placed);
@@ -57,7 +57,7 @@ impl Decoder {
     ///
     /// # Errors
     /// If there are too few people.
-    pub fn learn(people: &[Person], rank: usize) -> Result<Self, LearnError> {
+    pub fn learn(people: &[ExamplePerson], rank: usize) -> Result<Self, LearnError> {
         if people.len() < rank || rank == 0 {
             return Err(LearnError::People {
                 people: people.len(),

@@ -1,7 +1,7 @@
 //! The decoder: a mean colour and basis colours in each cell.
 
 use super::cells::{CELLS, Means, around};
-use super::parts::Place;
+use super::parts::BodyPlace;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 use yoto_proto::sha256_hex;
@@ -26,7 +26,7 @@ pub struct Decoder {
     pub(super) basis: Vec<Vec<[f32; 3]>>,
 }
 
-/// What the decoder says of one person.
+/// The colours of one person by the decoder.
 pub(crate) struct Decoded {
     /// `[CELLS]`.
     colours: Vec<[f32; 3]>,
@@ -94,7 +94,7 @@ impl Decoder {
 
 impl Decoded {
     /// The colour at a place.
-    pub fn colour(&self, place: Place) -> [f32; 3] {
+    pub fn colour(&self, place: BodyPlace) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for (cell, share) in around(place) {
             for (sum, value) in sum.iter_mut().zip(self.colours[cell]) {

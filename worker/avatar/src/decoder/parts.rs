@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 use yoto_capture::skeleton::Skeleton;
 use yoto_proto::smpl::JOINTS;
 
-/// Trunk, head, and for the left and the right side in turn: upper arm, forearm, hand, thigh, shin, foot.
+/// Number of parts: trunk, head, and for the left and the right side each: upper arm, forearm, hand, thigh, shin, foot.
 pub(crate) const PARTS: usize = 14;
 const TRUNK: usize = 0;
 const HEAD: usize = 1;
@@ -30,11 +30,11 @@ const LEAST: f32 = 1e-4;
 
 /// A place on the body of any person.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct BodyPlace {
     pub part: usize,
     /// 0 at the first joint of the part, 1 at the last, and beyond both.
     pub along: f32,
-    /// Angle around the part, 0 at the front (a foot's top) and a quarter at the outer side (the trunk's left), turns,
+    /// Angle around the part, 0 at the front (a foot's top) and a quarter at the outer side (the trunk's left), revolutions,
     /// 0 to 1.
     pub around: f32,
 }
@@ -58,7 +58,7 @@ struct Axis {
 }
 
 impl Parts {
-    /// Those of a skeleton with SMPL's joints; `None` for others, and where joints coincide.
+    /// The parts of a skeleton with SMPL's joints; `None` for others, and where joints coincide.
     pub fn of(skeleton: &Skeleton) -> Option<Self> {
         let names = skeleton.names.iter().zip(&skeleton.parents);
         let smpl = skeleton.joints() == JOINTS.len()
@@ -122,12 +122,12 @@ impl Parts {
     }
 
     /// The place of a point of the rest pose, metres, that the `joint` moves.
-    pub fn place(&self, point: [f32; 3], joint: usize) -> Place {
+    pub fn place(&self, point: [f32; 3], joint: usize) -> BodyPlace {
         let part = Self::part(joint);
         let axis = &self.axes[part];
         let off = minus(point, axis.start);
         let (front, outer) = (dot(off, axis.front), dot(off, axis.outer));
-        Place {
+        BodyPlace {
             part,
             along: dot(off, axis.along) / axis.length,
             around: (outer.atan2(front) / TAU).rem_euclid(1.0),

@@ -1,13 +1,13 @@
-//! What is known of people before a training.
+//! Knowledge of people before a training.
 
 use super::Decoder;
 use std::sync::Arc;
 use yoto_proto::v1::AppearancePrior;
 
-/// What a training knows of people before it sees any.
+/// The knowledge of people that a training starts with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Prior {
-    /// Nothing.
+    /// It knows nothing.
     None,
     /// The decoder that the program has.
     #[default]
@@ -17,7 +17,7 @@ pub enum Prior {
 }
 
 impl Prior {
-    /// What an order asks for.
+    /// The choice of an order.
     pub fn ordered(order: AppearancePrior) -> Self {
         match order {
             AppearancePrior::None => Self::None,

@@ -2,14 +2,14 @@
 
 use super::cells::Means;
 use super::file::FileError;
-use super::learn::{LearnError, Person};
-use super::parts::{PARTS, Parts, Place};
+use super::learn::{ExamplePerson, LearnError};
+use super::parts::{BodyPlace, PARTS, Parts};
 use super::{Decoder, Prior};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::smpl::{AVERAGE_REST, JOINTS};
 
 /// A person in a coat of one colour all around, with a face before dark hair that is as long as `hair` says.
-fn colour(place: Place, [coat, hair]: [f32; 2]) -> [f32; 3] {
+fn colour(place: BodyPlace, [coat, hair]: [f32; 2]) -> [f32; 3] {
     let before = place.around < 0.25 || place.around > 0.75;
     match place.part {
         1 if before && place.along < 1.0 => [0.8, 0.6, 0.5],
@@ -20,9 +20,9 @@ fn colour(place: Place, [coat, hair]: [f32; 2]) -> [f32; 3] {
 }
 
 /// Places all over the body.
-fn places() -> impl Iterator<Item = Place> {
+fn places() -> impl Iterator<Item = BodyPlace> {
     (0..PARTS).flat_map(|part| {
-        (0..1200).map(move |index| Place {
+        (0..1200).map(move |index| BodyPlace {
             part,
             along: -0.1 + 1.4 * (index / 40) as f32 / 30.0,
             around: ((index % 40) as f32 + 0.5) / 40.0,
@@ -30,23 +30,23 @@ fn places() -> impl Iterator<Item = Place> {
     })
 }
 
-fn person(numbers: [f32; 2], shows: impl Fn(Place) -> bool) -> Person {
+fn person(numbers: [f32; 2], shows: impl Fn(BodyPlace) -> bool) -> ExamplePerson {
     let all = places().filter(|place| shows(*place));
-    Person {
+    ExamplePerson {
         means: Means::of(all.map(|place| (place, colour(place, numbers), 1e-3))),
     }
 }
 
 fn learned() -> Decoder {
     let numbers = (0..12).map(|index| [(index % 4) as f32 / 3.0, (index / 4) as f32 / 2.0]);
-    let people: Vec<Person> = numbers.map(|it| person(it, |_| true)).collect();
+    let people: Vec<ExamplePerson> = numbers.map(|it| person(it, |_| true)).collect();
     Decoder::learn(&people, 6).expect("enough people")
 }
 
 #[test]
 fn a_back_is_that_of_people_with_such_a_front() {
     let (decoder, numbers) = (learned(), [0.8, 0.25]);
-    let front = |place: Place| place.around < 0.25 || place.around > 0.75;
+    let front = |place: BodyPlace| place.around < 0.25 || place.around > 0.75;
     let decoded = decoder.of_person(&person(numbers, front).means);
     for place in places().filter(|place| !front(*place) && (0.05..0.95).contains(&place.along)) {
         // At the back, not within a cell of the front.
@@ -69,7 +69,7 @@ fn a_back_is_that_of_people_with_such_a_front() {
 fn nobody_is_the_mean_person() {
     let decoder = learned();
     let nobody = Means::of(std::iter::empty());
-    let [.., blue] = decoder.of_person(&nobody).colour(Place {
+    let [.., blue] = decoder.of_person(&nobody).colour(BodyPlace {
         part: 0,
         along: 0.5,
         around: 0.5,
@@ -80,7 +80,7 @@ fn nobody_is_the_mean_person() {
         .colours
         .iter_mut()
         .for_each(|it| *it = [f32::NAN; 3]);
-    let colour = decoder.of_person(&dark.means).colour(Place {
+    let colour = decoder.of_person(&dark.means).colour(BodyPlace {
         part: 0,
         along: 0.5,
         around: 0.5,
@@ -103,7 +103,7 @@ fn a_decoder_needs_people() {
         parents: JOINTS.map(|(_, parent)| parent).to_vec(),
         rest: AVERAGE_REST.to_vec(),
     };
-    assert!(Person::new(&skeleton, std::iter::empty()).is_none());
+    assert!(ExamplePerson::new(&skeleton, std::iter::empty()).is_none());
     assert!(Parts::of(&skeleton).is_none());
 }
 

@@ -1,14 +1,14 @@
 //! From one model to another: splats that learn a person from a field's pictures.
 //!
 //! ```text
-//! field, poses → film (pictures from all around) → course (a training on them) → a model of splats
+//! field, poses → teacher (pictures from all around) → student (a training on them) → a model of splats
 //! ```
 
-mod course;
-mod film;
+mod student;
+mod teacher;
 
-pub use course::{Course, Distilled, FEWEST, Stage};
-pub use film::{Filmed, Lessons};
+pub use student::{DistillStage, Distilled, FEWEST, StudentTraining};
+pub use teacher::{CaptureFrame, Teacher};
 
 use crate::config::ConfigError;
 use crate::render::RenderError;
@@ -27,12 +27,12 @@ pub enum DistillError {
     /// A picture can't be rendered.
     #[error("picture {index}")]
     Render {
-        /// Its index in the film.
+        /// Its index among the pictures.
         index: usize,
         /// What is wrong.
         source: RenderError,
     },
-    /// The camera of a filmed frame is invalid.
+    /// The camera of a frame of the capture is invalid.
     #[error("frame {frame}")]
     View {
         /// Its number.
@@ -40,7 +40,7 @@ pub enum DistillError {
         /// What is wrong.
         source: ViewError,
     },
-    /// The pictures are no capture.
+    /// The pictures do not make a valid capture.
     #[error(transparent)]
     Capture(#[from] CaptureError),
     /// This version has no splats.

@@ -17,7 +17,7 @@ pub struct Truth<'a> {
     pub camera: &'a Camera,
     /// The picture, over black.
     pub image: &'a FrameImage,
-    /// How the picture is exposed beside others of the person's film.
+    /// Exposure of the picture relative to others of the person's capture.
     pub exposure: FrameExposure,
 }
 

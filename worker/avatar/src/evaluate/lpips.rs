@@ -10,7 +10,7 @@ pub struct LpipsMetric {
 }
 
 impl LpipsMetric {
-    /// With the networks of these files, on `device`.
+    /// Loads the networks from these files, on `device`.
     ///
     /// # Errors
     /// When a file does not hold the expected weights.
@@ -20,7 +20,7 @@ impl LpipsMetric {
         Ok(Self { lpips, device })
     }
 
-    /// With loaded weights, which must be on `device` without automatic differentiation.
+    /// Takes loaded weights, which must be on `device` without automatic differentiation.
     pub fn new(lpips: Lpips, device: &Device) -> Self {
         Self {
             lpips,

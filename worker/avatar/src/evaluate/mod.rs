@@ -36,7 +36,7 @@ pub enum EvaluateError {
     Size {
         /// Width and height of the truth.
         expected: (usize, usize),
-        /// Of the render.
+        /// Width and height of the render.
         found: (usize, usize),
     },
     /// The picture is smaller than the window of SSIM.

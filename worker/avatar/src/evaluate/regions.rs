@@ -1,4 +1,4 @@
-//! Where in a picture the error is: on parts of the body, along its outline, or as haze around it.
+//! The error of a picture by region: on parts of the body, along its outline, or as haze around it.
 //! The mean error of a picture does not tell a blurred face from a ragged outline.
 
 use crate::motion::prior::is_torso;

@@ -143,7 +143,7 @@ impl Canonical {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::ModelConfig;
+    use crate::config::{Appearance, FieldConfig, ModelConfig};
     use crate::host::read;
     use crate::motion::body::hash_grid;
     use burn::tensor::Device;
@@ -153,7 +153,10 @@ mod tests {
     fn evaluate(slot: usize, with_grid: bool, with_code: bool) -> FieldValues {
         let device = Device::flex();
         let config = ModelConfig::named("draft", "yoto").expect("a tier");
-        let config = &config.appearance.field().expect("a field").canonical;
+        let Appearance::Field(FieldConfig { canonical, .. }) = &config.appearance else {
+            panic!("the tier has a field");
+        };
+        let config = canonical;
         let area = WarpGrid {
             min: [0.0; 3],
             max: [1.0; 3],

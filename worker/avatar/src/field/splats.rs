@@ -2,19 +2,20 @@
 //! person's capture.
 
 use crate::host::{ReadError, read};
+use crate::identity::stored_names::stored;
 use crate::init::Initial;
 use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Tensor, activation};
 use yoto_ops::splat::harmonics;
 use yoto_ops::splat::light::LIGHTS;
 
-/// Parameters of one person's splats ([`yoto_ops::splat::Splats`] has their meaning).
+/// Parameters of one person's splats, with the meaning that [`yoto_ops::splat::Splats`] gives them.
 #[derive(Module, Debug)]
 pub struct Splats {
     /// `[N, 3]`.
     pub means: Param<Tensor<2>>,
-    /// `[N, 4]`.
-    pub turns: Param<Tensor<2>>,
+    /// `[N, 4]`: quaternions wxyz, of any length but 0.
+    pub rotations: Param<Tensor<2>>,
     /// `[N, 3]`.
     pub scales: Param<Tensor<2>>,
     /// `[N]`.
@@ -22,20 +23,20 @@ pub struct Splats {
     /// `[N, 3]`.
     pub colours: Param<Tensor<2>>,
     /// `[N]`, 1 where a colour is guessed and does not learn, else 0; late in a run and after it, and never trained itself.
-    pub held: Option<Param<Tensor<1>>>,
+    pub frozen: Option<Param<Tensor<1>>>,
     /// `[N, 3 K]`, where colours depend on the view.
     pub harmonics: Option<Param<Tensor<2>>>,
     /// `[3, 8]`.
     pub light: Param<Tensor<2>>,
 }
 
-/// Values of splats before training, row by row.
+/// Values of splats in host memory, row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct FirstSplats {
+pub(crate) struct SplatValues {
     /// `[N, 3]`, metres.
     pub means: Vec<f32>,
-    /// `[N, 4]`.
-    pub turns: Vec<f32>,
+    /// `[N, 4]`: quaternions wxyz, of any length but 0.
+    pub rotations: Vec<f32>,
     /// `[N, 3]`.
     pub scales: Vec<f32>,
     /// `[N]`, logits.
@@ -56,23 +57,23 @@ pub fn opaque_area(opacity: f32, mut deviations: [f32; 3]) -> f32 {
 /// Logit of the opacity of splats that are not drawn.
 pub(crate) const HIDDEN: f32 = -20.0;
 
-impl FirstSplats {
-    /// These, and others behind them that are not drawn, `count` in all.
-    pub fn and_hidden(mut self, count: usize) -> Self {
-        let hidden = Self::of_nobody(count - self.opacities.len());
+impl SplatValues {
+    /// These values, and hidden splats behind them: `count` in all.
+    pub fn padded_to(mut self, count: usize) -> Self {
+        let hidden = Self::at_origin(count - self.opacities.len());
         self.means.extend(hidden.means);
-        self.turns.extend(hidden.turns);
+        self.rotations.extend(hidden.rotations);
         self.scales.extend(hidden.scales);
         self.opacities.resize(count, HIDDEN);
         self.colours.extend(hidden.colours);
         self
     }
 
-    /// `count` splats at the origin, before a person is known.
-    pub fn of_nobody(count: usize) -> Self {
+    /// `count` splats at the origin: placeholders before a person is known.
+    pub fn at_origin(count: usize) -> Self {
         Self {
             means: vec![0.0; 3 * count],
-            turns: [1.0, 0.0, 0.0, 0.0].repeat(count),
+            rotations: [1.0, 0.0, 0.0, 0.0].repeat(count),
             scales: vec![-5.0; 3 * count],
             opacities: vec![0.0; count],
             colours: vec![0.5; 3 * count],
@@ -80,14 +81,15 @@ impl FirstSplats {
     }
 }
 
-/// Whose moments an optimiser keeps: those of another degree do not fit.
+/// The name of the harmonics has their degree, since an optimiser keeps moments by name, and those of another degree do
+/// not fit.
 fn harmonics_path(slot: usize, degree: usize) -> String {
     format!("splats.{slot}.harmonics.{degree}")
 }
 
-/// Path of the flags of held colours; checkpoints late in a run and of finished models have it.
-pub(crate) fn held_path(slot: usize) -> String {
-    format!("splats.{slot}.held")
+/// Name in checkpoints of the flags of frozen colours; those late in a run and of finished models have them.
+pub(crate) fn frozen_path(slot: usize) -> String {
+    stored(&format!("splats.{slot}.frozen"))
 }
 
 impl Splats {
@@ -107,22 +109,22 @@ impl Splats {
         self.opacities = Param::initialized(ParamId::new(), logit);
     }
 
-    /// The colours `[N, 3]`, of which those that are held have no gradient.
+    /// The colours `[N, 3]`, of which those that are frozen have no gradient.
     pub(crate) fn learning_colours(&self) -> Tensor<2> {
         let colours = self.colours.val();
-        let Some(held) = &self.held else {
+        let Some(frozen) = &self.frozen else {
             return colours;
         };
-        let held = held.val().detach().unsqueeze_dim::<2>(1);
+        let frozen = frozen.val().detach().unsqueeze_dim::<2>(1);
         // Exact: each factor is 0 or 1.
-        colours.clone() * (-held.clone() + 1.0) + colours.detach() * held
+        colours.clone() * (-frozen.clone() + 1.0) + colours.detach() * frozen
     }
 
-    /// Holds the colours of the splats that `held` `[N]` names; with `None`, all learn.
-    pub(crate) fn hold(&mut self, init: &Initial, slot: usize, held: Option<&[bool]>) {
-        self.held = held.map(|held| {
-            let flags: Vec<f32> = held.iter().map(|it| f32::from(u8::from(*it))).collect();
-            init.given(&held_path(slot), [flags.len()], &flags)
+    /// Freezes the colours of the splats that `frozen` `[N]` names; with `None`, all learn.
+    pub(crate) fn freeze_colours(&mut self, init: &Initial, slot: usize, frozen: Option<&[bool]>) {
+        self.frozen = frozen.map(|frozen| {
+            let flags: Vec<f32> = frozen.iter().map(|it| f32::from(u8::from(*it))).collect();
+            init.given(&frozen_path(slot), [flags.len()], &flags)
         });
     }
 
@@ -183,10 +185,10 @@ impl Splats {
     }
 
     /// The present values of all splats, hidden ones too.
-    pub(crate) fn values(&self) -> Result<FirstSplats, ReadError> {
-        Ok(FirstSplats {
+    pub(crate) fn values(&self) -> Result<SplatValues, ReadError> {
+        Ok(SplatValues {
             means: read(self.means.val().detach())?,
-            turns: read(self.turns.val().detach())?,
+            rotations: read(self.rotations.val().detach())?,
             scales: read(self.scales.val().detach())?,
             opacities: read(self.opacities.val().detach())?,
             colours: read(self.colours.val().detach())?,
@@ -199,7 +201,7 @@ impl Splats {
         &mut self,
         init: &Initial,
         slot: usize,
-        values: &FirstSplats,
+        values: &SplatValues,
         from: &[usize],
     ) -> Result<(), ReadError> {
         let degree = self.degree();
@@ -224,16 +226,16 @@ impl Splats {
 
     /// The splats of the person in `slot`, without light; their colours will depend on the view by harmonics of up to
     /// `degree`.
-    pub(crate) fn new(init: &Initial, slot: usize, first: &FirstSplats, degree: usize) -> Self {
+    pub(crate) fn new(init: &Initial, slot: usize, first: &SplatValues, degree: usize) -> Self {
         let count = first.means.len() / 3;
-        let path = |name: &str| format!("splats.{slot}.{name}");
+        let path = |name: &str| stored(&format!("splats.{slot}.{name}"));
         Self {
             means: init.given(&path("means"), [count, 3], &first.means),
-            turns: init.given(&path("turns"), [count, 4], &first.turns),
+            rotations: init.given(&path("rotations"), [count, 4], &first.rotations),
             scales: init.given(&path("scales"), [count, 3], &first.scales),
             opacities: init.given(&path("opacities"), [count], &first.opacities),
             colours: init.given(&path("colours"), [count, 3], &first.colours),
-            held: None,
+            frozen: None,
             harmonics: (degree > 0).then(|| {
                 let numbers = 3 * harmonics::count(degree);
                 init.zeros(&harmonics_path(slot, degree), [count, numbers])

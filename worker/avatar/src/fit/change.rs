@@ -1,6 +1,6 @@
 //! A change of a pose.
 
-use super::Wish;
+use super::StepPrior;
 use crate::config::RefinementConfig;
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::Pose;
@@ -22,10 +22,10 @@ impl PoseChange {
     /// `pose` with this change.
     pub fn of(&self, pose: &Pose) -> Pose {
         let change: Vec<f64> = self.0.iter().map(|v| f64::from(*v)).collect();
-        let (turns, shift) = parts(&change);
+        let (rotations, shift) = parts(&change);
         let given = pose.rotations_f64();
-        let rotations = (given.iter().zip(turns))
-            .map(|(given, turn)| compose_axis_angle(*given, *turn).map(|v| v as f32))
+        let rotations = (given.iter().zip(rotations))
+            .map(|(given, rotation)| compose_axis_angle(*given, *rotation).map(|v| v as f32))
             .collect();
         let root = rigid(
             rodrigues(given.first().copied().unwrap_or_default()),
@@ -38,19 +38,19 @@ impl PoseChange {
         }
     }
 
-    /// How each parameter returns to the given pose, whose expected errors `config` has, times
-    /// `scale`: that of rotations, and of the position.
-    pub fn wishes(&self, config: &RefinementConfig, scale: [f64; 2]) -> Vec<Wish> {
-        let turns = self.0.len() - 3;
+    /// The prior on each parameter's return to the given pose. `config` has the expected errors, which are multiplied by
+    /// `scale`: the factor of rotations, and that of the position.
+    pub fn priors(&self, config: &RefinementConfig, scale: [f64; 2]) -> Vec<StepPrior> {
+        let rotations = self.0.len() - 3;
         (self.0.iter().enumerate())
             .map(|(i, now)| {
-                let error = if i < turns {
-                    scale[0] * config.turn
+                let error = if i < rotations {
+                    scale[0] * config.rotation
                 } else {
                     scale[1] * config.shift
                 };
-                Wish {
-                    step: -f64::from(*now),
+                StepPrior {
+                    mean: -f64::from(*now),
                     precision: error.powi(-2),
                 }
             })
@@ -59,7 +59,7 @@ impl PoseChange {
 
     /// Moves it by the share `by` of a `step` `[3 (K + 1)]` in the axes of the changed pose.
     pub fn take(&mut self, step: &[f64], by: f64) {
-        let (turns, shift) = parts(step);
+        let (steps, shift) = parts(step);
         let (vectors, _) = self.0.as_chunks_mut::<3>();
         let Some((position, rotations)) = vectors.split_last_mut() else {
             return;
@@ -68,9 +68,9 @@ impl PoseChange {
         let root = rodrigues(root.map(f64::from));
         let shift = apply(&rigid(root, [0.0; 3]), shift.map(|v| by * v));
         *position = add(position.map(f64::from), shift).map(|v| v as f32);
-        for (rotation, turn) in rotations.iter_mut().zip(turns) {
-            let turned = compose_axis_angle(rotation.map(f64::from), turn.map(|v| by * v));
-            *rotation = turned.map(|v| v as f32);
+        for (rotation, step) in rotations.iter_mut().zip(steps) {
+            let rotated = compose_axis_angle(rotation.map(f64::from), step.map(|v| by * v));
+            *rotation = rotated.map(|v| v as f32);
         }
     }
 }
@@ -79,7 +79,7 @@ impl PoseChange {
 fn parts(change: &[f64]) -> (&[[f64; 3]], [f64; 3]) {
     let (vectors, _) = change.as_chunks::<3>();
     match vectors.split_last() {
-        Some((shift, turns)) => (turns, *shift),
+        Some((shift, rotations)) => (rotations, *shift),
         None => (&[], [0.0; 3]),
     }
 }

@@ -1,6 +1,6 @@
-//! What a field shows, and how it changes with the pose.
+//! Pixels of a field, and their Jacobian to the pose.
 
-use super::{HostPose, Picture, PoseFitter, Shown, jacobian};
+use super::{HostPose, Picture, PixelValues, PoseFitter, jacobian};
 use crate::avatar::{AvatarField, Posed};
 use crate::host::read;
 use crate::render::RenderError;
@@ -14,15 +14,15 @@ use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::Pose;
 
 impl PoseFitter<'_> {
-    /// The colours of the `pixels`, each by its `weights`; `None` if no sample is live.
-    pub(super) fn field_shown(
+    /// The values of the `pixels`, each by its `weights`, with their Jacobian to the pose; `None` if no sample is live.
+    pub(super) fn field_pixels_with_jacobian(
         &self,
         field: AvatarField<'_>,
         pose: &Pose,
         picture: &Picture,
         pixels: &[usize],
         weights: &[[f32; 4]],
-    ) -> Result<Option<Shown>, RenderError> {
+    ) -> Result<Option<PixelValues>, RenderError> {
         let (posed, host) = self.posed(pose)?;
         let samples = trace_span!("fit: march")
             .in_scope(|| self.samples(field, pose, picture, pixels, &host));
@@ -32,13 +32,13 @@ impl PoseFitter<'_> {
         let (values, to_warped) = trace_span!("fit: gradients")
             .in_scope(|| self.gradients(field, &posed, &samples, weights))?;
         let unposing = self.config.motion.unposing;
-        let rows = trace_span!("fit: joints")
-            .in_scope(|| jacobian::rows(self.body, &host, unposing, &samples, to_warped));
-        Ok(Some(Shown { values, rows }))
+        let jacobian = trace_span!("fit: joints")
+            .in_scope(|| jacobian::rays(self.body, &host, unposing, &samples, to_warped));
+        Ok(Some(PixelValues { values, jacobian }))
     }
 
     /// Red, green, blue and opacity of the `pixels`; `None` if no sample is live.
-    pub(super) fn field_seen(
+    pub(super) fn field_pixels(
         &self,
         field: AvatarField<'_>,
         pose: &Pose,
@@ -112,7 +112,7 @@ impl PoseFitter<'_> {
         Tensor::cat(vec![seen.rgb, seen.alpha.unsqueeze_dim::<2>(1)], 1)
     }
 
-    /// What the rays of `samples` show, by the `weights` of red, green, blue and opacity of each:
+    /// The values of the rays of `samples`, by the `weights` of red, green, blue and opacity of each:
     /// `[R]`, and its gradients `[n, 4]` to the samples' canonical points and likelihoods.
     pub(super) fn gradients(
         &self,

@@ -1,14 +1,14 @@
-//! How rays change with the pose: the gradient of one number per ray to every joint.
+//! The Jacobian of rays: the gradient of one number per ray to every joint.
 //!
-//! A bone that turns by ω about its joint at p leaves a point x of the body frame behind by
-//! −ω × (x − p). With the gradient f to the point as the bone carries it, turned into the body
+//! A bone that rotates by ω about its joint at p leaves a point x of the body frame behind by
+//! −ω × (x − p). With the gradient f to the point as the bone carries it, rotated into the body
 //! frame, the ray changes by −ω · ((x − p) × f), summed over all bones below the joint.
 
 use super::wrench::{self, Wrench};
 use crate::avatar::Posed;
 use crate::config::Unposing;
 use crate::host::read;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::render::RenderError;
 use crate::render::samples::Samples;
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ pub(super) struct HostPose {
 }
 
 impl HostPose {
-    pub fn new(body: &Body, pose: &Pose, posed: &Posed) -> Result<Self, RenderError> {
+    pub fn new(body: &CanonicalBody, pose: &Pose, posed: &Posed) -> Result<Self, RenderError> {
         Ok(Self {
             weights: read(posed.weights.clone().detach())?,
             transforms: read(posed.transforms.clone().detach())?,
@@ -37,10 +37,10 @@ impl HostPose {
     }
 }
 
-/// `[R, 3 (K + 1)]`: gradients of the rays to the pose, as [`wrench::rows`] returns them. `to_warped`
+/// The Jacobian `[R, 3 (K + 1)]` of the rays to the pose, as [`wrench::jacobian`] returns it. `to_warped`
 /// `[n, 4]` are the gradients to the samples' canonical points and likelihoods.
-pub(super) fn rows(
-    body: &Body,
+pub(super) fn rays(
+    body: &CanonicalBody,
     pose: &HostPose,
     unposing: Unposing,
     samples: &Samples,
@@ -64,15 +64,15 @@ pub(super) fn rows(
     };
     let carried = point_gradients(weights, transforms, &samples.points, &to_warped, &body.grid);
     blocks.extend(carried.into_iter().map(|block| {
-        let in_body = |pull: PointGradient| {
-            let bone = pull.bone as usize;
+        let in_body = |at: PointGradient| {
+            let bone = at.bone as usize;
             let (carry, _) = transforms[12 * bone..12 * (bone + 1)].as_chunks::<4>();
             unposed::PointGradient {
-                point: pull.point,
-                bone: pull.bone,
-                position: points[pull.point as usize],
+                point: at.point,
+                bone: at.bone,
+                position: points[at.point as usize],
                 gradient: std::array::from_fn(|c| {
-                    let along = carry.iter().zip(pull.gradient);
+                    let along = carry.iter().zip(at.gradient);
                     along.map(|(row, f)| row[c] * f).sum()
                 }),
             }
@@ -82,15 +82,15 @@ pub(super) fn rows(
     let blocks: Vec<(usize, Vec<Wrench>)> = (blocks.par_iter())
         .filter(|block| !block.is_empty())
         .map(|block| {
-            let rays = block.iter().map(|pull| ray(pull.point));
+            let rays = block.iter().map(|at| ray(at.point));
             let (first, last) = rays.fold((usize::MAX, 0), |(a, b), it| (a.min(it), b.max(it)));
             let mut wrenches = vec![Wrench::default(); (last + 1 - first) * bones];
-            for pull in block {
+            for at in block {
                 // The body moves, the point stays.
-                let force = pull.gradient.map(|v| -f64::from(v));
-                let bone = pull.bone as usize;
-                wrenches[(ray(pull.point) - first) * bones + bone]
-                    .add(Wrench::at(pull.position.map(f64::from), force));
+                let force = at.gradient.map(|v| -f64::from(v));
+                let bone = at.bone as usize;
+                wrenches[(ray(at.point) - first) * bones + bone]
+                    .add(Wrench::at(at.position.map(f64::from), force));
             }
             (first, wrenches)
         })
@@ -101,7 +101,7 @@ pub(super) fn rows(
             sum.add(wrench);
         }
     }
-    wrench::rows(&body.skeleton, joints, wrenches)
+    wrench::jacobian(&body.skeleton, joints, wrenches)
 }
 
 #[cfg(test)]

@@ -2,21 +2,21 @@ use super::*;
 use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::{ModelConfig, Unposing};
 use crate::fit::test_scene::TestScene;
-use crate::fit::{PixelGrid, SEEN, truth};
+use crate::fit::{CHANNELS, PixelGrid, truth};
 use burn::module::Module;
 use yoto_capture::skeleton::transform::{apply, compose, compose_axis_angle, rigid, rodrigues};
 use yoto_ops::warp::cpu::forward;
 use yoto_ops::warp::inverse::solve::Skinning;
 
-/// Rays of the untrained model, their gradients by [`rows`], and what they show after a small
+/// Rays of the untrained model, their gradients by [`rays`], and what they show after a small
 /// change of one number of the pose.
 #[test]
-fn rays_change_as_the_rows_say() {
+fn rays_change_as_the_jacobian_says() {
     rays_change_by(Unposing::Blend);
 }
 
 #[test]
-fn rays_change_as_the_rows_say_through_inverse_skinning() {
+fn rays_change_as_the_jacobian_says_through_inverse_skinning() {
     rays_change_by(Unposing::Inverse);
 }
 
@@ -40,35 +40,36 @@ fn rays_change_by(unposing: Unposing) {
     let posed = avatar.pose(config, body, 0, pose, 0.0);
     let host = HostPose::new(body, pose, &posed).expect("reads");
     let mut samples = fitter.samples(field, pose, &picture, &grid.pixels, &host);
-    assert!(truth(image, covered[0] as usize, SEEN[0]) > 0.0);
+    assert!(truth(image, covered[0] as usize, CHANNELS[0]) > 0.0);
 
     let width = 3 * (joints + 1);
     let size = 1e-3;
-    for weights in SEEN.map(|weights| vec![weights; samples.rays]) {
+    for weights in CHANNELS.map(|weights| vec![weights; samples.rays]) {
         let (_, to_warped) = fitter
             .gradients(field, &posed, &samples, &weights)
             .expect("renders");
-        let rows = rows(body, &host, unposing, &samples, to_warped);
-        let largest = rows.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let jacobian = rays(body, &host, unposing, &samples, to_warped);
+        let largest = jacobian.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let (mut off, mut all) = (0.0, 0.0);
         for parameter in (0..width).step_by(5).chain(width - 3..width) {
             let mut shown = [-size, size].map(|by| {
                 let mut changed = pose.clone();
                 let (joint, axis) = (parameter / 3, parameter % 3);
                 let mut moved = samples.points.clone();
-                let mut turn = [0.0; 3];
-                turn[axis] = by;
+                let mut rotation = [0.0; 3];
+                rotation[axis] = by;
                 if joint > 0 && joint < joints {
                     let given = changed.rotations[joint].map(f64::from);
-                    changed.rotations[joint] = compose_axis_angle(given, turn).map(|v| v as f32);
+                    changed.rotations[joint] =
+                        compose_axis_angle(given, rotation).map(|v| v as f32);
                 } else {
                     // The root moves the points the other way: Rᵀ (x − j − s) + j.
                     let root = body.skeleton.root();
                     let back = if joint == 0 {
-                        let there = rigid(rodrigues(turn.map(|v| -v)), root);
+                        let there = rigid(rodrigues(rotation.map(|v| -v)), root);
                         compose(&there, &rigid(rodrigues([0.0; 3]), root.map(|v| -v)))
                     } else {
-                        rigid(rodrigues([0.0; 3]), turn.map(|v| -v))
+                        rigid(rodrigues([0.0; 3]), rotation.map(|v| -v))
                     };
                     for point in moved.as_chunks_mut::<3>().0 {
                         *point = apply(&back, point.map(f64::from)).map(|v| v as f32);
@@ -95,7 +96,7 @@ fn rays_change_by(unposing: Unposing) {
                     .0
             });
             let [less, more] = &mut shown;
-            for (ray, row) in rows.chunks_exact(width).enumerate() {
+            for (ray, row) in jacobian.chunks_exact(width).enumerate() {
                 let slope = f64::from(more[ray] - less[ray]) / (2.0 * size);
                 off += (slope - row[parameter]).powi(2);
                 all += slope * slope;

@@ -14,7 +14,7 @@ mod wrench;
 
 use crate::avatar::{Avatar, AvatarAppearance, Posed};
 use crate::config::ModelConfig;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::render::RenderError;
 use crate::render::occupancy::Occupancy;
 use burn::tensor::Device;
@@ -30,27 +30,27 @@ use yoto_capture::camera::{Camera, Pose};
 
 /// Weight of a colour beside the opacity, 1 / √3: the three together count as much.
 const COLOUR: f32 = 0.577;
-/// What a fit compares, as weights of red, green, blue and opacity: the opacity, and the
+/// The channels that a fit compares, as weights of red, green, blue and opacity: the opacity, and the
 /// brightness over black.
-const SEEN: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], BRIGHTNESS];
+const CHANNELS: [[f32; 4]; 2] = [[0.0, 0.0, 0.0, 1.0], BRIGHTNESS];
 /// Weights of the brightness.
 const BRIGHTNESS: [f32; 4] = [COLOUR, COLOUR, COLOUR, 0.0];
 /// A difference that counts half, of values up to 1: what neither pose nor model explain, such as
-/// another object, should not pull.
+/// another object, should not move the pose.
 const ROBUST: f64 = 0.3;
 /// Largest rotation of a joint in a step, radians: beyond it, the linearisation of the pose does not
 /// hold.
-const MAX_TURN: f64 = 0.3;
+const MAX_ROTATION: f64 = 0.3;
 
 /// A person of a model whose pose is fitted. No gradient flows to the model, whose parameters
 /// must not be tracked.
 pub(crate) struct PoseFitter<'a> {
     pub avatar: &'a Avatar,
     pub config: &'a ModelConfig,
-    pub body: &'a Body,
+    pub body: &'a CanonicalBody,
     pub slot: usize,
     /// Completed fraction of the run.
-    pub progress: f64,
+    pub schedule_progress: f64,
     pub occupancy: Option<&'a Occupancy>,
     /// A device that differentiates.
     pub device: &'a Device,
@@ -64,20 +64,20 @@ pub(crate) struct Picture<'a> {
     pub covered: &'a [u32],
 }
 
-/// A step that a parameter should take, regardless of the picture.
+/// A Gaussian prior on a parameter's step, regardless of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Wish {
-    pub step: f64,
-    /// One over its variance.
+pub(crate) struct StepPrior {
+    pub mean: f64,
+    /// One over the variance.
     pub precision: f64,
 }
 
-/// What every parameter should do without a picture.
-pub(crate) struct Wishes {
-    /// Return to the given pose.
-    pub given: Vec<Wish>,
-    /// The same, and agree with neighbours.
-    pub all: Vec<Wish>,
+/// The priors on the steps of all parameters.
+pub(crate) struct StepPriors {
+    /// The return to the given pose.
+    pub given: Vec<StepPrior>,
+    /// The return to the given pose, and the changes of neighbouring frames.
+    pub all: Vec<StepPrior>,
 }
 
 /// A step that fits best, and how far the pose before it was from the picture.
@@ -91,7 +91,7 @@ pub(crate) struct Fit {
     pub evidence: [Evidence; 2],
 }
 
-/// How well expected errors agree with what a fit finds.
+/// The agreement of expected errors with what a fit finds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Evidence {
     /// Sum of the squared changes of the parameters from their given values, in units of the
@@ -103,7 +103,7 @@ pub(crate) struct Evidence {
 }
 
 impl PoseFitter<'_> {
-    /// The step from `pose` that fits best to `picture` and to the `wishes` for each
+    /// The step from `pose` that fits best to `picture` and to the `priors` for each
     /// parameter: rotations of the joints in their own posed axes, radians, and the shift of the
     /// root in its own axes, metres. Pictures are blurred by the share `blur` of the person's
     /// longer side; `noise` is the expected difference of their values. No step where the model shows
@@ -115,21 +115,21 @@ impl PoseFitter<'_> {
         &self,
         pose: &Pose,
         picture: &Picture,
-        wishes: &Wishes,
+        priors: &StepPriors,
         blur: f64,
         noise: f64,
         rng: &mut ChaCha8Rng,
     ) -> Result<Option<Fit>, RenderError> {
         // Each pixel shows one of both, so that one pass through the model gives all gradients.
-        let mut grids = Vec::with_capacity(SEEN.len());
-        for weights in SEEN {
+        let mut grids = Vec::with_capacity(CHANNELS.len());
+        for weights in CHANNELS {
             let offset = std::array::from_fn(|_| rng.random());
             let Some(grid) = PixelGrid::new(picture.image, picture.covered, blur, offset) else {
                 return Ok(None);
             };
             grids.push((grid, weights));
         }
-        if self.config.appearance.splats().is_some() {
+        if self.config.appearance.capabilities().fast_frames {
             let spread = grids[0].0.spread;
             for part in parts::boxes(&self.body.skeleton, pose, picture.camera) {
                 let offset = std::array::from_fn(|_| rng.random());
@@ -146,14 +146,14 @@ impl PoseFitter<'_> {
             .collect();
         let shown = match self.avatar.appearance(self.config) {
             AvatarAppearance::Splats(splats) => {
-                self.splats_shown(splats, pose, picture, &pixels, &weights)?
+                self.splat_pixels_with_jacobian(splats, pose, picture, &pixels, &weights)?
             }
             AvatarAppearance::Field(field) => {
-                self.field_shown(field, pose, picture, &pixels, &weights)?
+                self.field_pixels_with_jacobian(field, pose, picture, &pixels, &weights)?
             }
         };
-        let width = wishes.all.len();
-        let Some(Shown { values, rows }) = shown else {
+        let width = priors.all.len();
+        let Some(PixelValues { values, jacobian }) = shown else {
             let step = vec![0.0; width];
             return Ok(Some(Fit {
                 step,
@@ -169,15 +169,15 @@ impl PoseFitter<'_> {
             let here = first..first + grid.pixels.len();
             first = here.end;
             let differences = misfit.add(grid, picture.image, *weights, &values[here.clone()]);
-            let rows = grid.blur(&rows[width * here.start..width * here.end], width);
+            let rows = grid.blur(&jacobian[width * here.start..width * here.end], width);
             for (row, difference) in rows.chunks_exact(width).zip(differences) {
                 let trust = 1.0 / (1.0 + (difference / ROBUST).powi(2));
-                normal.ask(row, difference, grid.independent() * trust / noise.powi(2));
+                normal.add_residual(row, difference, grid.independent() * trust / noise.powi(2));
             }
         }
-        let evidence = evidence(normal.clone(), &wishes.given);
-        for (i, wish) in wishes.all.iter().enumerate() {
-            normal.hold(i, wish.step, wish.precision);
+        let evidence = evidence(normal.clone(), &priors.given);
+        for (i, prior) in priors.all.iter().enumerate() {
+            normal.add_prior(i, prior.mean, prior.precision);
         }
         let found = normal.solve().map(limited).zip(misfit.share());
         Ok(found.map(|(step, misfit)| Fit {
@@ -187,7 +187,7 @@ impl PoseFitter<'_> {
         }))
     }
 
-    /// How far what the model shows in `pose` is from `picture`, both blurred as by
+    /// The difference of the model's picture in `pose` from `picture`, both blurred as by
     /// [`Self::step`]: the square of the difference as a share of the picture's square; `None` where
     /// the picture does not show the person. `offset` in [0, 1)² shifts the compared pixels within a
     /// cell.
@@ -206,10 +206,10 @@ impl PoseFitter<'_> {
         };
         let seen = match self.avatar.appearance(self.config) {
             AvatarAppearance::Splats(splats) => {
-                self.splats_seen(splats, pose, picture, &grid.pixels)?
+                self.splat_pixels(splats, pose, picture, &grid.pixels)?
             }
             AvatarAppearance::Field(field) => {
-                self.field_seen(field, pose, picture, &grid.pixels)?
+                self.field_pixels(field, pose, picture, &grid.pixels)?
             }
         };
         let Some(seen) = seen else {
@@ -229,34 +229,40 @@ impl PoseFitter<'_> {
     /// The person in `pose`.
     fn posed(&self, pose: &Pose) -> Result<(Posed, HostPose), RenderError> {
         let _span = trace_span!("fit: pose").entered();
-        let posed = (self.avatar).pose(self.config, self.body, self.slot, pose, self.progress);
+        let posed = (self.avatar).pose(
+            self.config,
+            self.body,
+            self.slot,
+            pose,
+            self.schedule_progress,
+        );
         let host = HostPose::new(self.body, pose, &posed)?;
         Ok((posed, host))
     }
 }
 
-/// The colours of pixels, each by weights of its own of red, green, blue and opacity.
-struct Shown {
+/// The values of pixels, each by weights of its own of red, green, blue and opacity.
+struct PixelValues {
     /// `[R]`.
     values: Vec<f32>,
-    /// `[R, 3 (K + 1)]`: its gradients to the pose, as [`wrench::rows`] returns them.
-    rows: Vec<f64>,
+    /// `[R, 3 (K + 1)]`: their Jacobian to the pose, as [`wrench::jacobian`] returns it.
+    jacobian: Vec<f64>,
 }
 
-/// Evidence of a picture's equations about the expected errors in the wishes for the `given` pose.
-fn evidence(mut normal: Normal, given: &[Wish]) -> [Evidence; 2] {
+/// Evidence of a picture's equations about the expected errors in the priors for the `given` pose.
+fn evidence(mut normal: Normal, given: &[StepPrior]) -> [Evidence; 2] {
     let mut evidence = [Evidence::default(); 2];
-    for (i, wish) in given.iter().enumerate() {
-        normal.hold(i, wish.step, wish.precision);
+    for (i, prior) in given.iter().enumerate() {
+        normal.add_prior(i, prior.mean, prior.precision);
     }
     let Some((step, variances)) = normal.solve_with_variances() else {
         return evidence;
     };
-    let turns = given.len() - 3;
-    for (i, wish) in given.iter().enumerate() {
-        let of = &mut evidence[usize::from(i >= turns)];
-        of.squares += wish.precision * (step[i] - wish.step).powi(2);
-        of.determined += 1.0 - wish.precision * variances[i];
+    let rotations = given.len() - 3;
+    for (i, prior) in given.iter().enumerate() {
+        let of = &mut evidence[usize::from(i >= rotations)];
+        of.squares += prior.precision * (step[i] - prior.mean).powi(2);
+        of.determined += 1.0 - prior.precision * variances[i];
     }
     evidence
 }
@@ -299,7 +305,7 @@ impl Misfit {
     }
 }
 
-/// What a pixel shows, by the `weights` of red, green, blue and opacity.
+/// The value of a pixel, by the `weights` of red, green, blue and opacity.
 fn truth(image: &FrameImage, pixel: usize, weights: [f32; 4]) -> f32 {
     let rgb = &image.rgb[3 * pixel..3 * pixel + 3];
     let values = rgb.iter().chain([&image.mask[pixel]]);
@@ -311,15 +317,15 @@ fn truth(image: &FrameImage, pixel: usize, weights: [f32; 4]) -> f32 {
 
 /// `step`, shortened if a joint turns too far.
 fn limited(mut step: Vec<f64>) -> Vec<f64> {
-    let turns = step.len() - 3;
-    let longest = step[..turns]
+    let rotations = step.len() - 3;
+    let longest = step[..rotations]
         .as_chunks::<3>()
         .0
         .iter()
-        .map(|turn| turn.iter().map(|v| v * v).sum::<f64>().sqrt())
+        .map(|rotation| rotation.iter().map(|v| v * v).sum::<f64>().sqrt())
         .fold(0.0, f64::max);
-    if longest > MAX_TURN {
-        step.iter_mut().for_each(|v| *v *= MAX_TURN / longest);
+    if longest > MAX_ROTATION {
+        step.iter_mut().for_each(|v| *v *= MAX_ROTATION / longest);
     }
     step
 }

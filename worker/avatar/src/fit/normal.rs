@@ -8,7 +8,7 @@ pub(super) struct Normal {
 }
 
 impl Normal {
-    /// No equations yet, for `n` unknowns.
+    /// The equations of `n` unknowns without any residual.
     pub fn new(n: usize) -> Self {
         Self {
             h: vec![0.0; n * n],
@@ -16,8 +16,8 @@ impl Normal {
         }
     }
 
-    /// Asks for `row` · x = `value`, with a weight.
-    pub fn ask(&mut self, row: &[f64], value: f64, weight: f64) {
+    /// Adds the residual `value` − `row` · x, with a weight.
+    pub fn add_residual(&mut self, row: &[f64], value: f64, weight: f64) {
         let n = self.b.len();
         for (i, &by) in row.iter().enumerate() {
             if by == 0.0 {
@@ -31,8 +31,8 @@ impl Normal {
         }
     }
 
-    /// Asks for x of `i` = `value`, with a weight.
-    pub fn hold(&mut self, i: usize, value: f64, weight: f64) {
+    /// Adds a prior on the unknown `i` with the mean `value` and a weight, which is its precision.
+    pub fn add_prior(&mut self, i: usize, value: f64, weight: f64) {
         self.h[i * (self.b.len() + 1)] += weight;
         self.b[i] += weight * value;
     }
@@ -102,7 +102,7 @@ mod tests {
             [1.0, 1.0, 1.0],
         ] {
             let value = row.iter().zip(x).map(|(a, b)| a * b).sum();
-            normal.ask(&row, value, 3.0);
+            normal.add_residual(&row, value, 3.0);
         }
         let found = normal.solve().expect("definite");
         for (found, x) in found.iter().zip(x) {
@@ -113,8 +113,8 @@ mod tests {
     #[test]
     fn variances_are_those_of_the_inverse() {
         let mut normal = Normal::new(2);
-        normal.ask(&[2.0, 1.0], 0.0, 1.0);
-        normal.ask(&[0.0, 1.0], 0.0, 1.0);
+        normal.add_residual(&[2.0, 1.0], 0.0, 1.0);
+        normal.add_residual(&[0.0, 1.0], 0.0, 1.0);
         // H = [4 2; 2 2], so that H⁻¹ = [0.5 -0.5; -0.5 1].
         let (_, found) = normal.solve_with_variances().expect("definite");
         assert!(
@@ -124,18 +124,18 @@ mod tests {
     }
 
     #[test]
-    fn unknowns_without_an_equation_need_a_wish() {
-        let asked = || {
+    fn unknowns_without_a_residual_need_a_prior() {
+        let one_residual = || {
             let mut normal = Normal::new(2);
-            normal.ask(&[2.0, 0.0], 2.0, 1.0);
+            normal.add_residual(&[2.0, 0.0], 2.0, 1.0);
             normal
         };
-        assert_eq!(asked().solve(), None);
-        let mut normal = asked();
-        normal.hold(1, 7.0, 1e-6);
+        assert_eq!(one_residual().solve(), None);
+        let mut normal = one_residual();
+        normal.add_prior(1, 7.0, 1e-6);
         assert_eq!(normal.solve(), Some(vec![1.0, 7.0]));
-        let mut normal = asked();
-        normal.hold(1, f64::NAN, 1.0);
+        let mut normal = one_residual();
+        normal.add_prior(1, f64::NAN, 1.0);
         assert_eq!(normal.solve(), None);
     }
 }

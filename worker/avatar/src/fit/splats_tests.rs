@@ -1,9 +1,9 @@
 use super::*;
 use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::ModelConfig;
-use crate::field::splats::FirstSplats;
+use crate::field::splats::SplatValues;
 use crate::fit::test_scene::TestScene;
-use crate::fit::{PixelGrid, PoseChange, SEEN};
+use crate::fit::{CHANNELS, PixelGrid, PoseChange};
 use burn::module::Module;
 use burn::tensor::Tensor;
 use rand::{RngExt, SeedableRng};
@@ -11,15 +11,15 @@ use rand_chacha::ChaCha8Rng;
 use yoto_capture::skeleton::Skeleton;
 use yoto_ops::splat::render;
 
-/// Splats of any turn, scale and colour, around the bones.
-fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {
+/// Splats of any rotation, scale and colour, around the bones.
+fn around(skeleton: &Skeleton, count: usize) -> SplatValues {
     let mut rng = ChaCha8Rng::seed_from_u64(4);
     let mut any = |low: f32, high: f32| rng.random_range(low..high);
     let joints = skeleton.rest.iter().cycle().take(count);
-    let mut first = FirstSplats::of_nobody(0);
+    let mut first = SplatValues::at_origin(0);
     for joint in joints {
         first.means.extend(joint.map(|v| v as f32 + any(-0.1, 0.1)));
-        first.turns.extend([(); 4].map(|()| any(-1.0, 1.0)));
+        first.rotations.extend([(); 4].map(|()| any(-1.0, 1.0)));
         first.scales.extend([(); 3].map(|()| any(-4.0, -2.5)));
         first.opacities.push(any(-2.0, 3.0));
         first.colours.extend([(); 3].map(|()| any(0.1, 0.9)));
@@ -28,7 +28,7 @@ fn around(skeleton: &Skeleton, count: usize) -> FirstSplats {
 }
 
 #[test]
-fn pixels_change_as_the_rows_say() {
+fn pixels_change_as_the_jacobian_says() {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
     let count = 400;
     config.appearance.splats_mut().expect("splats").count = count;
@@ -48,23 +48,23 @@ fn pixels_change_as_the_rows_say() {
     let grid = PixelGrid::new(&scene.image, &scene.covered, 0.05, [0.0; 2]).expect("a person");
     let width = 3 * (joints + 1);
     let size = 1e-3;
-    for by in SEEN {
+    for by in CHANNELS {
         let (posed, _) = fitter.posed(pose).expect("poses");
         let weights = vec![by; grid.pixels.len()];
         let shown = fitter
-            .splats_shown(splats_of, pose, &picture, &grid.pixels, &weights)
+            .splat_pixels_with_jacobian(splats_of, pose, &picture, &grid.pixels, &weights)
             .expect("reads")
             .expect("somebody");
         let at = |pose: &Pose| -> Vec<f32> {
-            let seen = fitter.splats_seen(splats_of, pose, &picture, &grid.pixels);
+            let seen = fitter.splat_pixels(splats_of, pose, &picture, &grid.pixels);
             let seen = seen.expect("reads").expect("somebody");
             let sums = seen.iter().map(|it| (0..4).map(|c| it[c] * by[c]).sum());
             sums.collect()
         };
-        let splats = splats_of.posed(body, &posed).expect("read");
-        let view = sight(&body.skeleton, pose, &scene.camera);
+        let splats = splats_of.posed_splats(body, &posed).expect("read");
+        let view = body_view(&body.skeleton, pose, &scene.camera);
         let splats = HostSplats::read(splats, &view).expect("reads");
-        let drawn = render(&[(splats.numbers(), &view)]).expect("somebody");
+        let drawn = render(&[(splats.as_slices(), &view)]).expect("somebody");
         let drawn = grid.pixels.iter().map(|p| {
             let colour: f32 = (0..3).map(|c| by[c] * drawn.rgb[3 * p + c]).sum();
             colour + by[3] * drawn.alpha[*p]
@@ -83,7 +83,7 @@ fn pixels_change_as_the_rows_say() {
             });
             let slopes = more.iter().zip(&less);
             let slopes = slopes.map(|(more, less)| f64::from(more - less) / (2.0 * size));
-            let rows = shown.rows.chunks_exact(width).map(|row| row[parameter]);
+            let rows = shown.jacobian.chunks_exact(width).map(|row| row[parameter]);
             // Pixels that the joint moves.
             let pairs: Vec<(f64, f64)> = slopes.zip(rows).filter(|it| it.1 != 0.0).collect();
             let squares: f64 = pairs.iter().map(|(slope, _)| slope * slope).sum();

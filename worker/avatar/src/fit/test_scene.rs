@@ -3,7 +3,7 @@
 use super::{Picture, PoseFitter};
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::tensor::Device;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
@@ -14,7 +14,7 @@ use yoto_synthetic::SyntheticPerson;
 pub(super) struct TestScene {
     pub config: ModelConfig,
     pub device: Device,
-    pub body: Body,
+    pub body: CanonicalBody,
     pub pose: Pose,
     pub camera: Camera,
     pub image: FrameImage,
@@ -32,7 +32,7 @@ impl TestScene {
         let pixels = (0..).zip(&image.mask);
         let covered = pixels.filter(|(_, mask)| **mask > 0).map(|(p, _)| p);
         Self {
-            body: Body::new(skeleton, &config, &device),
+            body: CanonicalBody::new(skeleton, &config, &device),
             pose: Pose::from_frame(&track.frames[2]).expect("a pose"),
             camera: Camera::from_frame(&track.frames[2], track.image_size).expect("a camera"),
             covered: covered.collect(),
@@ -58,7 +58,7 @@ impl TestScene {
             config: &self.config,
             body: &self.body,
             slot: 0,
-            progress: 0.0,
+            schedule_progress: 0.0,
             occupancy: None,
             device: &self.device,
         }

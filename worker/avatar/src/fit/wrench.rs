@@ -15,7 +15,7 @@ pub(super) struct Wrench {
 }
 
 impl Wrench {
-    /// That of a `force` at a point.
+    /// The wrench of a `force` at a point.
     pub fn at(at: Vec3, force: Vec3) -> Self {
         let moment = cross(at, force);
         Self { force, moment }
@@ -27,10 +27,14 @@ impl Wrench {
     }
 }
 
-/// `[R, 3 (K + 1)]`: gradients of R numbers to the rotation of each joint by a vector in its own
+/// The Jacobian `[R, 3 (K + 1)]` of R numbers to the rotation of each joint by a vector in its own
 /// posed axes, radians, and to the shift of the root in its own axes, metres, from their `wrenches`
 /// `[R, K]` on bones whose joints are at `joints` in the body frame.
-pub(super) fn rows(skeleton: &Skeleton, joints: &[Mat34], mut wrenches: Vec<Wrench>) -> Vec<f64> {
+pub(super) fn jacobian(
+    skeleton: &Skeleton,
+    joints: &[Mat34],
+    mut wrenches: Vec<Wrench>,
+) -> Vec<f64> {
     let bones = joints.len();
     let width = 3 * (bones + 1);
     let mut rows = vec![0.0; wrenches.len() / bones * width];

@@ -1,10 +1,11 @@
-//! Whose each parameter is: a model has some for each person, and a trunk that all share.
+//! The owner of each parameter: a model has parameters of each person, and shared weights.
 
+use super::stored_names::stored;
 use crate::avatar::Avatar;
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::Tensor;
 
-/// Where the parameters of each person are, one entry per slot.
+/// Names in checkpoints of the lists with the parameters of each person, one entry per slot.
 const OWN: [&str; 7] = [
     "codes",
     "motion.residuals",
@@ -15,8 +16,8 @@ const OWN: [&str; 7] = [
     "pose_shapes.filmed",
 ];
 
-/// The slot of the person whose own the parameter at `path` is, as in `splats.2.means`; `None` for those
-/// of the trunk.
+/// The slot of the person who owns the parameter that checkpoints call `path`, as in `splats.2.means`; `None` for
+/// shared weights.
 pub(crate) fn owner(path: &str) -> Option<usize> {
     let within = |lists: &&str| path.strip_prefix(*lists)?.strip_prefix('.');
     let rest = OWN.iter().find_map(within)?;
@@ -24,7 +25,7 @@ pub(crate) fn owner(path: &str) -> Option<usize> {
     slot.parse().ok()
 }
 
-/// Paths of all parameters.
+/// Paths of all parameters by the program's fields ([`stored`] gives their names in checkpoints).
 pub(crate) fn paths(avatar: &Avatar) -> Vec<String> {
     let mut paths = Paths::default();
     avatar.visit(&mut paths);
@@ -73,7 +74,7 @@ impl ModuleMapper for Freeze {
     }
 
     fn map_float<const D: usize>(&mut self, param: Param<Tensor<D>>) -> Param<Tensor<D>> {
-        match owner(&self.path.join(".")) == Some(self.slot) {
+        match owner(&stored(&self.path.join("."))) == Some(self.slot) {
             true => param,
             false => param.set_require_grad(false),
         }
@@ -105,7 +106,7 @@ mod tests {
 
     /// The id of each parameter of the person in `slot` with its path.
     fn parameters_of(avatar: &Avatar, slot: usize) -> Vec<(ParamId, String)> {
-        let mut found = Found {
+        let mut found = ParametersOf {
             slot,
             path: Vec::new(),
             parameters: Vec::new(),
@@ -114,13 +115,13 @@ mod tests {
         found.parameters
     }
 
-    struct Found {
+    struct ParametersOf {
         slot: usize,
         path: Vec<String>,
         parameters: Vec<(ParamId, String)>,
     }
 
-    impl ModuleVisitor for Found {
+    impl ModuleVisitor for ParametersOf {
         fn enter_module(&mut self, name: &str, _: &str) {
             self.path.push(name.to_owned());
         }
@@ -130,14 +131,14 @@ mod tests {
         }
 
         fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-            let path = self.path.join(".");
+            let path = stored(&self.path.join("."));
             if owner(&path) == Some(self.slot) {
                 self.parameters.push((param.id, path));
             }
         }
     }
 
-    /// What a further person adds to a model is theirs, in every form of its parts.
+    /// A further person owns everything that they add to a model, in every form of its parts.
     #[test]
     fn everything_that_a_further_person_adds_is_theirs() {
         let named = |tier: &str| ModelConfig::named(tier, "yoto").expect("a tier");

@@ -8,7 +8,7 @@ use super::tensors::Tensors;
 use super::{HumanNerfOptions, ImportError, read_canonical_joints};
 use crate::avatar::Avatar;
 use crate::config::{
-    DensityActivation, FieldConfig, LayersConfig, ModelConfig, MotionForm, Numerics,
+    Appearance, DensityActivation, FieldConfig, LayersConfig, ModelConfig, MotionForm, Numerics,
 };
 use crate::init;
 use crate::train::{ModelState, TrainError, save_model};
@@ -63,9 +63,12 @@ pub fn import_humannerf(
     };
     layers.correction(&correction);
     layers.non_rigid(&config.non_rigid.layers, 6 * config.non_rigid.bands);
-    if let Some(field) = config.appearance.field() {
-        let canonical = &field.canonical;
-        layers.canonical(&canonical.layers, 3 + 6 * canonical.encoding.bands());
+    match &config.appearance {
+        Appearance::Field(FieldConfig { canonical, .. }) => {
+            layers.canonical(&canonical.layers, 3 + 6 * canonical.encoding.bands());
+        }
+        // `ModelConfig::humannerf` has a field.
+        Appearance::Splats(_) => {}
     }
     let values = layers.values;
     let iteration = tensors.iteration;
@@ -94,7 +97,7 @@ pub fn import_humannerf(
     let state = ModelState {
         step: iteration.unwrap_or(0),
         // The released program renders with everything open, whatever the iteration.
-        progress: 1.0,
+        schedule_progress: 1.0,
         ..ModelState::new(config, SMPL.len(), 0, vec![Some(skeleton)])
     };
     save_model(out, &state, &avatar)?;
@@ -133,10 +136,14 @@ fn config_of(tensors: &Tensors, options: &HumanNerfOptions) -> ModelConfig {
     let width = |name: &str, default: usize| extent(name, 0, default);
     let layers = &mut config.non_rigid.layers;
     layers.width = width("non_rigid_mlp.block_mlps.2.weight", layers.width);
-    if let Some(FieldConfig { canonical, march }) = config.appearance.field_mut() {
-        canonical.activation = DensityActivation::Relu;
-        canonical.layers.width = width("cnl_mlp.pts_linears.2.weight", canonical.layers.width);
-        march.samples = options.samples;
+    match &mut config.appearance {
+        Appearance::Field(FieldConfig { canonical, march }) => {
+            canonical.activation = DensityActivation::Relu;
+            canonical.layers.width = width("cnl_mlp.pts_linears.2.weight", canonical.layers.width);
+            march.samples = options.samples;
+        }
+        // `ModelConfig::humannerf` has a field.
+        Appearance::Splats(_) => {}
     }
     config.correction.width = width("pose_decoder.block_mlps.2.weight", config.correction.width);
     config

@@ -1,4 +1,4 @@
-//! What a checkpoint of HumanNeRF does not say of its own training.
+//! Settings of HumanNeRF's training that its checkpoints do not have.
 
 /// Settings of the program's configuration file, which its checkpoints don't hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Key of the networks in a training's checkpoint; a bare state dict has none.
 const NETWORK: &str = "network";
-/// What wrappers for several devices put into names.
+/// The prefix of names by wrappers for several devices.
 const WRAPPER: &str = "module";
 /// The prefix of the names of HumanNeRF's tensors.
 const PARTS: [&str; 4] = [

@@ -12,7 +12,7 @@ const MIN_PRIOR: f32 = 1e-12;
 
 /// One identity's body.
 #[derive(Clone, Debug)]
-pub struct Body {
+pub struct CanonicalBody {
     /// Joint tree with the rest positions that poses move: the person's own, or those of another body.
     pub skeleton: Skeleton,
     /// Rest positions of the person's own joints, metres, in the canonical box.
@@ -26,7 +26,7 @@ pub struct Body {
     pub log_prior: Tensor<2>,
 }
 
-impl Body {
+impl CanonicalBody {
     /// The body of `skeleton`, its constants on `device`.
     pub fn new(skeleton: Skeleton, config: &ModelConfig, device: &Device) -> Self {
         let grid = canonical_grid(
@@ -47,10 +47,8 @@ impl Body {
             config.motion.resolution.voxels(),
         ];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
-        let hash = config
-            .appearance
-            .field()
-            .and_then(|field| hash_grid(&field.canonical.encoding, &grid));
+        let encoding = config.appearance.encoding();
+        let hash = encoding.and_then(|encoding| hash_grid(encoding, &grid));
         Self {
             rest: skeleton.rest.clone(),
             skeleton,
@@ -61,7 +59,7 @@ impl Body {
     }
 }
 
-impl Body {
+impl CanonicalBody {
     /// This body on the bones of another skeleton with as many joints: bones have the other's lengths and
     /// distances, and each keeps this person's flesh and clothes.
     pub fn on_bones_of(mut self, skeleton: Skeleton) -> Self {

@@ -3,7 +3,7 @@
 //! All of it takes place in the body frame, in which the root has neither rotation nor
 //! translation: they move the camera instead (HumanNeRF).
 
-use super::body::Body;
+use super::body::CanonicalBody;
 use burn::tensor::{Int, Tensor, TensorData};
 use yoto_capture::camera::Pose;
 
@@ -22,7 +22,7 @@ fn levels(parents: &[Option<usize>]) -> Vec<Vec<usize>> {
 }
 
 /// The pose vector `[3 (K − 1)]`: rotations of all joints except the root, axis-angle in radians.
-pub fn pose_vector(body: &Body, pose: &Pose) -> Tensor<1> {
+pub fn pose_vector(body: &CanonicalBody, pose: &Pose) -> Tensor<1> {
     let values: Vec<f32> = pose.rotations.iter().skip(1).flatten().copied().collect();
     Tensor::from_data(
         TensorData::new(values.clone(), [values.len()]),
@@ -32,7 +32,7 @@ pub fn pose_vector(body: &Body, pose: &Pose) -> Tensor<1> {
 
 /// Positions of all joints except the root, relative to it, in the body frame: `[K − 1, 3]`,
 /// metres.
-pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
+pub fn relative_joints(body: &CanonicalBody, pose: &Pose) -> Tensor<2> {
     let joints = body.skeleton.body_frame_joints(pose);
     let root = joints[0];
     let values: Vec<f32> = joints[1..]
@@ -46,7 +46,7 @@ pub fn relative_joints(body: &Body, pose: &Pose) -> Tensor<2> {
 }
 
 /// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone, row-major 3x4.
-pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
+pub fn transforms(body: &CanonicalBody, pose: &Pose) -> Tensor<2> {
     let globals = body.skeleton.global_transforms(&pose.unrooted());
     let mut values = Vec::with_capacity(globals.len() * 12);
     for (g, rest) in globals.iter().zip(&body.rest) {
@@ -69,7 +69,7 @@ pub fn transforms(body: &Body, pose: &Pose) -> Tensor<2> {
 
 /// As [`transforms`], with each rotation except the root's followed by its `correction`
 /// `[K − 1, 3, 3]`, to which gradients flow.
-pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
+pub fn corrected_transforms(body: &CanonicalBody, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let joints = body.skeleton.parents.len();
     let locals: Vec<f32> = pose.unrooted()[1..]
@@ -88,7 +88,7 @@ pub fn corrected_transforms(body: &Body, pose: &Pose, correction: Tensor<3>) -> 
 
 /// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone from the `inverse` `[K − 1, 3, 3]` of each local
 /// rotation; the root has none.
-pub(super) fn chain(body: &Body, inverse: Tensor<3>) -> Tensor<2> {
+pub(super) fn chain(body: &CanonicalBody, inverse: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let parents = &body.skeleton.parents;
     let joints = parents.len();
@@ -153,7 +153,7 @@ mod tests {
     use burn::tensor::Device;
     use yoto_capture::skeleton::Skeleton;
 
-    fn body(device: &Device) -> Body {
+    fn body(device: &Device) -> CanonicalBody {
         let skeleton = Skeleton {
             names: ["root", "a", "b", "c", "d"].map(String::from).to_vec(),
             parents: vec![None, Some(0), Some(1), Some(0), Some(2)],
@@ -165,7 +165,7 @@ mod tests {
                 [0.3, -0.2, 0.2],
             ],
         };
-        Body::new(
+        CanonicalBody::new(
             skeleton,
             &ModelConfig::named("draft", "yoto").expect("a tier"),
             device,

@@ -3,7 +3,7 @@
 //! Its rotations are not exactly orthonormal, since two different guards against a division by
 //! zero shorten the axis. They are therefore inverted as general matrices.
 
-use super::body::Body;
+use super::body::CanonicalBody;
 use super::posed::chain;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::camera::Pose;
@@ -62,7 +62,7 @@ fn about(axis: Tensor<2>, angle: Tensor<2>) -> Tensor<3> {
 
 /// `[K, 12]`: posed body to canonical, of each bone, row-major 3x4. `correction`
 /// `[K − 1, 3, 3]` follows each local rotation except the root's.
-pub fn transforms(body: &Body, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
+pub fn transforms(body: &CanonicalBody, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
     let device = body.log_prior.device();
     let (axes, angles): (Vec<[f32; 3]>, Vec<f32>) =
         pose.unrooted().into_iter().skip(1).map(local).unzip();

@@ -3,7 +3,7 @@
 use super::frame::{RenderError, Renderer};
 use crate::config::Variant;
 use crate::identity::blend::Blend;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use yoto_capture::skeleton::Skeleton;
 
 impl Renderer {
@@ -12,7 +12,7 @@ impl Renderer {
     ///
     /// In models with a field, there is one: identity code, motion weights, tables and rest joints are
     /// interpolated linearly. Of splats, both people are added, on the interpolated bones, each with an opacity equal to
-    /// their share, once their outlines and colours are those in between (`render/between.rs`).
+    /// their share, once their outlines and colours are those in between (`render/morph.rs`).
     ///
     /// # Errors
     /// If a slot is empty, or `share` is not between 0 and 1.
@@ -28,9 +28,10 @@ impl Renderer {
             )));
         }
         let bones = self.bones_between(from, to, share)?;
-        // Without identities there is one person's worth of splats, for everybody.
-        if self.config.appearance.splats().is_none() || self.config.variant == Variant::NoIdentity {
-            let body = Body::new(bones, &self.config, &self.device());
+        let capabilities = self.config.appearance.capabilities();
+        // Without identities there is one person's worth of parameters, for everybody.
+        if capabilities.interpolated_parameters || self.config.variant == Variant::NoIdentity {
+            let body = CanonicalBody::new(bones, &self.config, &self.device());
             let (renderer, slot) = self.with_person(Blend { from, to, share }, body);
             return Ok((renderer, vec![slot]));
         }
@@ -43,7 +44,7 @@ impl Renderer {
         }
         // All of one of them is that person, bit for bit.
         if let [first, second] = slots[..] {
-            renderer.meet([first, second], share)?;
+            renderer.morph([first, second], share)?;
             for (slot, (_, part)) in slots.iter().zip(parts) {
                 renderer.avatar.fade(*slot, part);
             }
@@ -65,7 +66,7 @@ impl Renderer {
                 own.joints()
             )));
         }
-        let body = Body::new(own.clone(), &self.config, &self.device());
+        let body = CanonicalBody::new(own.clone(), &self.config, &self.device());
         let itself = Blend {
             from: slot,
             to: slot,
@@ -88,7 +89,7 @@ impl Renderer {
     }
 
     /// Adds the mixture `blend` in `body`.
-    fn with_person(mut self, blend: Blend, body: Body) -> (Self, usize) {
+    fn with_person(mut self, blend: Blend, body: CanonicalBody) -> (Self, usize) {
         // Without identities, all people share the same parameters.
         if self.config.variant != Variant::NoIdentity {
             self.avatar.append(&blend);

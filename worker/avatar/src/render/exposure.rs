@@ -1,4 +1,4 @@
-//! How a frame is exposed beside the other frames of its film.
+//! The exposure of a frame relative to the other frames of its capture.
 
 use super::frame::Rendered;
 use serde::{Deserialize, Serialize};
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 pub struct FrameExposure {
     /// Factors of red, green and blue.
     pub gain: [f32; 3],
-    /// What is added to them, of colours up to 1.
+    /// Offsets of red, green and blue, of colours up to 1.
     pub offset: [f32; 3],
 }
 
 impl FrameExposure {
-    /// That of the film on the whole.
+    /// The mean exposure of the capture.
     pub const NEUTRAL: Self = Self {
         gain: [1.0; 3],
         offset: [0.0; 3],

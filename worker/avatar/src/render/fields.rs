@@ -3,7 +3,7 @@
 use super::frame::{RenderError, Rendered, Renderer};
 use super::march::{Volume, march};
 use super::samples::SampleCounts;
-use super::view::{SceneView, Shown};
+use super::view::{ActorBody, SceneView};
 use crate::avatar::{AvatarField, Posed};
 use crate::host::read;
 use burn::tensor::{Tensor, TensorData};
@@ -18,27 +18,27 @@ const PIXELS_PER_BATCH: usize = 8192;
 const FIRST_WAVE: usize = 8;
 
 /// An actor in their pose, for rays to march through.
-pub(super) struct Staged<'a> {
+pub(super) struct PosedActor<'a> {
     field: AvatarField<'a>,
-    shown: Shown<'a>,
+    actor_body: ActorBody<'a>,
     posed: Posed,
     weights: Vec<f32>,
     transforms: Vec<f32>,
-    sight: BodyView,
+    body_view: BodyView,
 }
 
-/// What a ray meets at one position.
-pub(super) struct Met {
+/// A sample of a ray: what it meets at one position.
+pub(super) struct RaySample {
     pub depth: f32,
     pub alpha: f32,
     pub rgb: [f32; 3],
 }
 
-impl Staged<'_> {
+impl PosedActor<'_> {
     /// The ray of pixel number `i` of a picture of this `width`, if it crosses the person's box.
     fn ray(&self, i: usize, width: usize) -> Option<Ray> {
         let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-        self.sight.ray(u, v)
+        self.body_view.ray(u, v)
     }
 
     /// The rays of a `batch` of pixels that cross the person's box, with their indices in it.
@@ -55,33 +55,41 @@ impl Renderer {
     pub(super) fn render_fields(
         &self,
         field: AvatarField<'_>,
-        shown: &[Shown<'_>],
+        actors: &[ActorBody<'_>],
         view: &SceneView,
-        go_on: &mut dyn FnMut(f64) -> bool,
+        keep_going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
-        let staged = shown.iter().map(|shown| self.staged(field, shown, view));
-        let staged = staged.collect::<Result<Vec<_>, _>>()?;
+        let posed_actors = actors
+            .iter()
+            .map(|actor_body| self.posed_actor(field, actor_body, view));
+        let posed_actors = posed_actors.collect::<Result<Vec<_>, _>>()?;
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let mut frame = Rendered::empty(view);
         let pixels: Vec<usize> = (0..width * height)
-            .filter(|i| staged.iter().any(|it| it.ray(*i, width).is_some()))
+            .filter(|i| posed_actors.iter().any(|it| it.ray(*i, width).is_some()))
             .collect();
         for (index, batch) in pixels.chunks(PIXELS_PER_BATCH).enumerate() {
-            if !go_on((index * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
+            if !keep_going((index * PIXELS_PER_BATCH) as f64 / pixels.len() as f64) {
                 return Err(RenderError::Stopped);
             }
-            let sums = match staged.as_slice() {
+            let sums = match posed_actors.as_slice() {
                 // Nothing is merged: every pixel of the batch meets the one box.
                 [one] => {
                     self.march_through(one, &one.hits(batch, width), None, &mut frame.counts)?
                 }
                 several => {
-                    let mut met: Vec<Vec<Met>> = batch.iter().map(|_| Vec::new()).collect();
+                    let mut samples_by_ray: Vec<Vec<RaySample>> =
+                        batch.iter().map(|_| Vec::new()).collect();
                     for one in several {
                         let hits = one.hits(batch, width);
-                        self.march_through(one, &hits, Some(&mut met), &mut frame.counts)?;
+                        self.march_through(
+                            one,
+                            &hits,
+                            Some(&mut samples_by_ray),
+                            &mut frame.counts,
+                        )?;
                     }
-                    met.into_iter().map(merged).collect()
+                    samples_by_ray.into_iter().map(composite_samples).collect()
                 }
             };
             for (sums, pixel) in sums.iter().zip(batch) {
@@ -92,45 +100,45 @@ impl Renderer {
     }
 
     /// An actor of this model, which has a `field`, in their pose.
-    pub(super) fn staged<'a>(
+    pub(super) fn posed_actor<'a>(
         &self,
         field: AvatarField<'a>,
-        shown: &Shown<'a>,
+        actor_body: &ActorBody<'a>,
         view: &SceneView,
-    ) -> Result<Staged<'a>, RenderError> {
-        let Shown { actor, body } = *shown;
+    ) -> Result<PosedActor<'a>, RenderError> {
+        let ActorBody { actor, body } = *actor_body;
         let (slot, pose) = (actor.slot, &actor.pose);
-        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
-        Ok(Staged {
+        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.schedule_progress);
+        Ok(PosedActor {
             field,
-            shown: *shown,
+            actor_body: *actor_body,
             weights: read(posed.weights.clone())?,
             transforms: read(posed.transforms.clone())?,
             posed,
-            sight: BodyView::new(&body.skeleton, pose, &view.camera),
+            body_view: BodyView::new(&body.skeleton, pose, &view.camera),
         })
     }
 
     /// Sums along `hits`, rays with their indices in a batch, front to back in waves, so that samples
-    /// behind opaque ones are not evaluated. What the ray of each index meets is also added to `met`.
+    /// behind opaque ones are not evaluated. The samples of the ray of each index are also added to `samples_by_ray`.
     pub(super) fn march_through(
         &self,
-        staged: &Staged<'_>,
+        posed_actor: &PosedActor<'_>,
         hits: &[(usize, Ray)],
-        mut met: Option<&mut [Vec<Met>]>,
+        mut samples_by_ray: Option<&mut [Vec<RaySample>]>,
         total: &mut SampleCounts,
     ) -> Result<Vec<RayAccumulator>, RenderError> {
-        let Shown { actor, body } = staged.shown;
+        let ActorBody { actor, body } = posed_actor.actor_body;
         let volume = Volume {
-            weights: &staged.weights,
-            transforms: &staged.transforms,
+            weights: &posed_actor.weights,
+            transforms: &posed_actor.transforms,
             grid: &body.grid,
             unposing: self.config.motion.unposing,
             occupancy: self.occupancy[actor.slot].as_ref(),
             step: None,
         };
         let rays: Vec<Option<Ray>> = hits.iter().map(|(_, ray)| Some(*ray)).collect();
-        let settings = &staged.field.config.march;
+        let settings = &posed_actor.field.config.march;
         let candidates = march(&rays, settings, None::<&mut ChaCha8Rng>, &volume);
         let mut walk = candidates.walk();
         let mut sums = vec![RayAccumulator::START; rays.len()];
@@ -149,7 +157,7 @@ impl Renderer {
             }
             let points = TensorData::new(samples.canonical.clone(), [count, 3]);
             let points = Tensor::<2>::from_data(points, &device);
-            let values = staged.field.values(body, &staged.posed, points);
+            let values = posed_actor.field.values(body, &posed_actor.posed, points);
             let (rgb, density) = (read(values.rgb)?, read(values.density)?);
             if (rgb.len(), density.len()) != (3 * count, count) {
                 return Err(RenderError::Device("fewer field values than points".into()));
@@ -161,9 +169,9 @@ impl Renderer {
                     let alpha = opacity(density, samples.steps[i], samples.likelihoods[i]);
                     let depth = samples.depths[i];
                     sums.add(rgb, alpha, depth);
-                    if let Some(met) = &mut met {
+                    if let Some(samples_by_ray) = &mut samples_by_ray {
                         let rgb = *rgb;
-                        met[hits[ray].0].push(Met { depth, alpha, rgb });
+                        samples_by_ray[hits[ray].0].push(RaySample { depth, alpha, rgb });
                     }
                 }
             }
@@ -175,11 +183,11 @@ impl Renderer {
     }
 }
 
-/// Composites everything that a ray meets, from all people, near to far.
-pub(super) fn merged(mut met: Vec<Met>) -> RayAccumulator {
-    met.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+/// Composites the samples of a ray from all people, near to far.
+pub(super) fn composite_samples(mut samples: Vec<RaySample>) -> RayAccumulator {
+    samples.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let mut sums = RayAccumulator::START;
-    for Met { depth, alpha, rgb } in met {
+    for RaySample { depth, alpha, rgb } in samples {
         sums.add(&rgb, alpha, depth);
     }
     sums

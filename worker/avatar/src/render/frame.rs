@@ -1,8 +1,8 @@
 //! Rendering of whole frames: people in poses, from a camera.
 
-use super::carried::Kept;
 use super::enlarge::enlarge;
 use super::occupancy::Occupancy;
+use super::rest_splats::RestSplatsCache;
 use super::samples::SampleCounts;
 use super::settings::RenderSettings;
 use super::view::{RenderView, SceneView};
@@ -10,7 +10,7 @@ use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::check_precision;
 use crate::config::{ModelConfig, Numerics, Precision};
 use crate::host::ReadError;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::pool::in_pool;
 use burn::tensor::{Device, ExecutionError};
 use std::collections::BTreeSet;
@@ -99,7 +99,7 @@ impl Rendered {
         }
     }
 
-    /// What a pixel's ray met, over the background.
+    /// Writes the sums of a pixel's ray over the background.
     pub(super) fn put(&mut self, pixel: usize, sums: &RayAccumulator, background: [f32; 3]) {
         for (c, background) in background.iter().enumerate() {
             self.rgb[3 * pixel + c] = sums.rgb[c] + (1.0 - sums.alpha) * background;
@@ -137,16 +137,16 @@ fn byte(value: f32) -> u8 {
 pub struct Renderer {
     pub(super) config: ModelConfig,
     pub(super) avatar: Avatar,
-    /// By slot.
-    bodies: Vec<Option<Body>>,
+    /// Bodies by slot.
+    bodies: Vec<Option<CanonicalBody>>,
     /// Occupancy grids by slot; same length as `bodies`.
     pub(super) occupancy: Vec<Option<Occupancy>>,
     /// Completed fraction of the run, which determines the active parts of the model.
-    pub(super) progress: f64,
+    pub(super) schedule_progress: f64,
     /// Slots of identities that were removed.
     removed: BTreeSet<usize>,
-    /// What people of splats keep from pose to pose; as many slots as `bodies`.
-    pub(super) kept: Kept,
+    /// Splats of people in the rest pose; as many slots as `bodies`.
+    pub(super) rest_splats_cache: RestSplatsCache,
     settings: RenderSettings,
 }
 
@@ -156,31 +156,32 @@ impl Renderer {
     pub(crate) fn new(
         config: ModelConfig,
         avatar: Avatar,
-        bodies: Vec<Option<Body>>,
+        bodies: Vec<Option<CanonicalBody>>,
         occupancy: Vec<Option<Occupancy>>,
-        progress: f64,
+        schedule_progress: f64,
     ) -> Self {
         Self {
             settings: RenderSettings::of(&config),
             removed: BTreeSet::new(),
-            kept: Kept::new(bodies.len()),
+            rest_splats_cache: RestSplatsCache::new(bodies.len()),
             config,
             avatar,
             bodies,
             occupancy,
-            progress,
+            schedule_progress,
         }
     }
 
-    /// With the identities of these slots removed.
+    /// The same renderer without the identities of the `removed` slots.
     pub(crate) fn without(mut self, removed: BTreeSet<usize>) -> Self {
         self.removed = removed;
         self
     }
 
-    /// Replaces the numerics of the model's configuration. Splats have sound ones only, and keep them.
+    /// Replaces the numerics of the model's configuration. A representation without reference numerics keeps sound ones.
     pub fn with_numerics(mut self, numerics: Numerics) -> Self {
-        if self.config.numerics != numerics && self.config.appearance.splats().is_none() {
+        let can_change = self.config.appearance.capabilities().reference_numerics;
+        if self.config.numerics != numerics && can_change {
             self.config.numerics = numerics;
             // Zeros of the prior depend on the numerics.
             for body in self.bodies.iter_mut().flatten() {
@@ -190,7 +191,7 @@ impl Renderer {
                     ..body.skeleton.clone()
                 };
                 let bones = body.skeleton.clone();
-                *body = Body::new(own, &self.config, &device).on_bones_of(bones);
+                *body = CanonicalBody::new(own, &self.config, &device).on_bones_of(bones);
             }
         }
         self
@@ -203,7 +204,7 @@ impl Renderer {
     ///
     /// [`Schedule::steps`]: crate::config::Schedule::steps
     pub fn at_iteration(mut self, iteration: u64) -> Self {
-        self.progress = iteration as f64 / self.config.schedule.steps as f64;
+        self.schedule_progress = iteration as f64 / self.config.schedule.steps as f64;
         self
     }
 
@@ -213,11 +214,11 @@ impl Renderer {
     }
 
     /// Adds a body and returns its slot.
-    pub(super) fn with_body(mut self, body: Body) -> (Self, usize) {
+    pub(super) fn with_body(mut self, body: CanonicalBody) -> (Self, usize) {
         let slot = self.bodies.len();
         self.bodies.push(Some(body));
         self.occupancy.push(None);
-        self.kept.add_slot();
+        self.rest_splats_cache.add_slot();
         (self, slot)
     }
 
@@ -241,7 +242,7 @@ impl Renderer {
             let message = "settings.splats: must be 1: only splats that bones alone move have levels of detail";
             return Err(RenderError::Settings(message.into()));
         }
-        self.kept.choose(settings.splats);
+        self.rest_splats_cache.choose(settings.splats);
         settings.apply(&mut self.config);
         self.avatar.set_precision(settings.precision);
         self.settings = *settings;
@@ -250,8 +251,8 @@ impl Renderer {
 
     /// Whether the number of splats can be reduced: the model has splats, and poses move them by bones alone.
     pub fn has_levels(&self) -> bool {
-        let splats = self.config.appearance.splats().is_some();
-        splats && !self.config.schedule.moves_points(self.progress)
+        let capable = self.config.appearance.capabilities().levels_of_detail;
+        capable && !self.config.schedule.moves_points(self.schedule_progress)
     }
 
     /// Looks up what frames of the identities in `slots` need in all poses, with the present settings. Otherwise the
@@ -260,13 +261,15 @@ impl Renderer {
     /// # Errors
     /// If a slot is empty, or the model can't be read from its device.
     pub fn prepare(&self, slots: impl IntoIterator<Item = usize>) -> Result<(), RenderError> {
-        let AvatarAppearance::Splats(splats) = self.avatar.appearance(&self.config) else {
-            return Ok(());
+        let splats = match self.avatar.appearance(&self.config) {
+            AvatarAppearance::Splats(splats) => splats,
+            // Frames of a field share nothing that could be computed before.
+            AvatarAppearance::Field(_) => return Ok(()),
         };
         for slot in slots {
             let skeleton = self.skeleton(slot).ok_or_else(|| self.absence(slot))?;
             let body = self.body_in(slot, &Pose::rest(skeleton.joints()))?;
-            self.carried(splats, slot, body)?;
+            self.rest_splats(splats, slot, body)?;
         }
         Ok(())
     }
@@ -310,8 +313,8 @@ impl Renderer {
         self.render_scene(&view.clone().into(), &mut |_| true)
     }
 
-    /// Renders a view of any number of people, as long as `go_on` says so, which is told the finished
-    /// share of the frame before each batch of rays: a large frame takes minutes.
+    /// Renders a view of any number of people until `keep_going` returns false, which gets the finished share of the
+    /// frame before each batch of rays: a large frame takes minutes.
     ///
     /// # Errors
     /// If a slot is empty, a pose or the camera is invalid, or the model can't be lit as requested, and
@@ -319,23 +322,23 @@ impl Renderer {
     pub fn render_scene(
         &self,
         view: &SceneView,
-        go_on: &mut dyn FnMut(f64) -> bool,
+        keep_going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
         let (width, height) = (view.camera.width, view.camera.height);
         let (small_width, small_height) = self.settings.rendered_size(width, height);
         if (small_width, small_height) == (width, height) {
-            return self.render_whole(view, go_on);
+            return self.render_whole(view, keep_going);
         }
         let small = SceneView {
             camera: view.camera.resized(small_width, small_height),
             ..view.clone()
         };
-        let frame = self.render_whole(&small, go_on)?;
+        let frame = self.render_whole(&small, keep_going)?;
         enlarge(&frame, width as usize, height as usize)
     }
 
     /// The body in `slot`, once `pose` is a pose of it.
-    pub(super) fn body_in(&self, slot: usize, pose: &Pose) -> Result<&Body, RenderError> {
+    pub(super) fn body_in(&self, slot: usize, pose: &Pose) -> Result<&CanonicalBody, RenderError> {
         let body = self.bodies.get(slot).and_then(Option::as_ref);
         let body = body.ok_or_else(|| self.absence(slot))?;
         body.skeleton.check_pose(pose)?;
@@ -346,17 +349,17 @@ impl Renderer {
     fn render_whole(
         &self,
         view: &SceneView,
-        go_on: &mut dyn FnMut(f64) -> bool,
+        keep_going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
-        let shown = self.shown(view)?;
+        let actors = self.actor_bodies(view)?;
         match self.avatar.appearance(&self.config) {
             AvatarAppearance::Splats(splats) => {
-                in_pool(|| self.render_splats(splats, &shown, view))
+                in_pool(|| self.render_splats(splats, &actors, view))
             }
             AvatarAppearance::Field(field) if self.config.numerics == Numerics::Reference => {
-                self.render_as_released(field, &shown, view, go_on)
+                self.render_as_released(field, &actors, view, keep_going)
             }
-            AvatarAppearance::Field(field) => self.render_fields(field, &shown, view, go_on),
+            AvatarAppearance::Field(field) => self.render_fields(field, &actors, view, keep_going),
         }
     }
 }

@@ -10,7 +10,7 @@ use rand::RngExt;
 use yoto_capture::body_box::Ray;
 use yoto_ops::warp::WarpGrid;
 use yoto_ops::warp::inverse::solve::Skinning;
-use yoto_ops::warp::likelihood::{Segment, along_rays_with};
+use yoto_ops::warp::likelihood::{Segment, along_rays};
 
 /// The space that a posed person occupies.
 pub struct Volume<'a> {
@@ -97,7 +97,7 @@ pub fn march<'a>(
             depths.push(ray.near + (m as f32 + offset) * stratum);
         }
     }
-    let blocks = along_rays_with(
+    let blocks = along_rays(
         volume.weights,
         volume.transforms,
         &segments,

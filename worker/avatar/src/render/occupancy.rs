@@ -60,7 +60,7 @@ pub struct Occupancy {
     /// One bit per cell, each row starting with a new word: whether an occupied cell is within
     /// [`Self::radius`] cells, or the cell was never visited.
     occupied: Vec<u64>,
-    /// The same for cells within [`NEAR`] of those.
+    /// One bit per cell: whether it is within [`NEAR`] of a cell that counts as occupied.
     near: Vec<u64>,
 }
 
@@ -119,7 +119,7 @@ impl Occupancy {
 
     /// Takes levels and reach from `other` if both grids have the same box, up to the rounding of a
     /// stored skeleton. Levels of another box do not apply.
-    pub fn taught_by(self, other: Option<&Self>) -> Self {
+    pub fn with_levels_of(self, other: Option<&Self>) -> Self {
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.abs().max(1.0);
         match other {
             Some(other)

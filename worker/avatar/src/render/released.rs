@@ -7,10 +7,10 @@
 
 use super::frame::{RenderError, Rendered, Renderer};
 use super::samples::SampleCounts;
-use super::view::{SceneView, Shown};
+use super::view::{ActorBody, SceneView};
 use crate::avatar::{AvatarField, Posed};
 use crate::host::read;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::tensor::{Tensor, TensorData};
 use yoto_capture::body_box::{BodyView, Ray};
 use yoto_ops::warp::cpu::forward_unclamped;
@@ -30,10 +30,10 @@ const CLEAR_GUARD: f32 = 1e-10;
 
 /// The ray through image position (`u`, `v`), pixels, when exactly two of its hits with the box's
 /// six planes lie on the box. Near and far are distances, also for hits behind the camera.
-fn ray(sight: &BodyView, u: f64, v: f64) -> Option<Ray> {
-    let low = sight.bounds.min.map(|c| c - TEST_MARGIN);
-    let high = sight.bounds.max.map(|c| c + TEST_MARGIN);
-    let direction = sight.direction(u, v).map(|d| {
+fn ray(body_view: &BodyView, u: f64, v: f64) -> Option<Ray> {
+    let low = body_view.bounds.min.map(|c| c - TEST_MARGIN);
+    let high = body_view.bounds.max.map(|c| c + TEST_MARGIN);
+    let direction = body_view.direction(u, v).map(|d| {
         if d.abs() < LEAST_COMPONENT {
             LEAST_COMPONENT
         } else {
@@ -43,9 +43,9 @@ fn ray(sight: &BodyView, u: f64, v: f64) -> Option<Ray> {
     let mut hits = Vec::with_capacity(6);
     for planes in [low, high] {
         for a in 0..3 {
-            let along = (planes[a] - sight.origin[a]) / direction[a];
+            let along = (planes[a] - body_view.origin[a]) / direction[a];
             let on_box = (0..3).all(|b| {
-                let p = sight.origin[b] + along * direction[b];
+                let p = body_view.origin[b] + along * direction[b];
                 p >= low[b] - HIT_TOLERANCE && p <= high[b] + HIT_TOLERANCE
             });
             if on_box {
@@ -57,7 +57,7 @@ fn ray(sight: &BodyView, u: f64, v: f64) -> Option<Ray> {
         return None;
     };
     Some(Ray {
-        origin: sight.origin.map(|v| v as f32),
+        origin: body_view.origin.map(|v| v as f32),
         direction: direction.map(|v| v as f32),
         near: one.min(other) as f32,
         far: one.max(other) as f32,
@@ -74,7 +74,7 @@ fn distances(ray: &Ray, count: usize) -> impl Iterator<Item = f32> {
 }
 
 /// Sums over the evaluated samples of one ray, near to far.
-struct Seen {
+struct RaySums {
     rgb: [f32; 3],
     alpha: f32,
     depth: f32,
@@ -82,7 +82,7 @@ struct Seen {
     clear: f32,
 }
 
-impl Seen {
+impl RaySums {
     const NOTHING: Self = Self {
         rgb: [0.0; 3],
         alpha: 0.0,
@@ -106,31 +106,41 @@ impl Renderer {
     pub(super) fn render_as_released(
         &self,
         field: AvatarField<'_>,
-        shown: &[Shown<'_>],
+        actors: &[ActorBody<'_>],
         view: &SceneView,
-        go_on: &mut dyn FnMut(f64) -> bool,
+        keep_going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
-        let [Shown { actor, body }] = *shown else {
-            return Err(RenderError::OnePerson(shown.len()));
+        let [ActorBody { actor, body }] = *actors else {
+            return Err(RenderError::OnePerson(actors.len()));
         };
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
         let mut frame = Rendered::empty(view);
-        let posed = self
-            .avatar
-            .pose(&self.config, body, actor.slot, &actor.pose, self.progress);
+        let posed = self.avatar.pose(
+            &self.config,
+            body,
+            actor.slot,
+            &actor.pose,
+            self.schedule_progress,
+        );
         let (weights, transforms) = (
             read(posed.weights.clone())?,
             read(posed.transforms.clone())?,
         );
-        let sight = BodyView::new(&body.skeleton, &actor.pose, &view.camera);
+        let body_view = BodyView::new(&body.skeleton, &actor.pose, &view.camera);
         // HumanNeRF's rays pass through pixel coordinates i, which is i + 0.5 with a principal
         // point moved by half a pixel.
-        let pixel = |i: usize| ray(&sight, (i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let pixel = |i: usize| {
+            ray(
+                &body_view,
+                (i % width) as f64 + 0.5,
+                (i / width) as f64 + 0.5,
+            )
+        };
         let hits: Vec<(usize, Ray)> = (0..width * height)
             .filter_map(|i| Some((i, pixel(i)?)))
             .collect();
         for (index, batch) in hits.chunks(RAYS_PER_BATCH).enumerate() {
-            if !go_on((index * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
+            if !keep_going((index * RAYS_PER_BATCH) as f64 / hits.len() as f64) {
                 return Err(RenderError::Stopped);
             }
             let (seen, counts) = look(field, body, &posed, (&weights, &transforms), batch)?;
@@ -150,11 +160,11 @@ impl Renderer {
 /// Sums of a batch of rays, and how many samples were evaluated.
 fn look(
     field: AvatarField<'_>,
-    body: &Body,
+    body: &CanonicalBody,
     posed: &Posed,
     (weights, transforms): (&[f32], &[f32]),
     batch: &[(usize, Ray)],
-) -> Result<(Vec<Seen>, SampleCounts), RenderError> {
+) -> Result<(Vec<RaySums>, SampleCounts), RenderError> {
     let per_ray = field.config.march.samples;
     let points: Vec<f32> = batch
         .iter()
@@ -171,7 +181,7 @@ fn look(
         .iter()
         .filter(|point| point[3] > field.config.march.epsilon)
         .collect();
-    let mut seen: Vec<Seen> = batch.iter().map(|_| Seen::NOTHING).collect();
+    let mut seen: Vec<RaySums> = batch.iter().map(|_| RaySums::NOTHING).collect();
     let counts = SampleCounts {
         rays: batch.len() as u64,
         placed: (batch.len() * per_ray) as u64,
@@ -226,7 +236,7 @@ mod tests {
 
     #[test]
     fn near_samples_dim_far_ones() {
-        let mut seen = Seen::NOTHING;
+        let mut seen = RaySums::NOTHING;
         seen.add(&[1.0, 0.0, 0.0], 0.75, 2.0);
         seen.add(&[0.0, 1.0, 0.0], 1.0, 4.0);
         assert!((seen.rgb[0] - 0.75).abs() < 1e-6 && (seen.rgb[1] - 0.25).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! Where a model finds an observed point in the rest pose: what its skinning and its non-rigid
+//! The rest positions of observed points by a model: what its skinning and its non-rigid
 //! field have learned together.
 
 use super::frame::{RenderError, Renderer};
@@ -10,14 +10,14 @@ use yoto_capture::skeleton::transform::{apply, inverse};
 /// The rest points of observed ones, `[n, 3]`, metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RestPoints {
-    /// By inverse skinning alone.
+    /// The points after inverse skinning alone.
     pub skinned: Vec<[f32; 3]>,
-    /// After the non-rigid field: where the appearance is looked up.
+    /// The points after the non-rigid field: where the appearance is looked up.
     pub moved: Vec<[f32; 3]>,
 }
 
 impl Renderer {
-    /// Where the identity in `slot` finds the `observed` points `[n, 3]`, metres, of the world in
+    /// The rest positions, by the identity in `slot`, of the `observed` points `[n, 3]`, metres, of the world in
     /// `pose`.
     ///
     /// # Errors
@@ -31,7 +31,7 @@ impl Renderer {
         let body = self.body_in(slot, pose)?;
         let posed = self
             .avatar
-            .pose(&self.config, body, slot, pose, self.progress);
+            .pose(&self.config, body, slot, pose, self.schedule_progress);
         let n = observed.len();
         let to_body = inverse(&body.skeleton.body_to_world(pose));
         let in_body: Vec<f32> = observed
@@ -41,10 +41,10 @@ impl Renderer {
             .collect();
         let data = TensorData::new(in_body, [n, 3]);
         let points = Tensor::<2>::from_data(data, &self.device());
-        let (skinned, _) = self
+        let (skinned, _) = self.avatar.unpose(&self.config, body, &posed, points, None);
+        let moved = self
             .avatar
-            .unposed(&self.config, body, &posed, points, None);
-        let moved = self.avatar.moved(&self.config, &posed, skinned.clone());
+            .apply_non_rigid(&self.config, &posed, skinned.clone());
         let [skinned, moved] = [read(skinned)?, read(moved)?];
         Ok(RestPoints {
             skinned: skinned.as_chunks::<3>().0.to_vec(),

@@ -32,7 +32,7 @@ pub struct SampleCounts {
     pub placed: u64,
     /// Samples with a foreground likelihood of at least ε.
     pub likely: u64,
-    /// Those that were evaluated: in a cell that is not known to be empty, and not hidden by opaque
+    /// Samples that were evaluated: in a cell that is not known to be empty, and not hidden by opaque
     /// samples.
     pub evaluated: u64,
 }

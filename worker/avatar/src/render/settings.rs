@@ -2,12 +2,11 @@
 //! for fidelity without retraining.
 
 use super::RenderError;
-use crate::config::{Appearance, ConfigError, FieldConfig, ModelConfig, Precision};
+use crate::config::{ConfigError, ModelConfig, Precision};
 use serde::{Deserialize, Serialize};
 use yoto_proto::v1;
 
-/// Samples per ray, epsilon and least transmittance that models of splats report: they have no rays, and
-/// nothing reads these numbers.
+/// Samples per ray, epsilon and least transmittance that models without rays report: nothing reads these numbers.
 const WITHOUT_RAYS: (usize, f32, f32) = (64, 1e-3, 1e-3);
 /// Smallest scale: below it, a person covers only a few pixels.
 const SMALLEST_SCALE: f32 = 0.05;
@@ -44,11 +43,9 @@ fn whole() -> f32 {
 impl RenderSettings {
     /// A model's default settings: those of its configuration, at full size.
     pub fn of(config: &ModelConfig) -> Self {
-        let (samples, epsilon, min_transmittance) = match &config.appearance {
-            Appearance::Field(FieldConfig { march, .. }) => {
-                (march.samples, march.epsilon, march.min_transmittance)
-            }
-            Appearance::Splats(_) => WITHOUT_RAYS,
+        let (samples, epsilon, min_transmittance) = match config.appearance.march() {
+            Some(march) => (march.samples, march.epsilon, march.min_transmittance),
+            None => WITHOUT_RAYS,
         };
         Self {
             samples,
@@ -92,7 +89,7 @@ impl RenderSettings {
 
     /// Replaces those of these settings that `config` has.
     pub(super) fn apply(&self, config: &mut ModelConfig) {
-        if let Appearance::Field(FieldConfig { march, .. }) = &mut config.appearance {
+        if let Some(march) = config.appearance.march_mut() {
             march.samples = self.samples;
             march.epsilon = self.epsilon;
             march.min_transmittance = self.min_transmittance;

@@ -1,18 +1,18 @@
-//! What a model of splats knows about one person, for players and files: splats in the rest pose, and the
+//! One person of a model of splats, for players and files: splats in the rest pose, and the
 //! bones that carry them.
 
 use super::frame::{RenderError, Renderer};
 use super::levels::{LevelSplat, groups, merged};
-use crate::avatar::{Avatar, AvatarAppearance};
+use crate::avatar::AvatarAppearance;
 use crate::field::pose_shapes::{HostShapes, Limits, Nearness, mixed};
 use crate::host::read;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_ops::splat::ROW;
 use yoto_ops::splat::harmonics;
 use yoto_ops::splat::light::LIGHTS;
+use yoto_ops::splat::{SplatRow, means_of_rows, splat_rows};
 use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.
@@ -23,11 +23,11 @@ pub const BONES: usize = 4;
 pub struct SkinnedSplats {
     /// Joint tree with rest positions.
     pub skeleton: Skeleton,
-    /// Those that can be seen.
+    /// The splats that can be seen.
     pub splats: Vec<SkinnedSplat>,
     /// Degree of the harmonics by which colours depend on the view.
     pub degree: usize,
-    /// What poses do to splats on top of their bones.
+    /// Offsets of splats by poses, on top of their bones.
     pub shapes: Option<SkinnedShapes>,
     /// Light of each colour channel: a colour is multiplied by 1 + Σ lᵢ bᵢ(n) ([`yoto_ops::splat::light`]).
     pub light: [[f32; LIGHTS]; 3],
@@ -56,14 +56,14 @@ pub struct SkinnedSplat {
     /// Metres.
     pub mean: [f32; 3],
     /// Unit quaternion, real part first. The third axis is the surface's normal.
-    pub turn: [f32; 4],
-    /// Standard deviations along the turned axes, metres.
+    pub rotation: [f32; 4],
+    /// Standard deviations along the rotated axes, metres.
     pub deviations: [f32; 3],
     /// 0 to 1, at the centre.
     pub opacity: f32,
     /// Without light.
     pub colour: [f32; 3],
-    /// What the colour gains by the view, in the rest pose ([`yoto_ops::splat::harmonics`]); zeros above
+    /// View-dependent part of the colour, in the rest pose ([`yoto_ops::splat::harmonics`]); zeros above
     /// [`SkinnedSplats::degree`].
     pub harmonics: [[f32; 3]; harmonics::HARMONICS],
     /// Joints whose bones carry it, most first, and their shares, which sum to 1.
@@ -84,26 +84,23 @@ impl Renderer {
         let body = self.body_in(slot, &rest)?;
         let posed = self
             .avatar
-            .pose(&self.config, body, slot, &rest, self.progress);
+            .pose(&self.config, body, slot, &rest, self.schedule_progress);
         let avatar = match self.avatar.appearance(&self.config) {
             AvatarAppearance::Splats(splats) => splats,
             AvatarAppearance::Field(_) => return Ok(None),
         };
-        let splats = avatar.posed(body, &posed)?;
+        let splats = avatar.posed_splats(body, &posed)?;
         let rows = read(splats.rows())?;
-        let all = rows.as_chunks::<ROW>().0.iter();
-        let means: Vec<f32> = all.flat_map(|row| &row[..3]).copied().collect();
-        let shapes = avatar.host_shapes(body, &posed, &means)?;
-        let shine = splats.harmonics.map(read).transpose()?.unwrap_or_default();
+        let shapes = avatar.host_shapes(body, &posed, &means_of_rows(&rows))?;
+        let sh_coefficients = splats.harmonics.map(read).transpose()?.unwrap_or_default();
         let light = read(splats.light)?;
         let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
         let skinning = Skinning::new(&weights, &transforms, &body.grid);
-        let own = Avatar::own_slot(&self.config, slot);
-        let flags = self.avatar.held_splats(own)?;
-        let all = rows.as_chunks::<ROW>().0.iter();
-        let numbers = shine.len() / all.len().max(1);
+        let flags = avatar.frozen_colours(slot)?;
+        let all = splat_rows(&rows);
+        let numbers = sh_coefficients.len() / all.len().max(1);
         let splats = all.enumerate().map(|(i, row)| {
-            let own = shine[i * numbers..][..numbers].as_chunks::<3>().0;
+            let own = sh_coefficients[i * numbers..][..numbers].as_chunks::<3>().0;
             SkinnedSplat {
                 guessed: flags.as_ref().is_some_and(|flags| flags[i]),
                 ..skinned(row, own, &skinning)
@@ -213,7 +210,7 @@ impl SkinnedSplat {
     ) -> Self {
         Self {
             mean: level.mean,
-            turn: level.turn,
+            rotation: level.rotation,
             deviations: level.deviations,
             opacity: level.opacity,
             colour: level.colour,
@@ -226,7 +223,7 @@ impl SkinnedSplat {
     fn level(&self) -> LevelSplat {
         LevelSplat {
             mean: self.mean,
-            turn: self.turn,
+            rotation: self.rotation,
             deviations: self.deviations,
             opacity: self.opacity,
             colour: self.colour,
@@ -242,9 +239,9 @@ impl SkinnedSplat {
 }
 
 /// The splat of a row, with its harmonics.
-fn skinned(row: &[f32; ROW], own: &[[f32; 3]], skinning: &Skinning<'_>) -> SkinnedSplat {
-    let bones = most(skinning.skinning_weights([row[0], row[1], row[2]]));
-    let level = LevelSplat::of_row(row, bones[0].0);
+fn skinned(row: SplatRow, own: &[[f32; 3]], skinning: &Skinning<'_>) -> SkinnedSplat {
+    let bones = most(skinning.skinning_weights(row.mean));
+    let level = LevelSplat::of_row(&row, bones[0].0);
     let harmonics = std::array::from_fn(|k| own.get(k).copied().unwrap_or_default());
     SkinnedSplat::of_level(&level, harmonics, bones)
 }

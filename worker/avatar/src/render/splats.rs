@@ -1,10 +1,10 @@
 //! Frames of models that consist of splats.
 
 use super::frame::{RenderError, Rendered, Renderer};
-use super::view::{Light, SceneView, Shown};
+use super::view::{ActorBody, Light, SceneView};
 use crate::avatar::AvatarSplats;
 use crate::host::read;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::motion::posed::pose_vector;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -18,7 +18,7 @@ use yoto_ops::splat::{Splats, View, render};
 const ROW: usize = 8192;
 
 /// `camera` in the frame of a body in `pose`.
-pub(crate) fn sight(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> View {
+pub(crate) fn body_view(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> View {
     let to_world = skeleton.body_to_world(pose);
     let inside = camera.in_frame(&to_world);
     let row = |row: &[f64]| -> [f32; 3] { std::array::from_fn(|c| row[c] as f32) };
@@ -40,8 +40,8 @@ pub(crate) struct HostSplats<'a> {
 
 impl HostSplats<'_> {
     /// Reads `splats` from their device, with the colours that the camera sees.
-    pub fn read(splats: Splats, sight: &View) -> Result<Self, RenderError> {
-        let splats = splats.with_view_colours(sight);
+    pub fn read(splats: Splats, body_view: &View) -> Result<Self, RenderError> {
+        let splats = splats.with_view_colours(body_view);
         Ok(Self {
             rows: read(splats.rows().detach())?.into(),
             transforms: read(splats.transforms.detach())?,
@@ -49,8 +49,8 @@ impl HostSplats<'_> {
         })
     }
 
-    /// As [`draw`] takes them.
-    pub fn numbers(&self) -> SplatSlices<'_> {
+    /// The numbers as [`render`] takes them.
+    pub fn as_slices(&self) -> SplatSlices<'_> {
         SplatSlices {
             transforms: &self.transforms,
             rows: &self.rows,
@@ -63,7 +63,7 @@ impl HostSplats<'_> {
 pub(super) fn blended(people: &[(HostSplats<'_>, View)], view: &SceneView) -> Rendered {
     let parts: Vec<_> = people
         .iter()
-        .map(|(it, sight)| (it.numbers(), sight))
+        .map(|(it, body_view)| (it.as_slices(), body_view))
         .collect();
     let mut frame = Rendered::empty(view);
     let Some(mut drawn) = render(&parts) else {
@@ -89,10 +89,12 @@ impl Renderer {
     pub(super) fn render_splats(
         &self,
         splats: AvatarSplats<'_>,
-        shown: &[Shown<'_>],
+        actors: &[ActorBody<'_>],
         view: &SceneView,
     ) -> Result<Rendered, RenderError> {
-        let people = shown.iter().map(|shown| self.lit(splats, shown, view));
+        let people = actors
+            .iter()
+            .map(|actor_body| self.actor_splats(splats, actor_body, view));
         Ok(blended(&people.collect::<Result<Vec<_>, _>>()?, view))
     }
 
@@ -101,46 +103,47 @@ impl Renderer {
         &self,
         splats: AvatarSplats<'_>,
         slot: usize,
-        body: &Body,
+        body: &CanonicalBody,
         pose: &Pose,
-        sight: &View,
+        body_view: &View,
     ) -> Result<HostSplats<'_>, RenderError> {
-        if let Some(carried) = self.carried(splats, slot, body)? {
+        if let Some(rest) = self.rest_splats(splats, slot, body)? {
             let vector = pose_vector(body, pose);
-            let bones = (self.avatar).bones(&self.config, body, pose, vector, self.progress);
-            let transforms = carried.posed(&read(bones)?);
+            let bones =
+                (self.avatar).bones(&self.config, body, pose, vector, self.schedule_progress);
+            let transforms = rest.skin(&read(bones)?);
             return Ok(HostSplats {
-                rows: carried.rows_seen_from(sight, pose, &transforms),
+                rows: rest.rows_for_view(body_view, pose, &transforms),
                 transforms,
-                light: Cow::Borrowed(&carried.light),
+                light: Cow::Borrowed(&rest.light),
             });
         }
-        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.progress);
-        HostSplats::read(splats.posed(body, &posed)?, sight)
+        let posed = (self.avatar).pose(&self.config, body, slot, pose, self.schedule_progress);
+        HostSplats::read(splats.posed_splats(body, &posed)?, body_view)
     }
 
     /// The splats of an actor in the light of the scene, and the camera in their body's frame.
-    pub(super) fn lit(
+    pub(super) fn actor_splats(
         &self,
         avatar: AvatarSplats<'_>,
-        shown: &Shown<'_>,
+        actor_body: &ActorBody<'_>,
         view: &SceneView,
     ) -> Result<(HostSplats<'_>, View), RenderError> {
-        let Shown { actor, body } = *shown;
+        let ActorBody { actor, body } = *actor_body;
         let (slot, pose) = (actor.slot, &actor.pose);
-        let mut sight = sight(&body.skeleton, pose, &view.camera);
-        let mut splats = self.posed(avatar, slot, body, pose, &sight)?;
+        let mut body_view = body_view(&body.skeleton, pose, &view.camera);
+        let mut splats = self.posed(avatar, slot, body, pose, &body_view)?;
         match actor.light {
             Light::Own => (),
             Light::Neutral => splats.light = vec![0.0; 3 * LIGHTS].into(),
-            Light::Of { slot, turn } => {
+            Light::Of { slot, rotation } => {
                 let other = avatar.splats.get(slot);
                 let light = other.ok_or(RenderError::NoSuchSlot(slot))?.light.val();
                 splats.light = read(light.detach())?.into();
-                sight.world = product(&turn, &sight.world);
+                body_view.world = product(&rotation, &body_view.world);
             }
         }
-        Ok((splats, sight))
+        Ok((splats, body_view))
     }
 }
 

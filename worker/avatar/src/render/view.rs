@@ -1,9 +1,10 @@
 //! Views to render: one person, or several in one picture.
 
 use super::frame::{RenderError, Renderer};
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
+pub use yoto_film::{Actor, Light};
 
 /// A view of one person, in the light of their own capture.
 #[derive(Clone, Debug)]
@@ -16,35 +17,6 @@ pub struct RenderView {
     pub camera: Camera,
     /// Linear rgb in [0, 1].
     pub background: [f32; 3],
-}
-
-/// Light on a person. Fields have it in their colours, so that models of splats alone can be lit
-/// otherwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Light {
-    /// That of the person's own capture, in whose world they stand.
-    #[default]
-    Own,
-    /// None: colours alone.
-    Neutral,
-    /// That of a capture.
-    Of {
-        /// Slot of the capture's identity.
-        slot: usize,
-        /// Turn from the view's world to that of the capture.
-        turn: [[f32; 3]; 3],
-    },
-}
-
-/// A person of a scene.
-#[derive(Clone, Debug)]
-pub struct Actor {
-    /// Slot of the identity.
-    pub slot: usize,
-    /// Pose of the body.
-    pub pose: Pose,
-    /// Light on the person.
-    pub light: Light,
 }
 
 /// A view of several people, who hide each other.
@@ -68,6 +40,7 @@ impl From<RenderView> for SceneView {
         } = view;
         Self {
             actors: vec![Actor {
+                model: 0,
                 slot,
                 pose,
                 light: Light::Own,
@@ -80,19 +53,22 @@ impl From<RenderView> for SceneView {
 
 /// An actor with their body.
 #[derive(Clone, Copy)]
-pub(super) struct Shown<'a> {
+pub(super) struct ActorBody<'a> {
     pub actor: &'a Actor,
-    pub body: &'a Body,
+    pub body: &'a CanonicalBody,
 }
 
 impl Renderer {
     /// Whether people can be lit otherwise than in their captures.
     pub fn has_light(&self) -> bool {
-        self.config().appearance.splats().is_some()
+        self.config().appearance.capabilities().light
     }
 
     /// The actors of a view with their bodies, once the view is checked.
-    pub(super) fn shown<'a>(&'a self, view: &'a SceneView) -> Result<Vec<Shown<'a>>, RenderError> {
+    pub(super) fn actor_bodies<'a>(
+        &'a self,
+        view: &'a SceneView,
+    ) -> Result<Vec<ActorBody<'a>>, RenderError> {
         let camera = &view.camera;
         let mut numbers = camera
             .k
@@ -102,14 +78,14 @@ impl Renderer {
         if !numbers.all(|v| v.is_finite()) {
             return Err(RenderError::NotFinite("camera"));
         }
-        let shown = |actor: &'a Actor| {
+        let actor_body = |actor: &'a Actor| {
             if actor.light != Light::Own && !self.has_light() {
                 return Err(RenderError::NoLight);
             }
             let body = self.body_in(actor.slot, &actor.pose)?;
-            Ok(Shown { actor, body })
+            Ok(ActorBody { actor, body })
         };
-        view.actors.iter().map(shown).collect()
+        view.actors.iter().map(actor_body).collect()
     }
 
     /// Number of rays of a view that meet a body's box, which determines the time of a frame; a ray
@@ -120,16 +96,20 @@ impl Renderer {
     /// As [`Self::render_scene`].
     pub fn rays(&self, view: &SceneView) -> Result<usize, RenderError> {
         let (width, height) = (view.camera.width as usize, view.camera.height as usize);
-        let of = |shown: &Shown<'_>| {
-            let sight = BodyView::new(&shown.body.skeleton, &shown.actor.pose, &view.camera);
+        let of = |actor_body: &ActorBody<'_>| {
+            let body_view = BodyView::new(
+                &actor_body.body.skeleton,
+                &actor_body.actor.pose,
+                &view.camera,
+            );
             (0..width * height)
                 .filter(|i| {
-                    sight
+                    body_view
                         .ray((i % width) as f64 + 0.5, (i / width) as f64 + 0.5)
                         .is_some()
                 })
                 .count()
         };
-        Ok(self.shown(view)?.iter().map(of).sum())
+        Ok(self.actor_bodies(view)?.iter().map(of).sum())
     }
 }

@@ -13,7 +13,7 @@ const BLOCK: usize = 64;
 pub(super) struct Candidate {
     /// Position in the body frame, metres.
     pub point: [f32; 3],
-    /// Where the bones carry it by their weights (paper, eq. 1), metres.
+    /// Its position after the bones have moved it by their weights (paper, eq. 1), metres.
     pub blend: [f32; 3],
     /// Foreground likelihood in [0, 1].
     pub likelihood: f32,
@@ -94,9 +94,9 @@ impl<'c> Walk<'c> {
         samples
     }
 
-    /// Ends the walk along rays for which `goes_on` is false.
-    pub fn keep(&mut self, goes_on: impl Fn(usize) -> bool) {
-        self.active.retain(|stretch| goes_on(stretch.ray));
+    /// Ends the walk along rays for which `continues` is false.
+    pub fn keep(&mut self, continues: impl Fn(usize) -> bool) {
+        self.active.retain(|stretch| continues(stretch.ray));
     }
 }
 

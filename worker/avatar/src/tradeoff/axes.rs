@@ -34,11 +34,12 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// The settings that change what a model's frames cost. Of splats, those are their number and the resolution.
+    /// The settings that change what a model's frames cost. Without rays, those are the number of splats and the
+    /// resolution.
     pub fn of(renderer: &Renderer) -> Self {
         let own = renderer.settings();
         let all = Self::around(&own, &renderer.precisions());
-        if renderer.config().appearance.splats().is_none() {
+        if renderer.config().appearance.march().is_some() {
             return all;
         }
         Self {

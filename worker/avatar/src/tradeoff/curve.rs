@@ -37,7 +37,7 @@ pub struct Point {
     /// PSNR against pictures of a camera, dB; absent without them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
-    /// The same inside the box of the person's mask, dB.
+    /// PSNR against pictures of a camera inside the box of the person's mask, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_mask_box: Option<f64>,
 }
@@ -66,7 +66,7 @@ pub struct SizeCheck {
 /// A model's measured trade-off between time and fidelity.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
-    /// That of the format, from 1 on.
+    /// Version of the format, from 1 on.
     pub version: u32,
     /// Time of the measurement, seconds since 1970.
     pub unix_seconds: u64,

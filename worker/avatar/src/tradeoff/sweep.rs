@@ -15,7 +15,7 @@ const CHECKED_SIZES: &[f64] = &[0.5, 1.5];
 const TINY_SIDE: u32 = 4;
 /// Number of settings of the front whose predictions are checked.
 const CHECKED_SETTINGS: usize = 3;
-/// Size at which frames of splats are measured a second time, relative to the views: their time is a fixed part, which
+/// Size at which frames without rays are measured a second time, relative to the views: their time is a fixed part, which
 /// grows with the splats, and one in proportion to the rays.
 const SECOND_SIZE: f64 = 0.5;
 
@@ -26,7 +26,7 @@ pub struct SweepView {
     pub view: RenderView,
     /// Picture of a camera with this view, over the view's background.
     pub truth: Option<FrameImage>,
-    /// How that picture is exposed beside others of the person's film.
+    /// Exposure of that picture relative to others of the person's capture.
     pub exposure: FrameExposure,
 }
 
@@ -132,9 +132,9 @@ fn measure<E: From<SweepError>>(
         });
         tick(views.len())?;
     }
-    let smaller = match renderer.config().appearance.splats() {
-        Some(_) => resized(&plain, SECOND_SIZE),
-        None => Vec::new(),
+    let smaller = match renderer.config().appearance.march() {
+        Some(_) => Vec::new(),
+        None => resized(&plain, SECOND_SIZE),
     };
     let mut times = vec![vec![Vec::new(); views.len()]; points.len()];
     let mut times_smaller = vec![vec![Vec::new(); smaller.len()]; points.len()];

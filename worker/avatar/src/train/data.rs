@@ -1,7 +1,7 @@
 //! The people that a training learns from, and the order of their frames.
 
 use crate::config::SamplingConfig;
-use crate::train::frames::order::{FrameIndex, FrameOrder, Practice};
+use crate::train::frames::order::{FrameIndex, FrameOrder, PersonSteps};
 use crate::train::known::Known;
 use crate::train::people::{TrainFrame, TrainSubject};
 
@@ -24,8 +24,8 @@ impl Data {
     /// The frame of a step.
     pub fn at(&mut self, step: u64, known: &Known) -> FrameIndex {
         let slots = self.subjects.iter().map(|it| it.slot);
-        let practice: Vec<Practice> = slots.map(|slot| known.practice(slot)).collect();
-        self.order.at(step, &practice)
+        let steps_per_person: Vec<PersonSteps> = slots.map(|slot| known.steps_with(slot)).collect();
+        self.order.at(step, &steps_per_person)
     }
 
     /// A frame, and its person.

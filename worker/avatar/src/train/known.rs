@@ -1,17 +1,17 @@
-//! What a model knows of its people, by slot, whether they take part in the training or not.
+//! A model's knowledge of its people, by slot, whether they take part in the training or not.
 
-use crate::train::frames::order::Practice;
+use crate::train::frames::order::PersonSteps;
 use crate::train::run::checkpoint::ModelState;
 use std::collections::{BTreeMap, BTreeSet};
 use yoto_capture::skeleton::Skeleton;
 
-/// What a checkpoint keeps of people.
+/// The state of people that a checkpoint keeps.
 pub(crate) struct Known {
     slots: Vec<Option<Skeleton>>,
     /// Slots of people whose training changed only their own parameters.
     own_only: BTreeSet<usize>,
     /// The steps with the person in each slot.
-    practice: Vec<Practice>,
+    steps_per_person: Vec<PersonSteps>,
     /// Slots of people who were removed.
     erased: BTreeSet<usize>,
     /// The decoder by which guesses of the person in a slot are made.
@@ -21,14 +21,14 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// What `saved` keeps.
+    /// The people of the checkpoint with the state `saved`.
     pub fn new(saved: &ModelState, kept_tracks: Vec<(usize, Vec<u8>)>) -> Self {
-        let mut practice = saved.practice.clone();
-        practice.resize(saved.slots.len(), Practice::default());
+        let mut steps_per_person = saved.steps_per_person.clone();
+        steps_per_person.resize(saved.slots.len(), PersonSteps::default());
         Self {
             slots: saved.slots.clone(),
             own_only: saved.own_only.clone(),
-            practice,
+            steps_per_person,
             erased: saved.erased.clone(),
             priors: saved.priors.clone(),
             kept_tracks,
@@ -41,17 +41,17 @@ impl Known {
     }
 
     /// Whether the model knows the person in `slot`.
-    pub fn knows(&self, slot: usize) -> bool {
+    pub fn has_person(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(Option::is_some)
     }
 
     /// Whether the model knows anybody.
-    pub fn knows_anybody(&self) -> bool {
+    pub fn has_people(&self) -> bool {
         self.slots.iter().any(Option::is_some)
     }
 
     /// Makes the person in `slot` known.
-    pub fn meet(&mut self, slot: usize, skeleton: Skeleton) {
+    pub fn add_person(&mut self, slot: usize, skeleton: Skeleton) {
         self.slots[slot] = Some(skeleton);
     }
 
@@ -64,13 +64,13 @@ impl Known {
     }
 
     /// The steps with the person in `slot`.
-    pub fn practice(&self, slot: usize) -> Practice {
-        self.practice[slot]
+    pub fn steps_with(&self, slot: usize) -> PersonSteps {
+        self.steps_per_person[slot]
     }
 
     /// Counts a step with the person in `slot`.
     pub fn count_step(&mut self, slot: usize) {
-        self.practice[slot].steps += 1;
+        self.steps_per_person[slot].steps += 1;
     }
 
     /// Slots of people who were removed.
@@ -87,7 +87,7 @@ impl Known {
     pub fn record(&self, state: &mut ModelState) {
         state.slots.clone_from(&self.slots);
         state.own_only.clone_from(&self.own_only);
-        state.practice.clone_from(&self.practice);
+        state.steps_per_person.clone_from(&self.steps_per_person);
         state.erased.clone_from(&self.erased);
         state.priors.clone_from(&self.priors);
     }

@@ -15,12 +15,14 @@ mod start;
 mod tests;
 mod trainer;
 
-pub use exposure::{FilmExposures, film_exposures};
+pub use exposure::{CaptureExposures, capture_exposures};
 pub use frames::batch;
 pub use people::learn::Learn;
-pub use people::{Person, leaving};
+pub use people::{TrainPerson, leaving};
 pub use poses::refinement_file::refined_track;
 pub use run::checkpoint::ModelState;
+#[cfg(test)]
+pub(crate) use run::checkpoint::load_avatar;
 pub(crate) use run::checkpoint::save_model;
 pub use run::optimiser::optimiser;
 pub use run::options::{Budget, TrainOptions, Validation};

@@ -28,7 +28,7 @@ pub(crate) struct Model {
     patches: Option<PatchLearning>,
 }
 
-/// How a model with a field learns.
+/// Settings by which a model learns from patches.
 pub(crate) struct PatchLearning {
     pub objective: Box<dyn Objective>,
     /// Side length of a patch, pixels.
@@ -63,7 +63,7 @@ impl Model {
         }
     }
 
-    /// What the model has in canonical space.
+    /// The model's representation in canonical space.
     pub fn appearance(&self) -> AvatarAppearance<'_> {
         self.state.avatar().appearance(&self.config)
     }
@@ -102,7 +102,7 @@ impl Model {
             body: &subject.body,
             slot: subject.slot,
             pose,
-            progress: now.opened,
+            schedule_progress: now.schedule_progress,
             step: now.step,
             occupancy: self.state.occupancy[subject.slot].as_ref(),
         }
@@ -157,15 +157,17 @@ impl Model {
         (self.guard.skipped, self.guard.rollbacks)
     }
 
-    /// Parts that take part only from some moment of a run on, and do after the fraction `opened`.
-    pub fn active_parts(&self, opened: f64) -> Vec<String> {
+    /// Parts that take part only from some moment of a run on, and do after the fraction `schedule_progress`.
+    pub fn active_parts(&self, schedule_progress: f64) -> Vec<String> {
         let config = &self.config;
-        let mut parts = config.schedule.active_parts(opened, config.non_rigid.bands);
-        if config.active_pose_shapes(opened).is_some() {
+        let mut parts = config
+            .schedule
+            .active_parts(schedule_progress, config.non_rigid.bands);
+        if config.active_pose_shapes(schedule_progress).is_some() {
             parts.push("pose blend shapes".to_owned());
         }
         let refined = self.state.poses.iter().any(Option::is_some);
-        if refined && config.refinement.takes_part(opened) {
+        if refined && config.refinement.takes_part(schedule_progress) {
             parts.push("pose refinement".to_owned());
         }
         parts

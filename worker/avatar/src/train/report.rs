@@ -1,8 +1,7 @@
 //! Results of a training: its progress, its checkpoint, and the model for rendering.
 
 use crate::avatar::Avatar;
-use crate::config::Appearance;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::render::{FrameExposure, Renderer};
 use crate::train::exposure;
 use crate::train::poses::fit::{fitted_pose, refined_track};
@@ -33,12 +32,12 @@ impl Trainer {
         TrainProgress {
             skipped_steps,
             rollbacks,
-            active_parts: self.model.active_parts(self.run.opened()),
+            active_parts: self.model.active_parts(self.run.schedule_progress()),
             ..self.run.progress()
         }
     }
 
-    /// Whose poses are refined and why, and what became of single frames, for people.
+    /// The people whose poses are refined and why, and what became of single frames, for people.
     pub fn notes(&self) -> Vec<String> {
         let all = Validation::NONE == self.run.options().validation;
         let subjects = self.data.subjects();
@@ -75,19 +74,25 @@ impl Trainer {
         self.validate_with(&mut || {})
     }
 
-    /// The same; `goes_on` is called before each batch of rays, since a frame of the paper's tiers takes
+    /// As [`Self::validate`]; `on_batch` is called before each batch of rays, since a frame of the paper's tiers takes
     /// most of a minute.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn validate_with(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
-        let (renderer, opened) = (self.renderer(), self.run.opened());
+    pub fn validate_with(&mut self, on_batch: &mut dyn FnMut()) -> Result<(), TrainError> {
+        let (renderer, schedule_progress) = (self.renderer(), self.run.schedule_progress());
         let subjects = self.data.subjects();
-        let measured = validate(&renderer, &self.model, subjects, opened, goes_on)?;
+        let measured = validate(
+            &renderer,
+            &self.model,
+            subjects,
+            schedule_progress,
+            on_batch,
+        )?;
         self.run.take_measured(measured);
         let progress = self.run.progress();
-        if let (Some(psnr), Appearance::Splats(_)) = (progress.psnr, &self.model.config.appearance)
-        {
+        let restorable = self.model.config.appearance.capabilities().restorable;
+        if let Some(psnr) = progress.psnr.filter(|_| restorable) {
             let known = self.best.take();
             self.best = Best::of(known, &self.model.state, psnr, progress.step);
         }
@@ -95,12 +100,12 @@ impl Trainer {
     }
 
     /// Returns to the state that measured best on held-out frames, if the last one that was measured is clearly
-    /// worse, and measures again. Splats only: the parts of a field take part by the progress of a run. A process
+    /// worse, and measures again; only in models whose states are restorable. A process
     /// that resumes a run knows the states that it measured itself.
     ///
     /// # Errors
     /// If the device fails.
-    pub fn keep_best(&mut self, goes_on: &mut dyn FnMut()) -> Result<(), TrainError> {
+    pub fn keep_best(&mut self, on_batch: &mut dyn FnMut()) -> Result<(), TrainError> {
         let (Some(best), Some(psnr)) = (&self.best, self.run.progress().psnr) else {
             return Ok(());
         };
@@ -108,7 +113,7 @@ impl Trainer {
             tracing::info!("{note}");
             self.run.note(Some(note));
             self.guess_unseen()?;
-            self.validate_with(goes_on)?;
+            self.validate_with(on_batch)?;
         }
         Ok(())
     }
@@ -128,7 +133,7 @@ impl Trainer {
         let subject = self.data.in_slot(slot);
         let subject =
             subject.ok_or_else(|| TrainError::People(format!("nobody in slot {slot}")))?;
-        let at = (self.run.opened(), self.run.options().seed);
+        let at = (self.run.schedule_progress(), self.run.options().seed);
         fitted_pose(&self.model, subject, pose, camera, image, at)
     }
 
@@ -212,7 +217,7 @@ impl Trainer {
         let device = model.device.clone().inner();
         let body = |slot: &Option<Skeleton>| {
             slot.clone()
-                .map(|skeleton| Body::new(skeleton, &model.config, &device))
+                .map(|skeleton| CanonicalBody::new(skeleton, &model.config, &device))
         };
         let bodies = self.known.skeletons().iter().map(body).collect();
         Renderer::new(
@@ -220,7 +225,7 @@ impl Trainer {
             model.state.avatar().valid(),
             bodies,
             model.state.occupancy.clone(),
-            self.run.opened(),
+            self.run.schedule_progress(),
         )
         .without(self.known.erased().clone())
     }
@@ -233,8 +238,7 @@ impl Trainer {
         let (model, subjects) = (&self.model, self.data.subjects());
         let mut sum = 0.0;
         for subject in subjects {
-            let own = Avatar::own_slot(&model.config, subject.slot);
-            sum += model.state.avatar().guessed_share(own)?;
+            sum += model.state.avatar().guessed_share(subject.own_slot)?;
         }
         Ok((sum > 0.0).then(|| sum / subjects.len() as f64))
     }

@@ -13,7 +13,7 @@ use crate::train::exposure;
 use crate::train::frames::whole_picture::OBJECTIVE;
 use crate::train::known::Known;
 use crate::train::model::{Model, PatchLearning};
-use crate::train::people::{Person, TrainSubject, check_people};
+use crate::train::people::{TrainPerson, TrainSubject, check_people};
 use crate::train::poses::decision::decide;
 use crate::train::poses::refinement::PoseRefinement;
 use crate::train::poses::refinement_file;
@@ -22,7 +22,7 @@ use crate::train::run::checkpoint::{self, ModelState};
 use crate::train::run::guard::TrainState;
 use crate::train::run::optimiser::optimiser;
 use crate::train::run::options::TrainOptions;
-use crate::train::splats::placing::place_first;
+use crate::train::splats::placing::place_initial_splats;
 use crate::train::trainer::Trainer;
 use crate::train::{TrainError, TrainProgress};
 use burn::tensor::Device;
@@ -36,7 +36,7 @@ impl Trainer {
     pub fn new(
         config: ModelConfig,
         options: TrainOptions,
-        people: Vec<Person>,
+        people: Vec<TrainPerson>,
         device: &Device,
     ) -> Result<Self, TrainError> {
         config.check()?;
@@ -60,7 +60,7 @@ impl Trainer {
     pub fn resume(
         dir: &Path,
         options: TrainOptions,
-        people: Vec<Person>,
+        people: Vec<TrainPerson>,
         device: &Device,
     ) -> Result<Self, TrainError> {
         let mut saved = ModelState::read(dir)?;
@@ -110,7 +110,7 @@ impl Trainer {
     fn assemble(
         mut saved: ModelState,
         options: TrainOptions,
-        people: &[Person],
+        people: &[TrainPerson],
         mut state: TrainState,
         kept_tracks: Vec<(usize, Vec<u8>)>,
         device: Device,
@@ -120,7 +120,7 @@ impl Trainer {
         wanted.exposure.who = options.exposure.unwrap_or(wanted.exposure.who);
         let only = options.learn.only();
         if let Some(degree) = options.harmonics {
-            reach_harmonics(&mut wanted, &mut state, degree, only.is_some())?;
+            set_harmonics_degree(&mut wanted, &mut state, degree, only.is_some())?;
         }
         wanted.check()?;
         // What is wanted for one person says nothing about the others.
@@ -133,7 +133,7 @@ impl Trainer {
                 message: "a model trains with sound numerics; reference ones only render".into(),
             }));
         }
-        let goes_on = goes_on(&saved, &options, people);
+        let continues = continues(&saved, &options, people);
         options.learn.note(people, &mut saved);
         if let Some(slot) = only {
             state.change_avatar(|avatar| own::freeze_all_but(avatar, slot));
@@ -153,14 +153,20 @@ impl Trainer {
                 only.is_some(),
             )?);
             let placed = match saved.config.variant {
-                Variant::NoIdentity => known.knows_anybody(),
-                _ => known.knows(person.slot),
+                Variant::NoIdentity => known.has_people(),
+                _ => known.has_person(person.slot),
             };
-            place_first(&mut state, &saved.config, saved.progress, &subject, placed)?;
+            place_initial_splats(
+                &mut state,
+                &saved.config,
+                saved.schedule_progress,
+                &subject,
+                placed,
+            )?;
             let poses = subject.frames.iter().map(|frame| &frame.pose);
-            let own = Avatar::own_slot(&saved.config, person.slot);
-            state.avatar_mut().film(own, poses)?;
-            known.meet(person.slot, subject.body.skeleton.clone());
+            let avatar = state.avatar_mut();
+            avatar.record_pose_range(subject.own_slot, poses)?;
+            known.add_person(person.slot, subject.body.skeleton.clone());
             known.note_prior(person.slot, prior_of(&saved.config, &options, &subject));
             subjects.push(subject);
         }
@@ -185,7 +191,7 @@ impl Trainer {
         Ok(Self {
             data: Data::new(subjects, saved.config.sampling, saved.seed),
             model: Model::new(&saved, state, device, patches),
-            run: Run::new(&saved, options, goes_on, progress),
+            run: Run::new(&saved, options, continues, progress),
             known,
             best: None,
         })
@@ -198,23 +204,23 @@ fn begin(
     state: &mut TrainState,
     saved: &ModelState,
     wanted: &ModelConfig,
-    person: &Person,
+    person: &TrainPerson,
     subject: &TrainSubject,
     alone: bool,
 ) -> Result<Option<String>, TrainError> {
     let (slot, track) = (person.slot, &person.shard.track);
     let known = state.occupancy[slot].take();
-    let field = saved.config.appearance.field();
-    let grid = field.and_then(|it| Occupancy::new(&subject.body.grid, &it.march));
-    state.occupancy[slot] = grid.map(|grid| grid.taught_by(known.as_ref()));
+    let march = saved.config.appearance.march();
+    let grid = march.and_then(|march| Occupancy::new(&subject.body.grid, march));
+    state.occupancy[slot] = grid.map(|grid| grid.with_levels_of(known.as_ref()));
     let known = state.poses[slot].take();
-    let splats = saved.config.appearance.splats().is_some();
-    let decision = decide(wanted.refinement.who, person, splats)?;
+    let cheap = saved.config.appearance.capabilities().fast_frames;
+    let decision = decide(wanted.refinement.who, person, cheap)?;
     if let Some(extent) = decision.refine {
         // Another film of the same person starts anew.
         let known = known.filter(|known| known.is_of(track));
         // The schedule of a model that stays as it is stands still.
-        let late = alone || saved.progress >= saved.config.refinement.end;
+        let late = alone || saved.schedule_progress >= saved.config.refinement.end;
         let fresh = || PoseRefinement::new(track, extent, late);
         state.poses[slot] = Some(known.unwrap_or_else(fresh));
     }
@@ -244,7 +250,7 @@ fn patches(
 
 /// Lets colours depend on the view by harmonics of up to `degree`. In a model that stays as it is for all but one
 /// person, they already do.
-fn reach_harmonics(
+fn set_harmonics_degree(
     wanted: &mut ModelConfig,
     state: &mut TrainState,
     degree: usize,
@@ -254,31 +260,31 @@ fn reach_harmonics(
         let field = "harmonics";
         Err(TrainError::Config(ConfigError::Field { field, message }))
     };
-    match wanted.appearance.splats_mut() {
-        None if degree == 0 => Ok(()),
-        None => fail(format!(
+    match &mut wanted.appearance {
+        Appearance::Field(_) if degree == 0 => Ok(()),
+        Appearance::Field(_) => fail(format!(
             "the tier {} has a field, whose colours do not depend on the view",
             wanted.tier
         )),
-        Some(splats) if only && splats.harmonics != degree => fail(format!(
+        Appearance::Splats(splats) if only && splats.harmonics != degree => fail(format!(
             "the model's are of degree {}: a training of one person leaves it",
             splats.harmonics
         )),
-        Some(splats) => {
+        Appearance::Splats(splats) => {
             splats.harmonics = degree;
             splats.check()?;
-            Ok(state.avatar_mut().reach_harmonics(degree)?)
+            Ok(state.avatar_mut().set_harmonics_degree(degree)?)
         }
     }
 }
 
 /// Whether the budget goes on with a model that was trained with all of the `people` before. The state
 /// `saved` tells, if an earlier part of the same budget wrote it; somebody new needs full rates.
-fn goes_on(saved: &ModelState, options: &TrainOptions, people: &[Person]) -> bool {
+fn continues(saved: &ModelState, options: &TrainOptions, people: &[TrainPerson]) -> bool {
     if options.used_steps > 0 || options.used_seconds > 0.0 {
-        return saved.goes_on;
+        return saved.continues;
     }
-    let known = |person: &Person| saved.slots.get(person.slot).is_some_and(Option::is_some);
+    let known = |person: &TrainPerson| saved.slots.get(person.slot).is_some_and(Option::is_some);
     saved.step > 0 && people.iter().all(known)
 }
 
@@ -288,8 +294,7 @@ fn prior_of(
     options: &TrainOptions,
     subject: &TrainSubject,
 ) -> Option<String> {
-    let splats = config.appearance.splats()?;
-    let guesses = splats.guess_unseen && !options.leave_unseen;
+    let guesses = config.appearance.guesses_unseen() && !options.leave_unseen;
     // Other skeletons have no places that correspond to those of people.
     let places = Parts::of(&subject.body.skeleton).is_some();
     options.prior.name().filter(|_| guesses && places)

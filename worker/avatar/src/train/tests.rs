@@ -4,10 +4,10 @@
 use crate::avatar::Avatar;
 use crate::config::{ModelConfig, Schedule};
 use crate::loss::PatchObjective;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::train::frames::batch::{Batch, Scene, outcome};
 use crate::train::frames::patches;
-use crate::train::people::{Person, TrainFrame, TrainSubject};
+use crate::train::people::{TrainFrame, TrainPerson, TrainSubject};
 use crate::train::run::options::{Budget, TrainOptions};
 use crate::train::trainer::Trainer;
 use burn::module::{Module, ModuleVisitor, Param};
@@ -23,7 +23,7 @@ use yoto_synthetic::SyntheticPerson;
 const SIZE: u32 = 48;
 const FRAMES: usize = 4;
 
-fn people(count: usize) -> Vec<Person> {
+fn people(count: usize) -> Vec<TrainPerson> {
     let cast = SyntheticPerson::cast(count, 7);
     let people = cast.iter().enumerate().map(|(slot, person)| {
         let (track, film) = person.capture(FRAMES, SIZE);
@@ -31,7 +31,7 @@ fn people(count: usize) -> Vec<Person> {
         for image in &film {
             shard.push(image).expect("a synthetic frame is valid");
         }
-        Person {
+        TrainPerson {
             slot,
             name: person.name().into(),
             shard: Arc::new(shard.finish().expect("all frames are there")),
@@ -155,13 +155,13 @@ fn a_training_that_goes_on_begins_with_lower_rates_if_it_is_short() {
         (long - full).abs() < 0.1 * full,
         "{long:e} for as long a run"
     );
-    assert!(!resume(&dir, 2, 4, 0).run.goes_on(), "somebody is new");
+    assert!(!resume(&dir, 2, 4, 0).run.continues(), "somebody is new");
     // The rest of a budget continues as it began.
-    assert!(!resume(&dir, 1, 16, 8).run.goes_on());
+    assert!(!resume(&dir, 1, 16, 8).run.continues());
     let mut again = resume(&dir, 1, 4, 0);
     again.step().expect("a step");
     again.save(dir.path()).expect("saves");
-    assert!(resume(&dir, 1, 4, 1).run.goes_on());
+    assert!(resume(&dir, 1, 4, 1).run.continues());
 }
 
 #[test]
@@ -230,13 +230,13 @@ fn a_share_of_the_samples_gives_other_gradients_of_the_same_loss() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let batch = draw(subject, frame, 2, 12, &mut rng);
         let avatar = Avatar::new(&config, 1, 24, 3, &device);
-        let body = Body::new(subject.body.skeleton.clone(), &config, &device);
+        let body = CanonicalBody::new(subject.body.skeleton.clone(), &config, &device);
         let scene = Scene {
             config: &config,
             body: &body,
             slot: 0,
             pose: &frame.pose,
-            progress: 1.0,
+            schedule_progress: 1.0,
             step: 0,
             occupancy: None,
         };

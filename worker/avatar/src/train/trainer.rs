@@ -7,18 +7,18 @@ use crate::render::SampleCounts;
 use crate::render::occupancy::DensityObservations;
 use crate::train::TrainError;
 use crate::train::data::Data;
-use crate::train::exposure::{exposed, fit_exposure};
+use crate::train::exposure::{apply_exposure, fit_exposure};
 use crate::train::frames::batch::outcome;
 use crate::train::frames::order::FrameIndex;
 use crate::train::frames::patches;
-use crate::train::frames::whole_picture::{compared, pictured};
+use crate::train::frames::whole_picture::{frame_loss, render_frame};
 use crate::train::known::Known;
 use crate::train::model::Model;
 use crate::train::poses::fit::{fit_pose, pose};
 use crate::train::run::best::Best;
 use crate::train::run::{Moment, Run};
-use crate::train::splats::placing::grow;
-use crate::train::splats::unseen::{guess_unseen, release, settle};
+use crate::train::splats::placing::split_splats;
+use crate::train::splats::unseen::{guess_unseen, update_frozen_colours};
 use burn::tensor::Tensor;
 use rand_chacha::ChaCha8Rng;
 use std::time::Instant;
@@ -36,7 +36,7 @@ pub struct Trainer {
     pub(super) best: Option<Best>,
 }
 
-/// What a step learns by.
+/// The loss of a step.
 struct StepLoss {
     /// `[1]`: the weighted sum of the terms.
     loss: Tensor<1>,
@@ -66,21 +66,17 @@ impl Trainer {
         let index = self.data.at(now.step, &self.known);
         let (subject, frame) = self.data.frame(index);
         let slot = subject.slot;
+        // What comes before learning, in this order: each knows when it is due, by what those before it have changed.
         fit_pose(&mut self.model, subject, frame, now, &mut rng)?;
-        grow(&mut self.model, subject, now)?;
-        match self.run.options().leave_unseen {
-            true => release(&mut self.model, self.data.subjects())?,
-            false => {
-                let prior = self.run.options().prior.decoder();
-                settle(&mut self.model, self.data.subjects(), prior, now)?;
-            }
-        }
+        split_splats(&mut self.model, subject, now)?;
+        let (subjects, options) = (self.data.subjects(), self.run.options());
+        update_frozen_colours(&mut self.model, subjects, options, now)?;
         let pose = pose(&self.model.state, subject, frame);
         let weight = self.model.state.weight(slot, frame);
         let learned = match self.model.appearance() {
             AvatarAppearance::Splats(splats) => {
                 let scene = self.model.scene(subject, &pose, now);
-                let picture = pictured(splats, &scene, &frame.camera)?;
+                let picture = render_frame(splats, &scene, &frame.camera)?;
                 Some(self.learn_from_picture(index, now, picture)?)
             }
             AvatarAppearance::Field(_) => self.learn_from_patches(index, now, &pose, &mut rng)?,
@@ -117,9 +113,14 @@ impl Trainer {
         if self.run.options().leave_unseen {
             return Ok(Vec::new());
         }
-        let opened = self.run.opened();
+        let schedule_progress = self.run.schedule_progress();
         let prior = self.run.options().prior.decoder();
-        guess_unseen(&mut self.model, self.data.subjects(), prior, opened)
+        guess_unseen(
+            &mut self.model,
+            self.data.subjects(),
+            prior,
+            schedule_progress,
+        )
     }
 
     /// The loss of a whole frame, of which the model has the `picture` `[H W, 4]`.
@@ -135,13 +136,13 @@ impl Trainer {
             &mut self.model,
             subject,
             frame,
-            now.opened,
+            now.schedule_progress,
             &image,
             &picture,
         )?;
         self.run.note(fitted.note);
-        let picture = exposed(picture, &fitted.exposure);
-        let (loss, terms) = compared(picture, &image, &self.model.config);
+        let picture = apply_exposure(picture, &fitted.exposure);
+        let (loss, terms) = frame_loss(picture, &image, &self.model.config);
         Ok(StepLoss {
             loss,
             terms,

@@ -4,7 +4,7 @@ use crate::support::options;
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
-use yoto_avatar::train::{Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_synthetic::{Estimator, SyntheticPerson};
 
@@ -19,7 +19,7 @@ const NOISE: f64 = 0.6;
 const END: f64 = 0.1;
 
 /// A film of a person whose poses an estimator found.
-fn film(frames: usize) -> Person {
+fn film(frames: usize) -> TrainPerson {
     let (track, images) = SyntheticPerson::cast(1, 7)[0].capture(frames, SIZE);
     let estimator = Estimator {
         mistakes: 0.0,
@@ -30,7 +30,7 @@ fn film(frames: usize) -> Person {
     for image in &images {
         shard.push(image).expect("a frame");
     }
-    Person {
+    TrainPerson {
         slot: 0,
         name: "ada".into(),
         shard: Arc::new(shard.finish().expect("a shard")),

@@ -3,8 +3,10 @@
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::distill::{Course, DistillError, FEWEST, Filmed, Lessons, Stage};
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::distill::{
+    CaptureFrame, DistillError, DistillStage, FEWEST, StudentTraining, Teacher,
+};
+use yoto_avatar::train::{Budget, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::camera::Pose;
 use yoto_capture::check::jumps;
 use yoto_capture::{Shard, ShardBuilder};
@@ -19,7 +21,7 @@ fn trained(tier: &str, shard: Arc<Shard>, steps: u64, validation: Validation) ->
         validation,
         ..TrainOptions::default()
     };
-    let person = Person {
+    let person = TrainPerson {
         slot: 0,
         name: "ada".into(),
         shard,
@@ -45,21 +47,21 @@ fn splats_show_what_a_field_shows() {
         shard.push(image).expect("fits");
     }
     let shard = Arc::new(shard.finish().expect("complete"));
-    let filmed = Filmed::of(&shard, &poses, SIZE).expect("cameras");
-    let small = Filmed::of(&shard, &poses, SIZE / 2).expect("cameras");
+    let capture_frames = CaptureFrame::of(&shard, &poses, SIZE).expect("cameras");
+    let small = CaptureFrame::of(&shard, &poses, SIZE / 2).expect("cameras");
     assert_eq!(small[1].camera.width, SIZE / 2);
     assert_eq!(small[1].image.width, SIZE as usize / 2);
     let field = trained("draft", shard, 150, Validation::NONE).renderer();
-    let lessons = |poses, slot| Lessons {
+    let teacher = |poses, slot| Teacher {
         renderer: &field,
         slot,
         poses,
         up: [0.0, 1.0, 0.0],
         size: [SIZE; 2],
-        filmed: &[],
+        capture_frames: &[],
     };
-    let film = lessons(&poses, 0)
-        .film(|pictures| pictures < 24)
+    let film = teacher(&poses, 0)
+        .render_shard(|pictures| pictures < 24, &mut || true)
         .expect("a film");
     assert_eq!(film.frames(), 24);
     assert!(jumps(&film.track).expect("a skeleton").len() > 1);
@@ -83,19 +85,19 @@ fn splats_show_what_a_field_shows() {
     assert!(likeness > 24.0, "{likeness} dB to the field");
 
     // The field was drawn in these very poses, however the body jumps from one picture to the next: none is refined.
-    let both = Lessons {
-        filmed: &filmed,
-        ..lessons(&poses, 0)
+    let both = Teacher {
+        capture_frames: &capture_frames,
+        ..teacher(&poses, 0)
     };
-    let course = Course {
+    let training = StudentTraining {
         name: "ada".into(),
         seconds: 1.0,
         seed: 7,
         scratch: None,
     };
     let mut done = Vec::new();
-    let mut tell = |_: Stage, share: f64| done.push(share);
-    let made = course.run(&both, &Device::flex(), &mut tell, &mut || true);
+    let mut tell = |_: DistillStage, share: f64| done.push(share);
+    let made = training.run(&both, &Device::flex(), &mut tell, &mut || true);
     let made = made.expect("splats");
     assert!(made.pictures >= FEWEST + 12, "{} pictures", made.pictures);
     let notes = made.trainer.progress().notes;
@@ -109,21 +111,22 @@ fn splats_show_what_a_field_shows() {
     );
 
     // What was filmed follows, in its own poses and from its own cameras.
-    let both = both.film(|pictures| pictures < 2).expect("a film");
+    let both = both.render_shard(|pictures| pictures < 2, &mut || true);
+    let both = both.expect("pictures");
     assert_eq!(both.frames(), 2 + 12);
     for (place, (image, pose)) in images.iter().zip(&poses).enumerate() {
         assert_eq!(both.image(2 + place).rgb, image.rgb);
         let frame = &both.track.frames[2 + place];
-        assert_eq!(frame.e, filmed[place].camera.e);
+        assert_eq!(frame.e, capture_frames[place].camera.e);
         assert_eq!(Pose::from_frame(frame).expect("a pose"), *pose);
     }
 
     assert!(matches!(
-        lessons(&[], 0).film(|_| false),
+        teacher(&[], 0).render_shard(|_| false, &mut || true),
         Err(DistillError::NoPoses)
     ));
     assert!(matches!(
-        lessons(&poses, 3).film(|_| false),
+        teacher(&poses, 3).render_shard(|_| false, &mut || true),
         Err(DistillError::NoSuchSlot(3))
     ));
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{FrameExposure, RenderView};
-use yoto_avatar::train::{Person, TrainOptions, Trainer, film_exposures};
+use yoto_avatar::train::{TrainOptions, TrainPerson, Trainer, capture_exposures};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_synthetic::SyntheticPerson;
@@ -30,7 +30,7 @@ fn gain(place: usize, size: f64) -> f64 {
 }
 
 /// A person whose frames have gains of this `size`, of which red has half.
-fn film(size: f64) -> Person {
+fn film(size: f64) -> TrainPerson {
     let (track, mut images) = SyntheticPerson::cast(1, 7)[0].capture(FRAMES, SIZE);
     let mut shard = ShardBuilder::new(track);
     for (place, image) in images.iter_mut().enumerate() {
@@ -43,14 +43,14 @@ fn film(size: f64) -> Person {
         }
         shard.push(image).expect("a frame");
     }
-    Person {
+    TrainPerson {
         slot: 0,
         name: "ada".into(),
         shard: Arc::new(shard.finish().expect("a shard")),
     }
 }
 
-fn trained(person: &Person, who: LearnExposure) -> Trainer {
+fn trained(person: &TrainPerson, who: LearnExposure) -> Trainer {
     let options = TrainOptions {
         exposure: Some(who),
         ..options(STEPS)
@@ -62,7 +62,7 @@ fn trained(person: &Person, who: LearnExposure) -> Trainer {
 }
 
 /// Mean PSNR of neutral renders against the frames of `clean`, dB.
-fn quality(trainer: &Trainer, clean: &Person) -> f64 {
+fn quality(trainer: &Trainer, clean: &TrainPerson) -> f64 {
     let renderer = trainer.renderer();
     let track = &clean.shard.track;
     let frames = (0..FRAMES).step_by(3);
@@ -111,7 +111,7 @@ fn known_gains_are_found_and_renders_are_neutral() {
     let dir = tempdir();
     learned.save(dir.path()).expect("saves");
     let track = &film.shard.track;
-    let saved = film_exposures(dir.path(), 0, track)
+    let saved = capture_exposures(dir.path(), 0, track)
         .expect("a file")
         .expect("learned");
     for frame in &track.frames {
@@ -122,7 +122,10 @@ fn known_gains_are_found_and_renders_are_neutral() {
     }
     let mut other = track.clone();
     other.frames[0].index += 1000;
-    assert_eq!(film_exposures(dir.path(), 0, &other).expect("a file"), None);
+    assert_eq!(
+        capture_exposures(dir.path(), 0, &other).expect("a file"),
+        None
+    );
 }
 
 #[test]

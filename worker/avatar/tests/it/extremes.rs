@@ -12,7 +12,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use std::f32::consts::{PI, TAU};
 use table::{error, report, values};
 use yoto_avatar::config::ModelConfig;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::motion::prior::{canonical_grid, prior};
 use yoto_avatar::motion::rotation::rodrigues;
 use yoto_avatar::render::composite::composite;
@@ -255,7 +255,7 @@ fn warps() {
 #[test]
 fn cameras_and_rays() {
     let config = ModelConfig::named("draft", "yoto").expect("a tier");
-    let body = Body::new(skeleton([0.0, 0.4, 0.0]), &config, &Device::flex());
+    let body = CanonicalBody::new(skeleton([0.0, 0.4, 0.0]), &config, &Device::flex());
     // The box reaches from −0.3 to 0.3, 0.7 and 0.3 m.
     let camera = |focal: f64, eye: [f64; 3], towards: [f64; 3]| {
         Camera::look_at(eye, towards, [0.0, 1.0, 0.0], focal, 64, 64)

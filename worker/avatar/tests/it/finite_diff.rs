@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{Encoding, LayersConfig, ModelConfig, Resolution, Unposing};
 use yoto_avatar::loss::PatchObjective;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::train::batch::{Batch, Outcome, Scene, outcome};
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
@@ -173,16 +173,16 @@ impl Bench {
             rotations: (0..JOINTS).map(|_| draw()).collect(),
             translation: draw(),
         };
-        let body = Body::new(skeleton(), &config, &Device::flex());
+        let body = CanonicalBody::new(skeleton(), &config, &Device::flex());
         let at = pose.translation.map(f64::from);
         let target = [at[0], at[1] + 1.0, at[2]];
         let eye = [at[0] + 0.4, at[1] + 1.2, at[2] + 2.5];
         let (side, up) = (SIDE as u32, [0.0, 1.0, 0.0]);
         let camera = Camera::look_at(eye, target, up, 2.0 * SIDE as f64, side, side);
-        let sight = BodyView::new(&body.skeleton, &pose, &camera);
+        let body_view = BodyView::new(&body.skeleton, &pose, &camera);
         let batch = Batch {
             rays: (0..SIDE * SIDE)
-                .map(|i| sight.ray((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5))
+                .map(|i| body_view.ray((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5))
                 .collect(),
             patch_size: SIDE,
             truth: (0..SIDE * SIDE * 3).map(|_| rng.random()).collect(),
@@ -197,13 +197,13 @@ impl Bench {
     }
 
     fn outcome(&self, avatar: &Avatar, device: &Device) -> Outcome {
-        let body = Body::new(skeleton(), &self.config, device);
+        let body = CanonicalBody::new(skeleton(), &self.config, device);
         let scene = Scene {
             config: &self.config,
             body: &body,
             slot: 0,
             pose: &self.pose,
-            progress: 1.0,
+            schedule_progress: 1.0,
             step: 10,
             occupancy: None,
         };

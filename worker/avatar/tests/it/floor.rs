@@ -10,7 +10,7 @@ use std::sync::Arc;
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr_in_box;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::train::{Person, TrainOptions, Trainer};
+use yoto_avatar::train::{TrainOptions, TrainPerson, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::{FrameImage, ShardBuilder, mask_box};
 use yoto_proto::pose_track::PoseTrack;
@@ -55,14 +55,14 @@ fn film(
     slot: usize,
     made_up: &SyntheticPerson,
     change: impl Fn(&mut PoseTrack, &mut [FrameImage]),
-) -> Person {
+) -> TrainPerson {
     let (mut track, mut images) = made_up.capture(FRAMES, SIZE);
     change(&mut track, &mut images);
     let mut shard = ShardBuilder::new(track);
     for image in &images {
         shard.push(image).expect("a frame");
     }
-    Person {
+    TrainPerson {
         slot,
         name: made_up.name().into(),
         shard: Arc::new(shard.finish().expect("a shard")),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::RenderView;
-use yoto_avatar::train::{Learn, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Learn, TrainOptions, TrainPerson, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
@@ -27,7 +27,7 @@ fn config(harmonics: usize) -> ModelConfig {
 }
 
 /// A person whose red is the brighter the more the camera sees of their front.
-fn shiny() -> Person {
+fn shiny() -> TrainPerson {
     let plain = people(&[0], 24, SIZE).remove(0);
     let track = plain.shard.track.clone();
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
@@ -44,14 +44,14 @@ fn shiny() -> Person {
         }
         builder.push(&image).expect("a frame");
     }
-    Person {
+    TrainPerson {
         shard: Arc::new(builder.finish().expect("all frames")),
         ..plain
     }
 }
 
 /// Frame `place` of the person, as the trained model shows it.
-fn shown(trainer: &Trainer, person: &Person, place: usize) -> Vec<f32> {
+fn shown(trainer: &Trainer, person: &TrainPerson, place: usize) -> Vec<f32> {
     let track = &person.shard.track;
     let frame = &track.frames[place];
     let view = RenderView {
@@ -63,7 +63,7 @@ fn shown(trainer: &Trainer, person: &Person, place: usize) -> Vec<f32> {
     trainer.renderer().render(&view).expect("renders").rgb
 }
 
-fn mean_psnr(trainer: &Trainer, person: &Person) -> f64 {
+fn mean_psnr(trainer: &Trainer, person: &TrainPerson) -> f64 {
     let frames = person.shard.frames();
     let total: f64 = (0..frames)
         .map(|place| {

@@ -8,7 +8,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::train::{Budget, Learn, ModelState, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{
+    Budget, Learn, ModelState, TrainOptions, TrainPerson, Trainer, Validation,
+};
 use yoto_capture::camera::Pose;
 use yoto_proto::manifest::files;
 use yoto_synthetic::SyntheticPerson;
@@ -17,7 +19,7 @@ const SIZE: u32 = 48;
 /// Steps of the two who are there, and of the one who joins.
 const STEPS: u64 = 12;
 
-fn people(slots: &[usize]) -> Vec<Person> {
+fn people(slots: &[usize]) -> Vec<TrainPerson> {
     support::people(slots, 12, SIZE)
 }
 
@@ -183,7 +185,7 @@ fn trained_with_everybody_a_person_is_no_longer_only_their_own() {
     let (old, new) = (weights(joined.path()), weights(all.path()));
     assert!(
         old["motion.base"] != new["motion.base"],
-        "the trunk learns again"
+        "the shared weights learn again"
     );
 }
 

@@ -8,15 +8,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
-use yoto_avatar::train::leaving::{Residue, Trunk, remove_person};
-use yoto_avatar::train::{Learn, ModelState, Person, TrainOptions, Trainer};
+use yoto_avatar::train::leaving::{Residue, SharedWeights, remove_person};
+use yoto_avatar::train::{Learn, ModelState, TrainOptions, TrainPerson, Trainer};
 use yoto_capture::camera::Pose;
 use yoto_proto::manifest::files;
 use yoto_synthetic::SyntheticPerson;
 
 const SIZE: u32 = 48;
 
-fn people(slots: &[usize]) -> Vec<Person> {
+fn people(slots: &[usize]) -> Vec<TrainPerson> {
     support::people(slots, 12, SIZE)
 }
 
@@ -76,15 +76,15 @@ fn who_leaves_leaves_nothing_and_everybody_else_is_as_before() {
     for tier in ["draft", "splat"] {
         let (before, parent) = (tempdir(), tempdir());
         trio(tier, before.path());
-        for (slot, trunk, others) in [
-            (2, Trunk::NeverSawThem, [0, 1]),
-            (0, Trunk::SawThem, [1, 2]),
+        for (slot, shared_weights, others) in [
+            (2, SharedWeights::NeverSawThem, [0, 1]),
+            (0, SharedWeights::SawThem, [1, 2]),
         ] {
             let after = parent.path().join(format!("without-{slot}"));
             let certificate = remove_person(before.path(), &after, slot).expect("leaves");
             assert_eq!(
-                (certificate.trunk, certificate.slot),
-                (trunk, slot),
+                (certificate.shared_weights, certificate.slot),
+                (shared_weights, slot),
                 "{tier}"
             );
             assert!(certificate.searched > 50, "{tier}: {certificate:?}");

@@ -9,11 +9,11 @@ use yoto_avatar::render::{FrameExposure, RenderSettings, Renderer};
 use yoto_avatar::tradeoff::{
     Axes, Machine, SweepError, SweepOptions, SweepView, Want, choose, sweep,
 };
-use yoto_avatar::train::{Person, Trainer};
+use yoto_avatar::train::{TrainPerson, Trainer};
 
 const SIZE: u32 = 64;
 
-fn trained(harmonics: usize) -> (Renderer, Person) {
+fn trained(harmonics: usize) -> (Renderer, TrainPerson) {
     let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
     let splats = config.appearance.splats_mut().expect("splats");
     (splats.count, splats.harmonics) = (2000, harmonics);

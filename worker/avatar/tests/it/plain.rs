@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use yoto_avatar::avatar::{Avatar, AvatarAppearance};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::loss::{Objective, PatchObjective, Patches};
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::render::march::{Volume, march};
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_capture::body_box::BodyView;
@@ -53,9 +53,9 @@ impl Look {
         }
     }
 
-    fn batch(&self, body: &Body) -> Batch {
-        let sight = BodyView::new(&body.skeleton, &self.pose, &self.camera);
-        let pixel = |i: usize| sight.ray((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5);
+    fn batch(&self, body: &CanonicalBody) -> Batch {
+        let body_view = BodyView::new(&body.skeleton, &self.pose, &self.camera);
+        let pixel = |i: usize| body_view.ray((i % SIDE) as f64 + 0.5, (i / SIDE) as f64 + 0.5);
         Batch {
             rays: (0..SIDE * SIDE).map(pixel).collect(),
             patch_size: SIDE,
@@ -67,7 +67,7 @@ impl Look {
 }
 
 /// Colours over the background `[1, R, 3]`, in the plain form.
-fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Tensor<3> {
+fn plain(avatar: &Avatar, config: &ModelConfig, body: &CanonicalBody, look: &Look) -> Tensor<3> {
     let posed = avatar.pose(config, body, 0, &look.pose, 1.0);
     let batch = look.batch(body);
     let (weights, transforms) = (
@@ -84,7 +84,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
     };
     let samples = march(
         &batch.rays,
-        &config.appearance.field().expect("a field").march,
+        config.appearance.march().expect("rays"),
         None::<&mut ChaCha8Rng>,
         &volume,
     )
@@ -92,7 +92,7 @@ fn plain(avatar: &Avatar, config: &ModelConfig, body: &Body, look: &Look) -> Ten
     let hits = batch.rays.iter().flatten().count();
     assert_eq!(
         samples.live(),
-        hits * config.appearance.field().expect("a field").march.samples,
+        hits * config.appearance.march().expect("rays").samples,
         "all samples"
     );
     let device = posed.weights.device();
@@ -144,7 +144,7 @@ fn gradients(avatar: &Avatar, loss: Tensor<1>) -> Vec<Vec<f32>> {
 fn a_loss_and_its_gradients() {
     let (config, look) = (config(), Look::new());
     let device = Device::flex().autodiff();
-    let body = Body::new(look.skeleton.clone(), &config, &device);
+    let body = CanonicalBody::new(look.skeleton.clone(), &config, &device);
     let avatar = Avatar::new(&config, 1, look.skeleton.parents.len(), 5, &device);
     let objective = PatchObjective::without_lpips(0.02, SIDE, &device);
     let scene = Scene {
@@ -153,7 +153,7 @@ fn a_loss_and_its_gradients() {
         slot: 0,
         pose: &look.pose,
         // All scheduled parts are active.
-        progress: 1.0,
+        schedule_progress: 1.0,
         step: 0,
         occupancy: None,
     };

@@ -5,7 +5,7 @@ use crate::support::{options, run};
 use burn::tensor::Device;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
-use yoto_avatar::train::{Person, Trainer};
+use yoto_avatar::train::{TrainPerson, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::{FrameImage, Shard, ShardBuilder};
@@ -13,13 +13,13 @@ use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::SyntheticPerson;
 
 /// A filmed person with `track` in place of the exact poses.
-fn filmed(track: PoseTrack, images: &[FrameImage]) -> Person {
+fn filmed(track: PoseTrack, images: &[FrameImage]) -> TrainPerson {
     let mut builder = ShardBuilder::new(track);
     for image in images {
         builder.push(image).expect("a synthetic frame is valid");
     }
     let shard: Shard = builder.finish().expect("all frames are there");
-    Person {
+    TrainPerson {
         slot: 0,
         name: "ada".into(),
         shard: Arc::new(shard),

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{Encoding, ModelConfig};
-use yoto_avatar::train::{Person, Trainer};
+use yoto_avatar::train::{TrainPerson, Trainer};
 
 fn config(variant: &str) -> ModelConfig {
     let mut config = ModelConfig::named("draft", variant).expect("a tier");
@@ -32,7 +32,7 @@ fn config(variant: &str) -> ModelConfig {
     config
 }
 
-fn people(slots: &[usize]) -> Vec<Person> {
+fn people(slots: &[usize]) -> Vec<TrainPerson> {
     support::people(slots, 3, 48)
 }
 

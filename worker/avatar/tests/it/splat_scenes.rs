@@ -3,7 +3,7 @@
 use super::splats::{SIZE, trainer, view_of};
 use crate::support::{people, run};
 use yoto_avatar::render::{Actor, Light, Rendered, Renderer, SceneView};
-use yoto_avatar::train::Person;
+use yoto_avatar::train::TrainPerson;
 use yoto_capture::camera::{Camera, Pose};
 
 /// Splats of two people do not correspond: a mixture of them is both, on the same bones, with the colours in between.
@@ -16,6 +16,7 @@ fn a_mixture_of_two_people_of_splats_is_both() {
         let mut view = SceneView::from(view_of(&people[0], 0, 0));
         let actor = view.actors.remove(0);
         let actors = slots.iter().map(|slot| Actor {
+            model: 0,
             slot: *slot,
             ..actor.clone()
         });
@@ -101,7 +102,7 @@ fn a_person_on_shorter_bones_is_shorter() {
 }
 
 /// Frame 0 of each of `people` in one picture, the second `metres` nearer to the camera.
-fn scene(people: &[Person], metres: f32) -> SceneView {
+fn scene(people: &[TrainPerson], metres: f32) -> SceneView {
     let track = &people[0].shard.track;
     let camera = Camera::from_frame(&track.frames[0], track.image_size).expect("a camera");
     let actors = people.iter().zip([0.0, metres]).map(|(person, nearer)| {
@@ -110,6 +111,7 @@ fn scene(people: &[Person], metres: f32) -> SceneView {
             *axis -= nearer * along as f32;
         }
         Actor {
+            model: 0,
             slot: person.slot,
             pose,
             light: Light::Own,
@@ -175,13 +177,13 @@ fn light_is_the_capture_s_none_or_another_person_s() {
         rendered(&renderer, &view)
     };
     let same = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let turn = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+    let rotation = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
     let own = of(0, Light::Own);
     let named = of(
         0,
         Light::Of {
             slot: 0,
-            turn: same,
+            rotation: same,
         },
     );
     assert_eq!(own.rgb, named.rgb);
@@ -189,9 +191,9 @@ fn light_is_the_capture_s_none_or_another_person_s() {
         Light::Neutral,
         Light::Of {
             slot: 1,
-            turn: same,
+            rotation: same,
         },
-        Light::Of { slot: 0, turn },
+        Light::Of { slot: 0, rotation },
     ];
     for light in others {
         let lit = of(0, light);
@@ -201,7 +203,7 @@ fn light_is_the_capture_s_none_or_another_person_s() {
     }
     let nobody = Light::Of {
         slot: 7,
-        turn: same,
+        rotation: same,
     };
     let mut view = scene(&people, 0.0);
     view.actors[0].light = nobody;

@@ -9,7 +9,7 @@ use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::loss::{LossTerm, Objective, Patches};
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_avatar::tradeoff::Axes;
-use yoto_avatar::train::{Person, Trainer};
+use yoto_avatar::train::{TrainPerson, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_synthetic::SyntheticPerson;
@@ -31,7 +31,7 @@ pub fn trainer(slots: &[usize], steps: u64) -> Trainer {
 }
 
 /// Frame `place` of a person's capture, with the identity in `slot`.
-pub fn view_of(person: &Person, slot: usize, place: usize) -> RenderView {
+pub fn view_of(person: &TrainPerson, slot: usize, place: usize) -> RenderView {
     let track = &person.shard.track;
     let frame = &track.frames[place];
     RenderView {
@@ -43,13 +43,13 @@ pub fn view_of(person: &Person, slot: usize, place: usize) -> RenderView {
 }
 
 /// Frame `place` of a person's capture, as the renderer sees it.
-fn shown(renderer: &Renderer, person: &Person, place: usize) -> Rendered {
+fn shown(renderer: &Renderer, person: &TrainPerson, place: usize) -> Rendered {
     let view = view_of(person, person.slot, place);
     renderer.render(&view).expect("renders")
 }
 
 /// Mean PSNR over the capture's frames, dB.
-fn mean_psnr(renderer: &Renderer, person: &Person) -> f64 {
+fn mean_psnr(renderer: &Renderer, person: &TrainPerson) -> f64 {
     let frames = person.shard.frames();
     let total: f64 = (0..frames)
         .map(|place| {
@@ -316,7 +316,7 @@ fn cropped_and_empty_frames_do_not_cut_the_person() {
     for image in &images {
         builder.push(image).expect("a frame");
     }
-    let cropped = Person {
+    let cropped = TrainPerson {
         shard: Arc::new(builder.finish().expect("all frames")),
         ..whole.clone()
     };

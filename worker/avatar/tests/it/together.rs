@@ -4,15 +4,15 @@ use crate::support::{options, people, run};
 use burn::tensor::Device;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{
-    Actor, Guest, Light, RenderError, Rendered, Renderer, SceneView, render_together,
+    Actor, Light, ModelActor, RenderError, Rendered, Renderer, SceneView, render_together,
 };
-use yoto_avatar::train::{Person, Trainer};
+use yoto_avatar::train::{TrainPerson, Trainer};
 use yoto_capture::camera::{Camera, Pose};
 
 const SIZE: u32 = 64;
 
 /// A model of `tier` after some steps with one person.
-fn trained(tier: &str, person: Person, steps: u64) -> Renderer {
+fn trained(tier: &str, person: TrainPerson, steps: u64) -> Renderer {
     let mut config = ModelConfig::named(tier, "yoto").expect("a tier");
     config.refinement.who = Refine::Never;
     if let Some(splats) = config.appearance.splats_mut() {
@@ -25,23 +25,24 @@ fn trained(tier: &str, person: Person, steps: u64) -> Renderer {
 }
 
 /// The person of frame 0, `metres` nearer to the camera than they were filmed.
-fn nearer(person: &Person, camera: &Camera, metres: f32) -> Actor {
+fn nearer(person: &TrainPerson, camera: &Camera, metres: f32) -> Actor {
     let mut pose = Pose::from_frame(&person.shard.track.frames[0]).expect("a pose");
     for (axis, along) in pose.translation.iter_mut().zip(camera.e[2]) {
         *axis -= metres * along as f32;
     }
     Actor {
+        model: 0,
         slot: 0,
         pose,
         light: Light::Own,
     }
 }
 
-fn together(guests: &[(&Renderer, &Actor)], camera: &Camera) -> Rendered {
-    let guests: Vec<Guest<'_>> = (guests.iter())
-        .map(|(model, actor)| Guest { model, actor })
+fn together(people: &[(&Renderer, &Actor)], camera: &Camera) -> Rendered {
+    let people: Vec<ModelActor<'_>> = (people.iter())
+        .map(|(model, actor)| ModelActor { model, actor })
         .collect();
-    render_together(&guests, camera, [0.0; 3], &mut |_| true).expect("renders")
+    render_together(&people, camera, [0.0; 3], &mut |_| true).expect("renders")
 }
 
 fn largest_difference(one: &[f32], other: &[f32]) -> f32 {
@@ -119,7 +120,7 @@ fn a_field_and_splats_hide_each_other() {
     assert_eq!(one.depth, two.depth);
 
     let stopped = render_together(
-        &[Guest {
+        &[ModelActor {
             model: &field,
             actor: &back,
         }],
@@ -133,7 +134,7 @@ fn a_field_and_splats_hide_each_other() {
         ..back
     };
     let refused = render_together(
-        &[Guest {
+        &[ModelActor {
             model: &field,
             actor: &lit,
         }],

@@ -8,7 +8,7 @@ use std::path::Path;
 use yoto_avatar::config::{ModelConfig, Precision, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::{RenderView, Renderer};
-use yoto_avatar::train::{Person, TrainError, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{TrainError, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::camera::Pose;
 use yoto_proto::manifest::files;
 use yoto_synthetic::SyntheticPerson;
@@ -16,7 +16,7 @@ use yoto_synthetic::SyntheticPerson;
 const SIZE: u32 = 48;
 
 /// The first `count` of a cast.
-fn people(count: usize) -> Vec<Person> {
+fn people(count: usize) -> Vec<TrainPerson> {
     support::people(&(0..count).collect::<Vec<_>>(), 12, SIZE)
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::render::{Actor, Light, SceneView, SkinnedSplat};
-use yoto_avatar::train::{ModelState, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{ModelState, TrainOptions, TrainPerson, Trainer};
 use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_proto::pose_track::PoseTrack;
@@ -47,7 +47,7 @@ fn poses(person: &SyntheticPerson) -> Vec<Pose> {
 }
 
 /// A film from the given angles, one after the other.
-fn film(person: &SyntheticPerson, angles: &[f64]) -> Person {
+fn film(person: &SyntheticPerson, angles: &[f64]) -> TrainPerson {
     let poses = poses(person);
     let shots: Vec<(Camera, &Pose)> = (poses.iter().enumerate())
         .map(|(place, pose)| (camera(angles[place % angles.len()]), pose))
@@ -66,14 +66,14 @@ fn film(person: &SyntheticPerson, angles: &[f64]) -> Person {
     for (camera, pose) in &shots {
         shard.push(&person.render(pose, camera)).expect("a frame");
     }
-    Person {
+    TrainPerson {
         slot: 0,
         name: "ada".into(),
         shard: Arc::new(shard.finish().expect("a shard")),
     }
 }
 
-fn started(film: &Person, leave_unseen: bool) -> Trainer {
+fn started(film: &TrainPerson, leave_unseen: bool) -> Trainer {
     let options = TrainOptions {
         leave_unseen,
         ..options(STEPS)
@@ -82,7 +82,7 @@ fn started(film: &Person, leave_unseen: bool) -> Trainer {
     Trainer::new(config(), options, people, &Device::flex()).expect("starts")
 }
 
-fn trained(film: &Person, leave_unseen: bool) -> Trainer {
+fn trained(film: &TrainPerson, leave_unseen: bool) -> Trainer {
     let mut trainer = started(film, leave_unseen);
     run(&mut trainer, STEPS as usize);
     trainer
@@ -102,6 +102,7 @@ fn off(trainer: &Trainer, person: &SyntheticPerson, angle: f64) -> f64 {
         let truth = person.render(&pose, &camera);
         let scene = SceneView {
             actors: vec![Actor {
+                model: 0,
                 slot: 0,
                 pose,
                 light: Light::Neutral,

@@ -4,8 +4,7 @@ use super::framing::Framing;
 use super::motion::Motion;
 use super::report::{Grade, Lack, Measure};
 
-/// Sides of a body as the directions around it from which they are seen, of 12 from its front towards
-/// its left.
+/// Sides of a body, each with its view directions: of 12 around the body, from its front towards its left.
 const SIDES: [(&str, [usize; 3]); 4] = [
     ("front", [11, 0, 1]),
     ("left side", [2, 3, 4]),
@@ -20,7 +19,7 @@ const SLOW: f64 = 90.0;
 /// out, at `DOWN` and below they are down.
 const OUT: f64 = 0.75;
 const DOWN: f64 = 0.55;
-/// Largest share of frames in which a part of the body may be outside of the picture; that of masks that are cut off.
+/// A part of the body may be outside of the picture in this share of the frames, and a mask may be cut off in as many.
 const CUT: f64 = 0.02;
 
 /// What to do about sides, arms and speed.
@@ -32,7 +31,7 @@ const SHARPER: &str = "more light and a fixed focus, so that nothing is blurred"
 /// What to do about colours that are too bright or too dark.
 const LIGHT: &str = "even light, neither glaring nor dim";
 
-/// The findings about a film that advice depends on.
+/// Findings about a film, from which advice follows.
 pub(super) struct Film<'a> {
     pub motion: &'a Motion,
     pub framing: &'a Framing,
@@ -124,7 +123,7 @@ pub(super) fn advice(lacks: &[Lack]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::report::Kind;
+    use super::super::report::MeasureKind;
     use super::*;
 
     fn motion() -> Motion {
@@ -138,7 +137,7 @@ mod tests {
         }
     }
 
-    fn measure(kind: Kind, grade: Grade, shown: &str) -> Measure {
+    fn measure(kind: MeasureKind, grade: Grade, shown: &str) -> Measure {
         Measure {
             kind,
             grade,
@@ -154,8 +153,8 @@ mod tests {
         advice(&lacks(&Film {
             motion,
             framing,
-            blur: &measure(Kind::Blur, blur, "2.40 px"),
-            exposure: &measure(Kind::Exposure, Grade::Pass, "fine"),
+            blur: &measure(MeasureKind::Blur, blur, "2.40 px"),
+            exposure: &measure(MeasureKind::Exposure, Grade::Pass, "fine"),
         }))
     }
 

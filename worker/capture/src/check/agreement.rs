@@ -8,7 +8,7 @@ use crate::body_box::BodyView;
 use crate::skeleton::Skeleton;
 use yoto_proto::pose_track::PoseTrack;
 
-/// Frames that are measured here, at most.
+/// At most this number of frames is measured.
 const MOST: usize = 100;
 /// Least coverage that counts as inside a mask, in a cell or one beside it: joints at the ends of limbs lie
 /// close to the outline.

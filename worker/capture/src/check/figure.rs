@@ -37,13 +37,13 @@ pub(super) struct Capsule {
 }
 
 /// The capsules of a skeleton at rest.
-pub(super) struct Figure<'a> {
+pub(super) struct CapsuleBody<'a> {
     skeleton: &'a Skeleton,
     /// Each capsule with the joint that moves it.
     capsules: Vec<(usize, Capsule)>,
 }
 
-impl<'a> Figure<'a> {
+impl<'a> CapsuleBody<'a> {
     pub(super) fn of(skeleton: &'a Skeleton) -> Self {
         let size = size(skeleton) / HEIGHT;
         let children = skeleton.children();

@@ -1,6 +1,6 @@
-//! How well a reading of the numbers fits the masks.
+//! The fit of a reading of the numbers to the masks.
 
-use super::figure::Figure;
+use super::figure::CapsuleBody;
 use super::observe::Observation;
 use super::silhouette::{Canvas, Grid};
 use crate::camera::Camera;
@@ -83,7 +83,7 @@ impl<'a> Fitter<'a> {
     pub(super) fn fit(&mut self, correction: &Correction) -> Option<Fit> {
         let track = correction.apply(&self.track).ok()?.track;
         let skeleton = Skeleton::from_track(&track.skeleton).ok()?;
-        let figure = Figure::of(&skeleton);
+        let figure = CapsuleBody::of(&skeleton);
         let posed: Vec<_> = track
             .frames
             .iter()

@@ -1,4 +1,4 @@
-//! Counts the frames in which head, hands or feet are outside of the picture.
+//! Counts the frames that cut off head, hands or feet.
 
 use super::fit::view;
 use crate::skeleton::Skeleton;
@@ -10,7 +10,7 @@ const HEAD: f64 = 0.9;
 /// Joints farther aside than this are those of hands, as a share of the farthest joint's distance at rest.
 const HANDS: f64 = 0.8;
 
-/// Frames of a track in which a part is outside of the picture.
+/// Counts of frames that cut off a part of the body.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Framing {
     /// All frames.

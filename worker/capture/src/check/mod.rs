@@ -28,7 +28,7 @@ mod timing;
 
 pub use drawing::Drawing;
 pub use precision::{PRECISE, precision};
-pub use report::{Cause, Grade, Kind, Lack, Measure, Report, Tried};
+pub use report::{Cause, CheckReport, Grade, Lack, Measure, MeasureKind, Tried};
 
 use crate::FrameImage;
 use crate::skeleton::{Skeleton, SkeletonError};
@@ -83,7 +83,7 @@ impl Checker {
     }
 
     /// Measures and grades.
-    pub fn finish(mut self) -> Report {
+    pub fn finish(mut self) -> CheckReport {
         self.seen.sort_by_key(|it| it.position);
         self.seen.dedup_by_key(|it| it.position);
         measures::report(&self.track, &self.skeleton, &self.seen)

@@ -1,4 +1,4 @@
-//! What the check keeps of a frame's pictures: coarse masks and a few numbers, never the pixels.
+//! The check's observation of a frame: coarse masks and a few numbers, never the pixels.
 
 use super::silhouette::{Grid, Thumb};
 use crate::FrameImage;
@@ -64,7 +64,7 @@ impl Observation {
         }
     }
 
-    /// The same observation with the mask inverted.
+    /// This observation with the mask inverted.
     pub(super) fn inverted(&self) -> Self {
         let cells = self.mask.cells.iter().map(|&value| 255 - value);
         Self {

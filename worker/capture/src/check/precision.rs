@@ -1,4 +1,4 @@
-//! How precisely poses follow their frames: the deviation of each frame's body from its mask, in position
+//! The precision of poses: the deviation of each frame's body from its mask, in position
 //! and lean, and its scatter beyond what this person's shape explains.
 //!
 //! A wrong camera moves all frames in the same way, and clothes and hair by a rule. The errors of a pose
@@ -15,9 +15,9 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// Frames measured, at most.
 const MOST: usize = 100;
-/// Frames from which the body's thickness is fitted, at most.
+/// The body's thickness is fitted to at most this number of frames.
 const SAMPLE: usize = 32;
-/// Frames from which the scatter is measured, at least.
+/// The scatter is measured with at least this number of frames.
 const ENOUGH: usize = 12;
 
 /// Poses that wander farther than this are imprecise, metres. `docs/research/check-rates.md` has the rates of false

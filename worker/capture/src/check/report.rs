@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use yoto_proto::correction::Correction;
 
-/// How good something is.
+/// The grade of a measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
@@ -29,7 +29,7 @@ impl Grade {
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum MeasureKind {
     /// Whether another reading of the numbers fits the masks decisively better.
     Reading,
     /// Delay of masks or poses, frames.
@@ -62,7 +62,7 @@ pub enum Kind {
     Exposure,
 }
 
-impl Kind {
+impl MeasureKind {
     /// The name for people.
     pub fn title(self) -> &'static str {
         match self {
@@ -89,10 +89,10 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measure {
     /// What is measured.
-    pub kind: Kind,
+    pub kind: MeasureKind,
     /// The grade.
     pub grade: Grade,
-    /// The value in the unit that [`Kind`] names; `None` if nothing could be measured.
+    /// The value in the unit that [`MeasureKind`] names; `None` if nothing could be measured.
     pub value: Option<f64>,
     /// The value with its unit, for people.
     pub shown: String,
@@ -116,7 +116,7 @@ pub struct Cause {
     pub correction: Option<Correction>,
     /// Overlap of body and mask (0 to 1) as given.
     pub fit: f64,
-    /// The same with the mistake undone.
+    /// Overlap of body and mask (0 to 1) with the mistake undone.
     pub fit_mended: f64,
     /// Other options that fit as well.
     pub alternatives: Vec<String>,
@@ -181,7 +181,7 @@ pub struct Tried {
 
 /// The result of a check.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct CheckReport {
     /// Frames of the pose track.
     pub frames: usize,
     /// Frames that were looked at.
@@ -207,18 +207,18 @@ pub struct Report {
     pub mask_shifts: Vec<(i32, f64)>,
 }
 
-impl Report {
+impl CheckReport {
     /// The measure of `kind`.
-    pub fn measure(&self, kind: Kind) -> Option<&Measure> {
+    pub fn measure(&self, kind: MeasureKind) -> Option<&Measure> {
         self.measures.iter().find(|measure| measure.kind == kind)
     }
 
-    /// Why training on this capture would be pointless: hardly any joint is in the masks, or hardly any mask
-    /// is where rays are cast. `None` if it is worth trying, even with warnings.
+    /// The reason why training on this capture is pointless: hardly any joint is in the masks, or hardly any mask is where
+    /// rays are cast. `None` if training is worth trying, even with warnings.
     pub fn pointless(&self) -> Option<String> {
-        /// Share below which nothing can be learnt.
+        /// Below this share nothing can be learnt.
         const HARDLY: f64 = 0.1;
-        let missed = [Kind::JointsInMask, Kind::MaskInBox];
+        let missed = [MeasureKind::JointsInMask, MeasureKind::MaskInBox];
         let measure = missed
             .into_iter()
             .filter_map(|kind| self.measure(kind))

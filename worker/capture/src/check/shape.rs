@@ -4,7 +4,7 @@
 //! same way in all frames: a part of the body is thicker, or farther forward. A deviation that no such
 //! shape explains is an error of the poses.
 
-use super::figure::{Capsule, Figure, Region, size};
+use super::figure::{Capsule, CapsuleBody, Region, size};
 use super::fit::view;
 use super::least_squares::residual_rms;
 use super::observe::Observation;
@@ -78,7 +78,7 @@ struct Compared {
 pub(super) struct Comparison<'a> {
     track: &'a PoseTrack,
     skeleton: &'a Skeleton,
-    figure: Figure<'a>,
+    figure: CapsuleBody<'a>,
     regions: Vec<Region>,
     fatness: f64,
     grid: Grid,
@@ -87,7 +87,7 @@ pub(super) struct Comparison<'a> {
 
 impl<'a> Comparison<'a> {
     pub(super) fn new(track: &'a PoseTrack, skeleton: &'a Skeleton, fatness: f64) -> Self {
-        let figure = Figure::of(skeleton);
+        let figure = CapsuleBody::of(skeleton);
         let grid = Grid::of(track.image_size);
         Self {
             track,

@@ -1,6 +1,6 @@
-//! Whether masks or poses are some frames late.
+//! Finds masks or poses that are some frames late.
 
-use super::figure::Figure;
+use super::figure::CapsuleBody;
 use super::fit::{mean_and_error, view};
 use super::observe::Observation;
 use super::silhouette::{Canvas, Grid};
@@ -44,7 +44,7 @@ pub(super) fn bodies(
     let Ok(skeleton) = Skeleton::from_track(&track.skeleton) else {
         return Shifts::default();
     };
-    let figure = Figure::of(&skeleton);
+    let figure = CapsuleBody::of(&skeleton);
     let mut canvas = Canvas::new(Grid::of(track.image_size));
     compare(seen, |own, others| {
         let (pose, camera) = view(&track.frames[own.position], track.image_size);

@@ -19,7 +19,7 @@ const REACH: f64 = 0.9995;
 /// A vector shorter than this has no direction, metres.
 const TINY: f64 = 1e-6;
 
-/// Share of poses in which a joint may be below the floor: estimates tremble.
+/// A joint may be below the floor in this share of the poses, because estimates tremble.
 const BELOW_FLOOR: f64 = 0.1;
 
 /// Joints of a leg: hip, knee, ankle and the ball of the foot.
@@ -31,7 +31,7 @@ struct Leg {
     ball: usize,
 }
 
-/// Which feet rest in which poses of a motion.
+/// The resting feet in each pose of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Footing {
     /// For the left and the right foot, whether it rests, one entry per pose.
@@ -97,8 +97,8 @@ impl Footing {
 }
 
 impl Skeleton {
-    /// The height along the unit vector `up` of the floor that `poses` tread on: of the lowest joint in the lowest
-    /// poses; 0 without poses.
+    /// The height of the floor along the unit vector `up`: the height of the lowest joint in the lowest of `poses`; 0 without
+    /// poses.
     pub fn floor(&self, poses: &[Pose], up: Vec3) -> f64 {
         let lowest = |pose: &Pose| {
             let joints = self.posed_joints(pose);

@@ -1,7 +1,7 @@
-//! The joint tree of a subject: names, parents, rest positions.
+//! The joint hierarchy of a subject: names, parents, rest positions.
 //!
 //! The skeleton is data that travels with a capture, never a constant. [`kinematics`] and [`retarget`]
-//! work on any tree in which parents come before their children.
+//! work on any hierarchy whose parents come before their children.
 
 mod bounds;
 pub mod feet;
@@ -84,7 +84,7 @@ pub enum SkeletonError {
     BadTree {
         /// The joint.
         joint: usize,
-        /// What stands as its parent.
+        /// Its parent in the list.
         parent: i32,
     },
     /// A rest position is not a number, or is farther away than any body reaches.

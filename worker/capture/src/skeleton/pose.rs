@@ -49,7 +49,7 @@ impl Pose {
     /// The pose of a pose-track frame.
     ///
     /// # Errors
-    /// As [`Pose::from_proto`].
+    /// The same errors as [`Pose::from_proto`].
     pub fn from_frame(frame: &pose_track::Frame) -> Result<Self, ViewError> {
         Self::from_parts("pose", &frame.pose, frame.translation)
     }
@@ -58,7 +58,7 @@ impl Pose {
     /// errors.
     ///
     /// # Errors
-    /// As [`Pose::from_proto`].
+    /// The same errors as [`Pose::from_proto`].
     pub fn from_parts(
         field: &str,
         rotations: &[f64],

@@ -26,7 +26,7 @@ pub fn transfer(
     Ok(moved)
 }
 
-/// As [`transfer`], with feet that may slide.
+/// Transfers a pose as [`transfer`] does, but feet may slide.
 pub(super) fn carried(
     driver: &Skeleton,
     target: &Skeleton,
@@ -154,7 +154,7 @@ impl Skeleton {
     /// motion has the size of that body.
     ///
     /// # Errors
-    /// Those of [`Self::from_track`].
+    /// The same errors as [`Self::from_track`].
     pub fn of_motion(motion: &pose_track::Skeleton, body: &Self) -> Result<Self, SkeletonError> {
         if !motion.rest_joints.is_empty() {
             return Self::from_track(motion);

@@ -35,7 +35,7 @@ fn film() -> (PoseTrack, Vec<FrameImage>) {
     made.clone()
 }
 
-fn check(track: PoseTrack, images: &[FrameImage]) -> Report {
+fn check(track: PoseTrack, images: &[FrameImage]) -> CheckReport {
     let mut checker = Checker::new(track).expect("a skeleton");
     for position in checker.wanted().to_vec() {
         checker.look(position, &images[position]);
@@ -44,22 +44,22 @@ fn check(track: PoseTrack, images: &[FrameImage]) -> Report {
 }
 
 /// The report on the film after `break_it`.
-fn broken(break_it: impl FnOnce(&mut PoseTrack, &mut Vec<FrameImage>)) -> Report {
+fn broken(break_it: impl FnOnce(&mut PoseTrack, &mut Vec<FrameImage>)) -> CheckReport {
     let (mut track, mut images) = film();
     break_it(&mut track, &mut images);
     check(track, &images)
 }
 
 /// The report on the film when its numbers were written as `mistake` reads them.
-fn misread(mistake: Correction) -> Report {
+fn misread(mistake: Correction) -> CheckReport {
     broken(|track, _| *track = mistake.apply(track).expect("applies").track)
 }
 
-fn grade(report: &Report, kind: Kind) -> Grade {
+fn grade(report: &CheckReport, kind: MeasureKind) -> Grade {
     report.measure(kind).expect("measured").grade
 }
 
-fn first(report: &Report) -> (&str, &str) {
+fn first(report: &CheckReport) -> (&str, &str) {
     let cause = report.causes.first().expect("a cause");
     (&cause.what, &cause.options)
 }
@@ -76,19 +76,19 @@ fn what_is_right_has_no_cause_to_mend() {
     let report = broken(|_, _| {});
     assert!(report.causes.is_empty(), "{:?}", report.causes);
     for kind in [
-        Kind::Reading,
-        Kind::Timing,
-        Kind::BodySize,
-        Kind::JointsInMask,
-        Kind::MaskInBox,
-        Kind::Silhouette,
-        Kind::ImageInMask,
-        Kind::Masks,
-        Kind::Views,
-        Kind::Jumps,
-        Kind::Duplicates,
-        Kind::Blur,
-        Kind::Exposure,
+        MeasureKind::Reading,
+        MeasureKind::Timing,
+        MeasureKind::BodySize,
+        MeasureKind::JointsInMask,
+        MeasureKind::MaskInBox,
+        MeasureKind::Silhouette,
+        MeasureKind::ImageInMask,
+        MeasureKind::Masks,
+        MeasureKind::Views,
+        MeasureKind::Jumps,
+        MeasureKind::Duplicates,
+        MeasureKind::Blur,
+        MeasureKind::Exposure,
     ] {
         let measure = report.measure(kind).expect("measured");
         assert_eq!(measure.grade, Grade::Pass, "{measure:?}");
@@ -96,7 +96,7 @@ fn what_is_right_has_no_cause_to_mend() {
     assert_eq!(report.pointless(), None);
     assert_eq!((report.frames, report.looked_at), (FRAMES, FRAMES));
     let json = serde_json::to_vec(&report).expect("writes");
-    let back: Report = serde_json::from_slice(&json).expect("reads");
+    let back: CheckReport = serde_json::from_slice(&json).expect("reads");
     assert_eq!(back.measures.len(), report.measures.len());
 }
 
@@ -131,7 +131,7 @@ fn misread_numbers_are_named_with_the_option_that_mends_them() {
     ] {
         let report = misread(mistake);
         assert_eq!(first(&report).1, options, "{:?}", report.tried);
-        assert_eq!(grade(&report, Kind::Reading), Grade::Fail);
+        assert_eq!(grade(&report, MeasureKind::Reading), Grade::Fail);
         assert_eq!(report.grade, Grade::Fail);
         // Mending it as told leaves nothing to mend.
         let mended = report.causes[0].correction.expect("an option");
@@ -171,7 +171,7 @@ fn units_are_told_apart() {
     // Everything in one unit projects as it should; only the size tells.
     let all = millimetres(1000.0, 1000.0);
     assert_eq!(first(&all).1, "--units mm");
-    assert_eq!(grade(&all, Kind::BodySize), Grade::Fail);
+    assert_eq!(grade(&all, MeasureKind::BodySize), Grade::Fail);
 }
 
 #[test]
@@ -196,8 +196,8 @@ fn shifted_masks_are_told_in_direction_and_from_shifted_poses() {
         first(&later),
         ("masks come 1 frame early", "--mask-shift -1")
     );
-    assert_eq!(grade(&later, Kind::Timing), Grade::Fail);
-    assert_eq!(grade(&later, Kind::Reading), Grade::Pass);
+    assert_eq!(grade(&later, MeasureKind::Timing), Grade::Fail);
+    assert_eq!(grade(&later, MeasureKind::Reading), Grade::Pass);
     let earlier = broken(|_, images| rotate_masks(images, FRAMES - 2));
     assert_eq!(
         first(&earlier),
@@ -240,17 +240,17 @@ fn masks_that_are_inverted_or_empty_fail() {
         "{:?}",
         inverted.causes
     );
-    assert_eq!(grade(&inverted, Kind::Masks), Grade::Fail);
+    assert_eq!(grade(&inverted, MeasureKind::Masks), Grade::Fail);
     let one = broken(|_, images| images[10].mask.fill(0));
-    let masks = one.measure(Kind::Masks).expect("measured");
+    let masks = one.measure(MeasureKind::Masks).expect("measured");
     assert_eq!((masks.grade, &masks.frames[..]), (Grade::Warn, &[10][..]));
     let empty = broken(|_, images| {
         for image in images {
             image.mask.fill(0);
         }
     });
-    assert_eq!(grade(&empty, Kind::Masks), Grade::Fail);
-    assert_eq!(grade(&empty, Kind::JointsInMask), Grade::Fail);
+    assert_eq!(grade(&empty, MeasureKind::Masks), Grade::Fail);
+    assert_eq!(grade(&empty, MeasureKind::JointsInMask), Grade::Fail);
 }
 
 #[test]
@@ -260,7 +260,7 @@ fn poor_films_are_graded() {
             images[i] = images[i - 1].clone();
         }
     });
-    let measure = repeated.measure(Kind::Duplicates).expect("measured");
+    let measure = repeated.measure(MeasureKind::Duplicates).expect("measured");
     assert!(measure.value.is_some_and(|it| it > 0.4), "{measure:?}");
     assert_eq!(measure.grade, Grade::Fail);
     let burnt = broken(|_, images| {
@@ -270,25 +270,28 @@ fn poor_films_are_graded() {
             }
         }
     });
-    assert_eq!(grade(&burnt, Kind::Exposure), Grade::Fail);
+    assert_eq!(grade(&burnt, MeasureKind::Exposure), Grade::Fail);
     let frontal = broken(|track, images| {
         track.frames.truncate(5);
         images.truncate(5);
     });
-    assert_eq!(grade(&frontal, Kind::Views), Grade::Warn);
+    assert_eq!(grade(&frontal, MeasureKind::Views), Grade::Warn);
     // Most people have a film of one side: what is not seen is guessed, which stops nothing.
     let one_side = broken(|track, images| {
         track.frames.truncate(2);
         images.truncate(2);
     });
-    let views = one_side.measure(Kind::Views).expect("measured");
+    let views = one_side.measure(MeasureKind::Views).expect("measured");
     assert_eq!((views.value, views.grade), (Some(1.0), Grade::Warn));
     let cut = broken(|track, _| {
         for frame in &mut track.frames[30..] {
             frame.translation[0] += 1.5;
         }
     });
-    assert_eq!(cut.measure(Kind::Jumps).expect("measured").frames, [30]);
+    assert_eq!(
+        cut.measure(MeasureKind::Jumps).expect("measured").frames,
+        [30]
+    );
 }
 
 #[test]
@@ -301,8 +304,8 @@ fn poses_that_wander_are_less_precise() {
             frame.translation[1] += 0.04 * (0.7 * time).cos();
         }
     });
-    let value = |report: &Report| {
-        let measure = report.measure(Kind::Precision).expect("measured");
+    let value = |report: &CheckReport| {
+        let measure = report.measure(MeasureKind::Precision).expect("measured");
         measure.value.expect("enough frames")
     };
     let (exact, wandering) = (value(&exact), value(&wandering));
@@ -321,8 +324,8 @@ fn poses_that_wander_are_less_precise() {
 
 #[test]
 fn estimated_poses_are_told_from_exact_ones() {
-    let value = |report: &Report| {
-        let measure = report.measure(Kind::Precision).expect("measured");
+    let value = |report: &CheckReport| {
+        let measure = report.measure(MeasureKind::Precision).expect("measured");
         measure.value.expect("enough frames")
     };
     let exact = value(&broken(|_, _| {}));
@@ -376,11 +379,11 @@ fn black_clothes_over_black_are_no_fault_and_black_people_are() {
         })
     };
     let suit = painted(14);
-    for kind in [Kind::ImageInMask, Kind::Exposure] {
+    for kind in [MeasureKind::ImageInMask, MeasureKind::Exposure] {
         let measure = suit.measure(kind).expect("measured");
         assert_eq!(measure.grade, Grade::Pass, "{measure:?}");
     }
-    assert_eq!(grade(&painted(0), Kind::Exposure), Grade::Fail);
+    assert_eq!(grade(&painted(0), MeasureKind::Exposure), Grade::Fail);
     // What images show beside their masks is still a fault.
     let beside = broken(|_, images| {
         for image in images {
@@ -388,14 +391,15 @@ fn black_clothes_over_black_are_no_fault_and_black_people_are() {
             image.mask[legs..].fill(0);
         }
     });
-    let measure = beside.measure(Kind::ImageInMask).expect("measured");
+    let measure = beside.measure(MeasureKind::ImageInMask).expect("measured");
     assert!(measure.grade > Grade::Pass, "{measure:?}");
 }
 
 #[test]
 fn what_was_not_filmed_is_told_in_words() {
     let all = broken(|_, _| {});
-    let said = |report: &Report, words: &str| report.advice.iter().any(|it| it.contains(words));
+    let said =
+        |report: &CheckReport, words: &str| report.advice.iter().any(|it| it.contains(words));
     assert!(!said(&all, "never"), "{:?}", all.advice);
     let front = broken(|track, images| {
         track.frames.truncate(5);

@@ -22,7 +22,7 @@ pub(super) struct Disc {
 impl Disc {
     /// A splat with `colour`.
     fn new(splat: &SkinnedSplat, colour: [f32; 3]) -> Self {
-        let [w, x, y, z] = splat.turn;
+        let [w, x, y, z] = splat.rotation;
         Self {
             mean: splat.mean,
             axes: [

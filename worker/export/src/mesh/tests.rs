@@ -35,7 +35,7 @@ fn ball(hole: f32) -> SkinnedSplats {
         let bone = u16::from(n[0] > 0.0);
         SkinnedSplat {
             mean: [RADIUS * n[0], 1.0 + RADIUS * n[1], RADIUS * n[2]],
-            turn: rotation,
+            rotation,
             deviations: [0.006, 0.006, THICKNESS],
             opacity: 0.9,
             colour: [red, 0.5, blue],

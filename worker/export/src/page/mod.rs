@@ -12,7 +12,7 @@ use yoto_capture::skeleton::SkeletonError;
 
 /// The data for the player.
 #[derive(Serialize)]
-struct Person<'a> {
+struct PagePerson<'a> {
     joints: &'a [String],
     parents: &'a [Option<usize>],
     rest: &'a [[f64; 3]],
@@ -85,7 +85,7 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
             poses: STANDARD.encode(clip.packed(skeleton)?),
         });
     }
-    let data = Person {
+    let data = PagePerson {
         joints: &skeleton.names,
         parents: &skeleton.parents,
         rest: &skeleton.rest,

@@ -42,7 +42,7 @@ pub(super) fn pack(splats: &[SkinnedSplat], degree: usize) -> Packed {
     for splat in splats {
         let mut numbers = Vec::with_capacity(14);
         numbers.extend((0..3).map(|a| whole(splat.mean[a], [low[a], high[a]])));
-        numbers.extend(splat.turn.map(|q| whole(q, [-1.0, 1.0])));
+        numbers.extend(splat.rotation.map(|q| whole(q, [-1.0, 1.0])));
         numbers.extend(splat.deviations.map(|d| whole(d.ln(), DEVIATIONS)));
         numbers.push(whole(splat.opacity, [0.0, 1.0]));
         numbers.extend(splat.colour.map(|c| whole(c, COLOURS)));

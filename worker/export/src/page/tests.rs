@@ -8,7 +8,7 @@ use yoto_capture::skeleton::transform::{IDENTITY, inverse};
 fn person() -> SkinnedSplats {
     let splat = |x: f32, bone: u16| SkinnedSplat {
         mean: [x, 1.0, 0.25],
-        turn: [1.0, 0.0, 0.0, 0.0],
+        rotation: [1.0, 0.0, 0.0, 0.0],
         deviations: [0.01, 0.02, 0.005],
         opacity: 0.75,
         colour: [0.25, 0.5, 1.5],

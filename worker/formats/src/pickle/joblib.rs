@@ -4,7 +4,7 @@
 use super::PickleError;
 use super::machine::{Id, Machine, Node};
 use super::numpy::{RawArray, dtype, shape, text};
-use super::storage::Data;
+use super::storage::StorageBytes;
 use crate::array::count;
 
 /// The class of the descriptions.
@@ -55,7 +55,7 @@ pub(super) fn array(machine: &mut Machine, state: Id) -> Result<Node, PickleErro
         shape,
         dtype: kind,
         columns_first,
-        data: Data::File(start..machine.at),
+        data: StorageBytes::File(start..machine.at),
     }))
 }
 

@@ -3,7 +3,7 @@
 
 use super::PickleError;
 use super::machine::{Id, Machine, Node};
-use super::storage::Data;
+use super::storage::StorageBytes;
 use crate::Value;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -62,7 +62,7 @@ fn storage(machine: &mut Machine, key: &str) -> Result<(), PickleError> {
     machine.take(size)?;
     let range = start..machine.at;
     if let Some(entry) = machine.storages.as_mut().and_then(|all| all.get_mut(key)) {
-        entry.data = Some(Data::File(range));
+        entry.data = Some(StorageBytes::File(range));
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! The state of the stack machine that runs a pickle.
 
 use super::numpy::RawArray;
-use super::storage::{Data, Stored, Tensor};
+use super::storage::{StorageBytes, StorageHeader, Tensor};
 use super::{MAX_ENCODED, MAX_NODES, PickleError};
 use crate::dtype::Dtype;
 use std::cell::Cell;
@@ -35,7 +35,7 @@ pub(super) enum Node {
     /// An object of a class that is read as data, and its fields, once they are known.
     Object(Rc<str>, Option<Id>),
     /// A storage of numbers; tensors of torch are views of it.
-    Storage(Rc<Stored>),
+    Storage(Rc<StorageHeader>),
     Tensor(Tensor),
 }
 
@@ -51,7 +51,7 @@ pub(super) struct Machine<'a> {
     /// Whether this is a pickle inside another. It must not contain a third one, which bounds the recursion.
     pub(super) inner: bool,
     /// Storages of torch by key. Without them, a reference to one is an unknown instruction.
-    pub(super) storages: Option<HashMap<Rc<str>, Entry>>,
+    pub(super) storages: Option<HashMap<Rc<str>, StorageEntry>>,
     /// Whether the storages' numbers are big-endian.
     pub(super) big_endian: bool,
     /// Keys whose values are left out of the result.
@@ -60,11 +60,11 @@ pub(super) struct Machine<'a> {
 
 /// A storage that a file of torch refers to.
 #[derive(Debug)]
-pub(super) struct Entry {
+pub(super) struct StorageEntry {
     /// Declared size of the storage, bytes.
     pub size: usize,
     /// The bytes, once they are found.
-    pub data: Option<Data>,
+    pub data: Option<StorageBytes>,
 }
 
 /// The stack is too short for an instruction.

@@ -74,19 +74,19 @@ pub fn read(bytes: &[u8]) -> Result<Value, PickleError> {
     read_without(bytes, &[])
 }
 
-/// As [`read`], with [`Value::Nothing`] for every dictionary value with a key in `without`, so that a reader of joints
+/// Reads as [`read`] does, with [`Value::Nothing`] for every dictionary value with a key in `without`, so that a reader of joints
 /// need not hold meshes with thousands of vertices per frame.
 ///
 /// # Errors
-/// As [`read`].
+/// The same errors as [`read`].
 pub fn read_without(bytes: &[u8], without: &[&str]) -> Result<Value, PickleError> {
     read_within(bytes, without, &mut Budget::default())
 }
 
-/// As [`read_without`], for one of several pickles in a file, which share `budget`.
+/// Reads as [`read_without`] does, for one of several pickles in a file, which share `budget`.
 ///
 /// # Errors
-/// As [`read`].
+/// The same errors as [`read`].
 pub(crate) fn read_within(
     bytes: &[u8],
     without: &[&str],

@@ -1,7 +1,7 @@
 //! Objects of numpy, scipy, chumpy and torch. Pickles build them with a few calls, which are read here as data.
 
 use super::machine::{Id, Machine, Node};
-use super::storage::{self, Data};
+use super::storage::{self, StorageBytes};
 use super::{MAX_NAME, PickleError, joblib};
 use crate::array::{count, rows_first};
 use crate::dtype::Dtype;
@@ -22,7 +22,7 @@ pub(super) struct RawArray {
     pub shape: Vec<usize>,
     pub dtype: Dtype,
     pub columns_first: bool,
-    pub data: Data,
+    pub data: StorageBytes,
 }
 
 impl RawArray {

@@ -1,6 +1,6 @@
 //! Tensors of torch: views, by offset and strides, of storages elsewhere in the file.
 
-use super::machine::{Entry, Id, Machine, Node};
+use super::machine::{Id, Machine, Node, StorageEntry};
 use super::numpy::text;
 use super::{PickleError, legacy};
 use crate::array::count;
@@ -15,27 +15,27 @@ const MAX_AXES: usize = 8;
 
 /// Bytes of numbers, not copied if they are part of the file.
 #[derive(Clone, Debug)]
-pub(super) enum Data {
+pub(super) enum StorageBytes {
     /// A range of the file.
     File(Range<usize>),
     /// A range of other bytes.
     Held(Rc<[u8]>, Range<usize>),
 }
 
-impl Default for Data {
+impl Default for StorageBytes {
     fn default() -> Self {
         Self::File(0..0)
     }
 }
 
-impl From<Rc<[u8]>> for Data {
+impl From<Rc<[u8]>> for StorageBytes {
     fn from(bytes: Rc<[u8]>) -> Self {
         let all = 0..bytes.len();
         Self::Held(bytes, all)
     }
 }
 
-impl Data {
+impl StorageBytes {
     /// Number of bytes.
     pub fn len(&self) -> usize {
         match self {
@@ -55,7 +55,7 @@ impl Data {
 
 /// A storage, as described by the pickle.
 #[derive(Debug)]
-pub(super) struct Stored {
+pub(super) struct StorageHeader {
     dtype: Dtype,
     /// Number of elements.
     count: usize,
@@ -65,13 +65,13 @@ pub(super) struct Stored {
 #[derive(Debug)]
 enum Location {
     Key(Rc<str>),
-    Here(Data),
+    Here(StorageBytes),
 }
 
 /// A view of a storage.
 #[derive(Clone, Debug)]
 pub(super) struct Tensor {
-    storage: Rc<Stored>,
+    storage: Rc<StorageHeader>,
     offset: usize,
     size: Vec<usize>,
     stride: Vec<usize>,
@@ -213,11 +213,11 @@ pub(super) fn referred(machine: &mut Machine, reference: Id) -> Result<Node, Pic
     let storages = machine.storages.get_or_insert_default();
     let entry = storages
         .entry(key.clone())
-        .or_insert(Entry { size, data: None });
+        .or_insert(StorageEntry { size, data: None });
     if entry.size != size {
         return Err(PickleError::Malformed("a storage of two sizes"));
     }
-    Ok(Node::Storage(Rc::new(Stored {
+    Ok(Node::Storage(Rc::new(StorageHeader {
         dtype,
         count: elements,
         location: Location::Key(key),
@@ -261,13 +261,13 @@ pub(super) fn inner(machine: &Machine, bytes: &Rc<[u8]>) -> Result<Node, PickleE
         return Err(BAD);
     };
     let entry = part.storages.as_ref().and_then(|all| all.get(key));
-    let Some(Data::File(range)) = entry.and_then(|entry| entry.data.clone()) else {
+    let Some(StorageBytes::File(range)) = entry.and_then(|entry| entry.data.clone()) else {
         return Err(BAD);
     };
-    Ok(Node::Storage(Rc::new(Stored {
+    Ok(Node::Storage(Rc::new(StorageHeader {
         dtype: stored.dtype.clone(),
         count: stored.count,
-        location: Location::Here(Data::Held(bytes.clone(), range)),
+        location: Location::Here(StorageBytes::Held(bytes.clone(), range)),
     })))
 }
 

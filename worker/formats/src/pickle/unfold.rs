@@ -14,7 +14,7 @@ impl Machine<'_> {
         self.unfold_within(root, &mut Budget::default())
     }
 
-    /// As [`Self::unfold`], within the file's `budget`.
+    /// Unfolds as [`Self::unfold`] does, within the file's `budget`.
     pub fn unfold_within(&self, root: Id, budget: &mut Budget) -> Result<Value, PickleError> {
         self.value(root, MAX_DEPTH, budget)
     }

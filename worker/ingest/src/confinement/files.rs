@@ -67,7 +67,7 @@ pub(super) fn confine(room: &Room) -> Result<Extent, FilesError> {
     })
 }
 
-/// Also allows to run `program` with its libraries. What it runs is confined as well.
+/// Allows to run `program` with its libraries, too. Programs that it starts are confined as well.
 fn with_program(rules: RulesetCreated, program: PathBuf) -> Result<RulesetCreated, RulesetError> {
     let run: BitFlags<AccessFs> = AccessFs::Execute | AccessFs::ReadFile | AccessFs::ReadDir;
     let real = program.canonicalize().unwrap_or_else(|_| program.clone());

@@ -32,22 +32,22 @@ pub struct Confinement {
     pub calls: Extent,
 }
 
-/// How far one part of a confinement goes.
+/// The extent of one part of a confinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
-    /// All of it.
+    /// The kernel supports all of it.
     Full,
-    /// What this kernel has of it: a later one has more.
+    /// The kernel supports a part of it; later kernels support more.
     Partial,
-    /// The kernel has nothing of it.
+    /// The kernel supports none of it.
     None,
 }
 
 impl Confinement {
-    /// That of a child of this machine, tried in a thread of its own.
+    /// The confinement of a child on this machine, tried in a thread of its own.
     ///
     /// # Errors
-    /// What the kernel refuses although it has it.
+    /// When the kernel refuses a confinement that it supports.
     pub fn of_this_machine() -> Result<Self, String> {
         let tried = std::thread::spawn(|| {
             let folder = std::env::temp_dir();
@@ -88,7 +88,7 @@ impl fmt::Display for Confinement {
 /// Confines the calling thread to `room`.
 ///
 /// # Errors
-/// What the kernel refuses although it has it, or a folder that can't be opened.
+/// When the kernel refuses a confinement that it supports, or a folder that can't be opened.
 #[cfg(target_os = "linux")]
 pub(crate) fn confine(room: &Room) -> Result<Confinement, String> {
     let files = files::confine(room).map_err(|error| format!("confining files: {error}"))?;

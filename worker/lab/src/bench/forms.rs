@@ -53,8 +53,8 @@ impl StepForm {
     /// When a setting does not exist or has an invalid value.
     pub fn config(self, settings: &[Setting]) -> Result<ModelConfig, ConfigError> {
         let mut config = ModelConfig::named(self.tier(), "yoto")?;
-        if let (Self::Tuned, Some(field)) = (self, config.appearance.field_mut()) {
-            field.march.epsilon = 1e-3;
+        if let (Self::Tuned, Some(march)) = (self, config.appearance.march_mut()) {
+            march.epsilon = 1e-3;
         }
         config.with(settings)
     }
@@ -82,10 +82,7 @@ mod tests {
     #[test]
     fn forms_leave_out_what_they_say() {
         let config = |form: StepForm| form.config(&[]).expect("a configuration");
-        let march = |config: &ModelConfig| {
-            let field = config.appearance.field().expect("a field");
-            field.march.clone()
-        };
+        let march = |config: &ModelConfig| config.appearance.march().expect("rays").clone();
         let exact = config(StepForm::Exact);
         assert_eq!(
             (

@@ -14,11 +14,11 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
-use yoto_avatar::config::{ModelConfig, Precision, Setting};
+use yoto_avatar::config::{Appearance, ModelConfig, Precision, Setting};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::render::RenderView;
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_synthetic::SyntheticPerson;
 
@@ -132,9 +132,10 @@ pub fn run(options: &BenchOptions) -> anyhow::Result<BenchReport> {
         Timed::Tier(tier) => ModelConfig::named(tier, "yoto")?.with(&options.settings)?,
         Timed::Form(form) => form.config(&options.settings)?,
     };
-    // The non-rigid field never moves splats.
-    if config.appearance.splats().is_none() {
-        config.schedule = config.schedule.all_at_once();
+    match config.appearance {
+        Appearance::Field(_) => config.schedule = config.schedule.all_at_once(),
+        // The non-rigid field never moves splats.
+        Appearance::Splats(_) => {}
     }
     let cast = SyntheticPerson::cast(options.people, options.seed);
     let people = people(&cast, options.size)?;
@@ -199,7 +200,7 @@ fn frame_seconds(trainer: &Trainer, cast: &[SyntheticPerson], size: u32) -> anyh
     Ok(start.elapsed().as_secs_f64())
 }
 
-fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
+fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<TrainPerson>> {
     cast.iter()
         .enumerate()
         .map(|(slot, person)| {
@@ -209,7 +210,7 @@ fn people(cast: &[SyntheticPerson], size: u32) -> anyhow::Result<Vec<Person>> {
                 builder.push(image)?;
             }
             let shard = Arc::new(builder.finish().context("packing a synthetic capture")?);
-            Ok(Person {
+            Ok(TrainPerson {
                 slot,
                 name: person.name().to_owned(),
                 shard,

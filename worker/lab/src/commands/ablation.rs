@@ -1,7 +1,6 @@
 //! `yoto-lab ablation`: the effect of each part of the model, on given captures.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::ablation::{Ablation, AblationOptions, FILE, People, VariantScores, run};
 use anyhow::Context;
@@ -10,8 +9,10 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
 use yoto_avatar::evaluate::{Row, paper_table};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::Budget;
 use yoto_proto::v1::Scores;
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -78,7 +79,7 @@ pub(super) struct AblationCommand {
 
 impl AblationCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let lpips = self.lpips.weights()?;
+        let lpips = self.lpips.weights(LpipsWeights::both)?;
         let mut files = Vec::new();
         let mut ablations = Vec::new();
         for &seed in &self.seeds {

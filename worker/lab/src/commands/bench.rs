@@ -1,12 +1,13 @@
 //! `yoto-lab bench`: the time of a training step on this machine, stage by stage.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
 use crate::bench::{BenchOptions, BenchReport, StepForm, StepTimes, Timed, run};
 use anyhow::Context;
 use clap::{Args, value_parser};
 use std::path::PathBuf;
 use yoto_avatar::config::Setting;
+use yoto_avatar::loss::lpips::LpipsWeights;
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -71,7 +72,7 @@ impl Bench {
             (None, forms) if forms.is_empty() => StepForm::ALL.map(Timed::Form).into(),
             (None, forms) => forms.into_iter().map(Timed::Form).collect(),
         };
-        let lpips = self.lpips.weights()?;
+        let lpips = self.lpips.weights(LpipsWeights::both)?;
         let mut reports = Vec::new();
         for what in timed {
             let report = run(&BenchOptions {

@@ -4,7 +4,7 @@ use anyhow::{Context, ensure};
 use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::decoder::Decoder;
-use yoto_avatar::decoder::learn::Person;
+use yoto_avatar::decoder::learn::ExamplePerson;
 use yoto_avatar::field::splats::opaque_area;
 use yoto_avatar::render::Renderer;
 use yoto_terminal::output;
@@ -61,7 +61,7 @@ impl DecoderCommand {
                     area,
                 )
             });
-            let person = Person::new(&splats.skeleton, points);
+            let person = ExamplePerson::new(&splats.skeleton, points);
             people.push(person.with_context(|| {
                 format!(
                     "slot {slot} of {}: its joints are not those of SMPL",

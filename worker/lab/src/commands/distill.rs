@@ -4,7 +4,7 @@ use anyhow::{Context, ensure};
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use std::path::PathBuf;
-use yoto_avatar::distill::{Course, Distilled, Filmed, Lessons, Stage};
+use yoto_avatar::distill::{CaptureFrame, DistillStage, Distilled, StudentTraining, Teacher};
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::refined_track;
 use yoto_capture::Shard;
@@ -107,32 +107,33 @@ impl Distill {
             self.capture.display(),
             model()
         );
-        let filmed = match capture {
-            Some(capture) => Filmed::of(capture, &poses, self.size)
+        let capture_frames = match capture {
+            Some(capture) => CaptureFrame::of(capture, &poses, self.size)
                 .with_context(|| self.capture.display().to_string())?,
             None => Vec::new(),
         };
-        let lessons = Lessons {
+        let teacher = Teacher {
             renderer: &renderer,
             slot,
             poses: &poses,
             up: source.up(),
-            size: Filmed::size(&filmed).unwrap_or([self.size; 2]),
-            filmed: &filmed,
+            size: CaptureFrame::size(&capture_frames).unwrap_or([self.size; 2]),
+            capture_frames: &capture_frames,
         };
-        let course = Course {
+        let training = StudentTraining {
             name,
             seconds: self.seconds,
             seed: self.seed,
             scratch: None,
         };
         let mut display = ProgressDisplay::new(format!("slot {slot} of {}", model()));
-        let tell = &mut |stage: Stage, fraction: f64| display.progress(&shown(stage, fraction));
+        let tell =
+            &mut |stage: DistillStage, fraction: f64| display.progress(&shown(stage, fraction));
         let Distilled {
             trainer,
             pictures,
             time,
-        } = course.run(&lessons, &device, tell, &mut || true)?;
+        } = training.run(&teacher, &device, tell, &mut || true)?;
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
         trainer.save(&self.out).context("writing the new model")?;
@@ -159,14 +160,14 @@ impl Distill {
 }
 
 /// The progress of a `stage`; `fraction` is the share of the whole distillation that is done.
-fn shown(stage: Stage, fraction: f64) -> Progress {
+fn shown(stage: DistillStage, fraction: f64) -> Progress {
     match stage {
-        Stage::Filming(pictures) => Progress {
+        DistillStage::Rendering(pictures) => Progress {
             phase: format!("{} rendered", count(pictures, "picture")),
             fraction,
             ..Progress::default()
         },
-        Stage::Training(now) => Progress {
+        DistillStage::Training(now) => Progress {
             phase: "training".into(),
             step: now.step,
             fraction,

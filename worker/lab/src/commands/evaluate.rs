@@ -1,14 +1,15 @@
 //! `yoto-lab evaluate`: quality of a model in a folder, on held-out pictures of captures.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::model_dir::{ModelDirOptions, run};
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_avatar::evaluate::{Row, paper_table};
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_proto::protocols::HELD_OUT;
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 use yoto_terminal::scores::{scores_json, scores_table};
 
@@ -53,7 +54,7 @@ impl Evaluate {
             protocol: self.protocol,
             size: self.size,
             pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
-            lpips: self.lpips.weights()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
         };
         let measured = run(&options, &Terminal)?;
         output::put("scores", scores_json(&measured.rows));

@@ -11,47 +11,29 @@ mod distill;
 mod evaluate;
 mod frames;
 mod import_humannerf;
+mod import_progress;
 mod info;
-mod lpips_args;
 mod quality;
 mod real;
 mod render_frame;
 mod screen;
 mod tradeoff;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, Subcommand};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
+use yoto_terminal::args::OutputArgs;
 use yoto_terminal::output;
 
 /// Experiments: models trained and measured in this process, without a service.
 #[derive(Debug, Parser)]
 #[command(name = "yoto-lab", version, arg_required_else_help = true)]
 pub struct Cli {
-    /// Format of results on stdout: text for people, or one JSON object for programs.
-    #[arg(
-        long,
-        global = true,
-        value_enum,
-        value_name = "FORMAT",
-        default_value = "text"
-    )]
-    output: Format,
-    /// Print results and errors only.
-    #[arg(short, long, global = true)]
-    quiet: bool,
-    /// Show no progress.
-    #[arg(long, global = true)]
-    no_progress: bool,
+    #[command(flatten)]
+    output: OutputArgs,
     #[command(subcommand)]
     command: Command,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
-    Text,
-    Json,
 }
 
 #[derive(Debug, Subcommand)]
@@ -74,12 +56,7 @@ enum Command {
 /// Parses the command line, runs the command, prints errors.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    output::set_style(output::Style {
-        json: cli.output == Format::Json,
-        quiet: cli.quiet,
-        no_progress: cli.no_progress || cli.quiet,
-        brief: false,
-    });
+    cli.output.set_style(false);
     log_to_stderr();
     let outcome = cli.command.run();
     if let Err(error) = &outcome {

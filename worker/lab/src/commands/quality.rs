@@ -1,9 +1,8 @@
 //! `yoto-lab quality`: quality of a model on given captures, without a service.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
-use crate::captures::Film;
+use crate::captures::CaptureSource;
 use crate::one_camera::{HeldOut, OneCamera};
 use crate::quality::{QualityOptions, run};
 use anyhow::Context;
@@ -11,9 +10,11 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::decoder::Prior;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::Budget;
 use yoto_capture::CaptureFolder;
 use yoto_import::FfmpegArg;
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 use yoto_terminal::progress::ProgressDisplay;
 
@@ -117,12 +118,12 @@ pub(super) struct Quality {
 
 impl Quality {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let films = self
+        let sources = self
             .captures
             .iter()
-            .map(|path| film(path, self.ffmpeg.program()));
+            .map(|path| capture_source(path, self.ffmpeg.program()));
         let options = QualityOptions {
-            captures: films.collect::<anyhow::Result<_>>()?,
+            captures: sources.collect::<anyhow::Result<_>>()?,
             held_out: HeldOut::Every(self.hold_out as usize),
             size: self.size,
             budget: match self.steps {
@@ -143,7 +144,7 @@ impl Quality {
             join: self.join,
             save: self.save,
             prior: self.init,
-            lpips: self.lpips.weights()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
         };
         let report = run(&options, &Terminal)?;
         report
@@ -157,18 +158,18 @@ impl Quality {
 }
 
 /// The capture at `path`, read whole if it has no held-out pictures.
-fn film(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<Film> {
-    let read = || -> anyhow::Result<Film> {
+fn capture_source(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<CaptureSource> {
+    let read = || -> anyhow::Result<CaptureSource> {
         if CaptureFolder::has_held_out(path)? {
-            return Ok(Film::Studio(path.to_owned()));
+            return Ok(CaptureSource::Studio(path.to_owned()));
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let mut display = ProgressDisplay::new(&*name);
-        let film = OneCamera::read(path, ffmpeg, |done, frames| {
+        let capture = OneCamera::read(path, ffmpeg, |done, frames| {
             display.count("frame", done, frames);
         })?;
         display.clear();
-        Ok(Film::OneCamera(path.to_owned(), film))
+        Ok(CaptureSource::OneCamera(path.to_owned(), capture))
     };
     read().with_context(|| format!("the capture {}", path.display()))
 }

@@ -1,7 +1,7 @@
 //! `yoto-lab real`: clips as people have them, through the whole path.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
+use super::import_progress;
 use super::screen::Terminal;
 use crate::one_camera::HeldOut;
 use crate::quality::QualityOptions;
@@ -10,8 +10,10 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, Refine, Setting};
 use yoto_avatar::decoder::Prior;
+use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::Budget;
 use yoto_import::{FfmpegArg, Options};
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -83,6 +85,7 @@ impl Real {
             import: Options {
                 pose_model: self.pose_model,
                 ffmpeg: self.ffmpeg.program().map(Path::to_owned),
+                progress: import_progress::on_terminal(),
                 ..Options::default()
             },
             quality: QualityOptions {
@@ -108,7 +111,7 @@ impl Real {
                 exposure: self.exposure,
                 fit_poses: true,
                 seed: self.seed,
-                lpips: self.lpips.weights()?,
+                lpips: self.lpips.weights(LpipsWeights::both)?,
             },
             out: self.out,
         };

@@ -10,26 +10,8 @@ fn the_command_line_is_consistent() {
 
 #[test]
 fn every_command_and_flag_has_help() {
-    fn check(command: &clap::Command, path: &str) {
-        let path = format!("{path} {}", command.get_name());
-        assert!(command.get_about().is_some(), "{path} has no description");
-        for argument in command.get_arguments() {
-            assert!(
-                argument.get_help().is_some(),
-                "{path}: {} has no help",
-                argument.get_id()
-            );
-        }
-        let leaf = command.get_subcommands().next().is_none();
-        assert!(
-            !leaf || command.get_after_help().is_some(),
-            "{path} shows no example"
-        );
-        for sub in command.get_subcommands() {
-            check(sub, &path);
-        }
-    }
-    check(&Cli::command(), "");
+    let lacking = yoto_terminal::args::undocumented(&Cli::command());
+    assert!(lacking.is_empty(), "{lacking:#?}");
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! `yoto-lab tradeoff`: quality over time, in training and in rendering.
 
 use super::args;
-use super::lpips_args::LpipsArgs;
 use super::screen::Terminal;
 use crate::tradeoff::{TradeoffOptions, run};
 use anyhow::ensure;
 use clap::Args;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use yoto_avatar::loss::lpips::LpipsWeights;
+use yoto_terminal::args::LpipsArgs;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -89,7 +90,7 @@ impl TradeoffCommand {
             pictures: self.pictures.map_or(usize::MAX, NonZeroUsize::get),
             views: self.views as usize,
             repeats: self.repeats as usize,
-            lpips: self.lpips.weights()?,
+            lpips: self.lpips.weights(LpipsWeights::both)?,
         };
         let tradeoff = run(&options, &Terminal)?;
         let paths = tradeoff.write(&self.out)?;

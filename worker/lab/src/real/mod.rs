@@ -1,16 +1,16 @@
 //! Clips as people have them, each through the whole path: poses and masks found, checked, trained, and measured
 //! on frames that were held out.
 //!
-//! Rendered captures have exact poses and masks; a gain on them can be a loss here (docs/research/quality.md).
+//! Rendered captures have exact poses and masks; a gain on them can be a loss here (docs/research/splats-films.md).
 
 mod contact_sheet;
 mod table;
 
-use crate::captures::Film;
+use crate::captures::CaptureSource;
 use crate::display::Screen;
 use crate::one_camera::{HeldOut, OneCamera};
 use crate::quality::{self, QualityOptions};
-use crate::report::Report;
+use crate::report::QualityReport;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ pub struct RealOptions {
     pub source: PathBuf,
     /// Folder for captures, reports and pictures.
     pub out: PathBuf,
-    /// How the clips are read.
+    /// Settings by which the clips are read.
     pub import: Options,
     /// How a model is trained and measured; captures and held-out frames are those of the clips.
     pub quality: QualityOptions,
@@ -55,7 +55,7 @@ pub struct Clip {
     /// Time that each stage took.
     pub seconds: Seconds,
     /// What was measured; absent if the clip was stopped.
-    pub report: Option<Report>,
+    pub report: Option<QualityReport>,
     /// Why it was stopped.
     pub stopped: Option<String>,
 }
@@ -156,7 +156,7 @@ fn measured(
     folder: &Path,
     clip: &mut Clip,
     screen: &dyn Screen,
-) -> anyhow::Result<Report> {
+) -> anyhow::Result<QualityReport> {
     let ffmpeg = options.import.ffmpeg.as_deref();
     let began = Instant::now();
     let capture = match is_capture(source) {
@@ -164,7 +164,7 @@ fn measured(
         false => {
             let capture = folder.join("capture");
             to_folder(
-                Format::Film,
+                Format::FILM,
                 source,
                 &capture,
                 TrackForm::Json,
@@ -175,7 +175,12 @@ fn measured(
     };
     clip.seconds.import = began.elapsed().as_secs_f64();
     let began = Instant::now();
-    let checked = capture_check::check(&capture, &CaptureOptions::default(), ffmpeg)?;
+    let checked = capture_check::check(
+        &capture,
+        &CaptureOptions::default(),
+        ffmpeg,
+        &options.import.progress,
+    )?;
     clip.seconds.check = began.elapsed().as_secs_f64();
     let measures = &checked.report.measures;
     let named = |grade: Grade| -> Vec<String> {
@@ -194,7 +199,7 @@ fn measured(
     };
     clip.frames = film.shard.frames();
     let quality = QualityOptions {
-        captures: vec![Film::OneCamera(capture, film)],
+        captures: vec![CaptureSource::OneCamera(capture, film)],
         held_out: HELD_OUT,
         pictures: Some(folder.join("pictures")),
         ..options.quality.clone()

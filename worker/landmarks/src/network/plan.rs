@@ -2,7 +2,7 @@
 //! buffer.
 
 use super::{Made, Network, Step, conv, depthwise, pointwise, pool, resize, shapes};
-use crate::tflite::{Constant, Graph, Kind, Operator};
+use crate::tflite::{Constant, Graph, Operator, OperatorKind};
 
 /// Most numbers that all buffers may hold: 256 MiB of them.
 const MAX_NUMBERS: usize = 1 << 26;
@@ -34,7 +34,7 @@ impl Buffers {
     }
 }
 
-/// The network that does what `graph` says.
+/// The network that computes `graph`.
 pub(super) fn plan(mut graph: Graph) -> Result<Network, String> {
     let [input] = graph.inputs[..] else {
         return Err(format!("{} inputs: one is needed", graph.inputs.len()));
@@ -143,31 +143,36 @@ fn make(
         }
         Err(format!("{} computed inputs, {count} expected", given.len()))
     };
-    if !matches!(operator.kind, Kind::Add(_) | Kind::Concatenation { .. }) {
+    if !matches!(
+        operator.kind,
+        OperatorKind::Add(_) | OperatorKind::Concatenation { .. }
+    ) {
         computed(1)?;
     }
     match operator.kind {
-        Kind::Add(activation) => {
+        OperatorKind::Add(activation) => {
             computed(2)?;
             pointwise::add(first, shape(1).unwrap_or_default(), activation)
         }
-        Kind::Concatenation { axis } => {
+        OperatorKind::Concatenation { axis } => {
             computed(operator.inputs.len())?;
             let shapes: Vec<&[usize]> = given.iter().map(|(shape, _)| &shape[..]).collect();
             shapes::concatenation(&shapes, axis)
         }
-        Kind::Conv(window, activation) => {
+        OperatorKind::Conv(window, activation) => {
             conv::conv(first, floats(1)?, floats(2)?.1, window, activation)
         }
-        Kind::DepthwiseConv(window, activation) => {
+        OperatorKind::DepthwiseConv(window, activation) => {
             depthwise::depthwise(first, floats(1)?, floats(2)?.1, window, activation)
         }
-        Kind::DepthToSpace { block } => shapes::depth_to_space(first, block),
-        Kind::Logistic => Ok(pointwise::logistic(first)),
-        Kind::MaxPool { window, filter } => pool::max_pool(first, window, filter),
-        Kind::Pad => shapes::pad(first, ints(1)?),
-        Kind::Reshape => shapes::reshape(first, ints(1)?),
-        Kind::ResizeBilinear { half_pixels } => resize::bilinear(first, ints(1)?, half_pixels),
-        Kind::Unpack => Err("unpacks what is not a constant".into()),
+        OperatorKind::DepthToSpace { block } => shapes::depth_to_space(first, block),
+        OperatorKind::Logistic => Ok(pointwise::logistic(first)),
+        OperatorKind::MaxPool { window, filter } => pool::max_pool(first, window, filter),
+        OperatorKind::Pad => shapes::pad(first, ints(1)?),
+        OperatorKind::Reshape => shapes::reshape(first, ints(1)?),
+        OperatorKind::ResizeBilinear { half_pixels } => {
+            resize::bilinear(first, ints(1)?, half_pixels)
+        }
+        OperatorKind::Unpack => Err("unpacks what is not a constant".into()),
     }
 }

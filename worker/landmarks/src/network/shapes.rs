@@ -28,7 +28,7 @@ impl Operation for Copies {
     }
 }
 
-/// The same numbers in the shape `wanted`. One side may be -1, and follows from the others.
+/// The numbers in the shape `wanted`. One side may be -1, and follows from the others.
 pub(super) fn reshape(shape: &[usize], wanted: &[i32]) -> Result<Made, String> {
     let impossible = || format!("{shape:?} can't become {wanted:?}");
     let len: usize = shape.iter().product();

@@ -2,7 +2,7 @@
 
 use super::bytes::{Table, Vector};
 use super::constants::{Budget, Constant};
-use super::kind::{self, Kind};
+use super::kind::{self, OperatorKind};
 
 /// Most tensors or operators of a model.
 const MAX_PARTS: usize = 1 << 14;
@@ -31,7 +31,7 @@ pub(crate) struct Tensor {
 /// A step of a model. Every index is a tensor's index in the graph.
 #[derive(Debug)]
 pub(crate) struct Operator {
-    pub(crate) kind: Kind,
+    pub(crate) kind: OperatorKind,
     pub(crate) inputs: Vec<usize>,
     pub(crate) output: usize,
 }
@@ -39,7 +39,7 @@ pub(crate) struct Operator {
 impl Graph {
     /// Reads the first graph of a model's file.
     ///
-    /// Weights that operators unpack are read as constants, so no [`Kind::Unpack`] remains.
+    /// Weights that operators unpack are read as constants, so no [`OperatorKind::Unpack`] remains.
     ///
     /// # Errors
     /// A message for people: no model, an unsupported operator or kind of weights, or offsets outside the file.
@@ -79,7 +79,7 @@ impl Graph {
                 return Err(format!("operator {at}: one output is needed"));
             };
             let output = known(output)?;
-            if kind != Kind::Unpack {
+            if kind != OperatorKind::Unpack {
                 operators.push(Operator {
                     kind,
                     inputs,

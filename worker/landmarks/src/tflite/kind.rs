@@ -4,7 +4,7 @@ use super::bytes::Table;
 
 /// The kinds of operators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum OperatorKind {
     Add(Activation),
     Concatenation {
         axis: i32,
@@ -141,7 +141,7 @@ const NAMES: [&str; 60] = [
 ];
 
 /// The operator of `code` with its options.
-pub(super) fn read(code: i32, options: Option<Table>) -> Result<Kind, String> {
+pub(super) fn read(code: i32, options: Option<Table>) -> Result<OperatorKind, String> {
     let size = |field: usize, default: i32| {
         let value = options.and_then(|table| table.i32(field));
         match value.unwrap_or(default) {
@@ -164,24 +164,24 @@ pub(super) fn read(code: i32, options: Option<Table>) -> Result<Kind, String> {
         })
     };
     Ok(match code {
-        0 => Kind::Add(Activation::read(options, 0)?),
-        2 if Activation::read(options, 1)? == Activation::None => Kind::Concatenation {
+        0 => OperatorKind::Add(Activation::read(options, 0)?),
+        2 if Activation::read(options, 1)? == Activation::None => OperatorKind::Concatenation {
             axis: options.and_then(|table| table.i32(0)).unwrap_or(0),
         },
-        3 => Kind::Conv(window(Some(4))?, Activation::read(options, 3)?),
-        4 => Kind::DepthwiseConv(window(Some(5))?, Activation::read(options, 4)?),
-        5 => Kind::DepthToSpace { block: size(0, 0)? },
-        6 | 124 => Kind::Unpack,
-        14 => Kind::Logistic,
-        17 if Activation::read(options, 5)? == Activation::None => Kind::MaxPool {
+        3 => OperatorKind::Conv(window(Some(4))?, Activation::read(options, 3)?),
+        4 => OperatorKind::DepthwiseConv(window(Some(5))?, Activation::read(options, 4)?),
+        5 => OperatorKind::DepthToSpace { block: size(0, 0)? },
+        6 | 124 => OperatorKind::Unpack,
+        14 => OperatorKind::Logistic,
+        17 if Activation::read(options, 5)? == Activation::None => OperatorKind::MaxPool {
             window: window(None)?,
             filter: [size(4, 0)?, size(3, 0)?],
         },
-        22 => Kind::Reshape,
-        23 if !flag(2) => Kind::ResizeBilinear {
+        22 => OperatorKind::Reshape,
+        23 if !flag(2) => OperatorKind::ResizeBilinear {
             half_pixels: flag(3),
         },
-        34 => Kind::Pad,
+        34 => OperatorKind::Pad,
         _ => {
             let name = usize::try_from(code).ok().and_then(|code| NAMES.get(code));
             return Err(match name {

@@ -15,4 +15,4 @@ pub(crate) mod writer;
 
 pub(crate) use constants::Constant;
 pub(crate) use graph::{Graph, Operator};
-pub(crate) use kind::{Activation, Kind, Padding, Window};
+pub(crate) use kind::{Activation, OperatorKind, Padding, Window};

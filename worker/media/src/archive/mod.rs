@@ -8,7 +8,7 @@ mod name;
 mod tar;
 mod zip;
 
-use crate::{Fault, Limits, MediaError, sniff};
+use crate::{Limits, MediaError, MediaFault, sniff};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Write};
@@ -55,7 +55,7 @@ impl<'a> Unpacker<'a> {
             .read_to_end(&mut start)
             .map_err(MediaError::io(path))?;
         if start.is_empty() {
-            return Err(Fault::new("EMPTY", "the file has no bytes").into());
+            return Err(MediaFault::new("EMPTY", "the file has no bytes").into());
         }
         let budget = (self.limits.unpacked_bytes - self.written).min(
             size.saturating_mul(self.limits.unpacked_ratio)
@@ -68,12 +68,12 @@ impl<'a> Unpacker<'a> {
             budget,
         };
         match sniff::kind(&start) {
-            sniff::Kind::Zip => zip::unpack(path, &mut sink)?,
-            sniff::Kind::Tar => tar::unpack(path, false, &mut sink)?,
-            sniff::Kind::Gzip => tar::unpack(path, true, &mut sink)?,
+            sniff::FileType::Zip => zip::unpack(path, &mut sink)?,
+            sniff::FileType::Tar => tar::unpack(path, false, &mut sink)?,
+            sniff::FileType::Gzip => tar::unpack(path, true, &mut sink)?,
             other => {
                 let message = format!("is {}; zip, tar and tar.gz are unpacked", other.name());
-                return Err(Fault::undecodable(message).into());
+                return Err(MediaFault::undecodable(message).into());
             }
         }
         Ok(sink.files)
@@ -92,18 +92,18 @@ struct Sink<'u, 'a> {
 
 impl Sink<'_, '_> {
     /// Checks an entry before its content is read. `None` for entries to skip.
-    fn admit(&mut self, raw: &[u8], declared: u64) -> Result<Option<String>, Fault> {
+    fn admit(&mut self, raw: &[u8], declared: u64) -> Result<Option<String>, MediaFault> {
         self.unpacker.entries += 1;
         if self.unpacker.entries > self.unpacker.limits.entries {
             let message = format!("more than {} entries", self.unpacker.limits.entries);
-            return Err(Fault::new("TOO_LARGE", message));
+            return Err(MediaFault::new("TOO_LARGE", message));
         }
         let Some(name) = name::checked(raw)? else {
             return Ok(None);
         };
         if self.folded.insert(name.to_lowercase(), ()).is_some() {
             let message = "the archive has two entries of this name";
-            return Err(Fault::new("DUPLICATE", message).in_field(name));
+            return Err(MediaFault::new("DUPLICATE", message).in_field(name));
         }
         if declared > self.budget {
             return Err(self.bomb(name));
@@ -126,7 +126,7 @@ impl Sink<'_, '_> {
                 Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
                 Err(error) => {
                     let message = format!("can't be unpacked: {error}");
-                    return Err(Fault::undecodable(message).in_field(name).into());
+                    return Err(MediaFault::undecodable(message).in_field(name).into());
                 }
             };
             let bytes = count as u64;
@@ -143,13 +143,13 @@ impl Sink<'_, '_> {
         Ok(())
     }
 
-    fn bomb(&self, name: String) -> Fault {
+    fn bomb(&self, name: String) -> MediaFault {
         let message = format!(
             "unpacks to more than allowed: {} bytes for all archives of a capture, and {} times \
              the archive's own size beyond {ALWAYS}",
             self.unpacker.limits.unpacked_bytes, self.unpacker.limits.unpacked_ratio
         );
-        Fault::new("TOO_LARGE", message).in_field(name)
+        MediaFault::new("TOO_LARGE", message).in_field(name)
     }
 }
 

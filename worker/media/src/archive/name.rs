@@ -1,6 +1,6 @@
 //! Names of archive entries.
 
-use crate::Fault;
+use crate::MediaFault;
 
 /// Longest name, bytes.
 const MAX_BYTES: usize = 400;
@@ -10,9 +10,9 @@ const MAX_BYTES: usize = 400;
 ///
 /// # Errors
 /// `BAD_NAME` if it is not UTF-8, too long, or has control characters; `UNSAFE_PATH` if it leads outside.
-pub(super) fn checked(raw: &[u8]) -> Result<Option<String>, Fault> {
+pub(super) fn checked(raw: &[u8]) -> Result<Option<String>, MediaFault> {
     let shown = || -> String { String::from_utf8_lossy(raw).chars().take(80).collect() };
-    let refuse = |code, message: &str| Err(Fault::new(code, message).in_field(shown()));
+    let refuse = |code, message: &str| Err(MediaFault::new(code, message).in_field(shown()));
     let Ok(name) = std::str::from_utf8(raw) else {
         return refuse("BAD_NAME", "the name of this entry is not UTF-8");
     };

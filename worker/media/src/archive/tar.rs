@@ -1,7 +1,7 @@
 //! Tar archives, plain or gzipped.
 
 use super::Sink;
-use crate::{Fault, MediaError};
+use crate::{MediaError, MediaFault};
 use ::tar::Archive;
 use flate2::read::MultiGzDecoder;
 use std::fs::File;
@@ -39,19 +39,21 @@ pub(super) fn unpack(
         }
         if !(kind.is_file() || kind.is_contiguous() || kind.is_gnu_sparse()) {
             let message = "this entry is a link or a device, not a file";
-            return Err(Fault::new("UNSAFE_PATH", message).in_field(name).into());
+            return Err(MediaFault::new("UNSAFE_PATH", message)
+                .in_field(name)
+                .into());
         }
         let declared = entry.size();
         let before = sink.budget;
         sink.write(name.clone(), &mut entry)?;
         if before - sink.budget != declared {
             let message = "the archive is cut short inside this entry";
-            return Err(Fault::undecodable(message).in_field(name).into());
+            return Err(MediaFault::undecodable(message).in_field(name).into());
         }
     }
     Ok(())
 }
 
-fn undecodable(error: &std::io::Error) -> Fault {
-    Fault::undecodable(format!("the tar archive can't be read: {error}"))
+fn undecodable(error: &std::io::Error) -> MediaFault {
+    MediaFault::undecodable(format!("the tar archive can't be read: {error}"))
 }

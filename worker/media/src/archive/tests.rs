@@ -46,7 +46,7 @@ fn unpack(bytes: &[u8]) -> Result<Vec<(String, Vec<u8>)>, MediaError> {
     unpack_with(bytes, &Limits::default())
 }
 
-fn fault(bytes: &[u8], limits: &Limits) -> Fault {
+fn fault(bytes: &[u8], limits: &Limits) -> MediaFault {
     match unpack_with(bytes, limits) {
         Err(MediaError::Bad(fault)) => fault,
         other => panic!("not refused: {other:?}"),

@@ -1,7 +1,7 @@
 //! Zip archives.
 
 use super::Sink;
-use crate::{Fault, MediaError};
+use crate::{MediaError, MediaFault};
 use ::zip::{ZipArchive, result::ZipError};
 use std::fs::File;
 use std::io::BufReader;
@@ -17,7 +17,7 @@ pub(super) fn unpack(path: &Path, sink: &mut Sink<'_, '_>) -> Result<(), MediaEr
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| undecodable(&error))?;
     if archive.has_duplicate_names() {
         let message = "the archive has two entries of the same name";
-        return Err(Fault::new("DUPLICATE", message).into());
+        return Err(MediaFault::new("DUPLICATE", message).into());
     }
     // All declared sizes are checked together before anything is written.
     let declared = archive.decompressed_size();
@@ -33,14 +33,16 @@ pub(super) fn unpack(path: &Path, sink: &mut Sink<'_, '_>) -> Result<(), MediaEr
             continue;
         };
         if entry.encrypted() {
-            return Err(Fault::undecodable("this entry is encrypted")
+            return Err(MediaFault::undecodable("this entry is encrypted")
                 .in_field(name)
                 .into());
         }
         let kind = entry.unix_mode().map_or(0, |mode| mode & KIND);
         if !matches!(kind, 0 | PLAIN | FOLDER) {
             let message = "this entry is a link or a device, not a file";
-            return Err(Fault::new("UNSAFE_PATH", message).in_field(name).into());
+            return Err(MediaFault::new("UNSAFE_PATH", message)
+                .in_field(name)
+                .into());
         }
         if !entry.is_dir() {
             sink.write(name, &mut entry)?;
@@ -49,6 +51,6 @@ pub(super) fn unpack(path: &Path, sink: &mut Sink<'_, '_>) -> Result<(), MediaEr
     Ok(())
 }
 
-fn undecodable(error: &ZipError) -> Fault {
-    Fault::undecodable(format!("the zip archive can't be read: {error}"))
+fn undecodable(error: &ZipError) -> MediaFault {
+    MediaFault::undecodable(format!("the zip archive can't be read: {error}"))
 }

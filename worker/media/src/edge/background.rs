@@ -6,7 +6,7 @@ use crate::Picture;
 
 /// Colours this far apart in a channel are of different things, levels. Noise and compression are below it.
 const SAME: f32 = 14.0;
-/// Fewest frames in which a pixel was seen.
+/// A background pixel must be seen in at least this number of frames.
 const FEWEST: u8 = 3;
 /// Smallest share of the frames that agree on a colour.
 const AGREE: f32 = 0.6;
@@ -40,7 +40,7 @@ pub(super) struct Plate<'a> {
 }
 
 impl BackgroundBuilder {
-    /// Nothing is known of a background of `width` by `height` pixels.
+    /// A background of `width` by `height` pixels, all unknown.
     pub fn new(width: usize, height: usize) -> Self {
         let area = width * height;
         Self {
@@ -90,7 +90,7 @@ impl BackgroundBuilder {
         }
     }
 
-    /// What the frames agree on.
+    /// The background that the frames agree on.
     pub fn finish(self) -> KnownBackground {
         let counts = self.votes.iter().zip(&self.seen);
         let colour = |(colour, (&votes, &seen)): (&Rgb, (&u8, &u8))| {

@@ -20,7 +20,7 @@ pub(super) const DIRECTIONS: [[isize; 2]; 8] = [
     [1, -1],
 ];
 
-/// What is known of a pixel before its colour is looked at.
+/// The certainty of a pixel's coverage, before its colour is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Zone {
     /// Far outside of the mask.
@@ -99,7 +99,7 @@ impl Band {
         })
     }
 
-    /// Sets what is certain: nobody is outside, and nothing else inside.
+    /// Sets the certain coverage: 0 far outside, full far inside.
     pub fn settle(&self, mask: &mut [u8]) {
         mask.fill(0);
         for (at, zone) in self.zones.iter().enumerate() {
@@ -109,7 +109,7 @@ impl Band {
         }
     }
 
-    /// Which of the picture's `count` pixels are far outside of the mask.
+    /// For each of the picture's `count` pixels, whether it is far outside of the mask.
     pub fn background(&self, count: usize) -> Vec<bool> {
         let mut outside = vec![true; count];
         for (at, zone) in self.zones.iter().enumerate() {
@@ -168,7 +168,7 @@ impl Band {
             .max((a / columns).abs_diff(b / columns))
     }
 
-    /// How far pixels are from the edge of `mask`.
+    /// The distance of pixels from the edge of `mask`.
     pub fn depths(&self, mask: &[u8]) -> Depths {
         let [columns, rows] = self.size;
         let size = self.size.map(|it| it.div_ceil(2));
@@ -222,12 +222,12 @@ fn blurred(values: &[f32], size: [usize; 2], reach: usize, axis: usize) -> Vec<f
     means
 }
 
-/// The pixels within `reach` columns and rows of what `mask` of a picture of `size` covers.
+/// The pixels within `reach` columns and rows of the coverage of `mask`, of a picture of `size`.
 pub(super) fn near(mask: &[u8], size: [usize; 2], reach: usize) -> Vec<bool> {
     widened(mask.iter().map(|it| *it > OUTSIDE).collect(), size, reach)
 }
 
-/// `set` and all within `reach` columns and rows of it.
+/// `set`, grown by `reach` columns and rows.
 fn widened(set: Vec<bool>, [columns, rows]: [usize; 2], reach: usize) -> Vec<bool> {
     let along = |set: &[bool], count: usize, step: usize, lines: usize, jump: usize| {
         let mut wide = vec![false; set.len()];

@@ -34,7 +34,7 @@ impl Continued {
     }
 }
 
-/// Colours of a crop and how much is known of each, 0 to 1.
+/// Colours of a crop, each with the weight of what is known, 0 to 1.
 struct Level {
     size: [usize; 2],
     colours: Vec<Rgb>,

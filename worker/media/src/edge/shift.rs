@@ -1,4 +1,4 @@
-//! How far a camera that is held by hand has turned between two pictures: a shift of all pixels.
+//! The shift between two pictures of a hand-held camera that turned a little: one for all pixels.
 
 /// Columns and rows that are searched at the coarsest level, on each side.
 const SEARCH: i32 = 4;

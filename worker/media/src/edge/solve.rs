@@ -13,12 +13,12 @@ const OFF_LINE: f32 = 25.0;
 const DIFFERENT: [f32; 2] = [18.0, 45.0];
 /// Weight of the given mask beside the colours, at its edge and as far from it as a pixel is uncertain.
 const GIVEN: [f32; 2] = [0.1, 0.6];
-/// The same where the background is not known but continued.
+/// The same values for a background that is not known but extrapolated.
 const GIVEN_UNKNOWN: [f32; 2] = [0.3, 1.5];
-/// Weight from which a colour is clear.
+/// A colour is clear if its weight is at least this.
 const CLEAR: f32 = 0.7;
 /// Squared difference of a coarse mask from what clear colours say. Exact masks have 0.006 to 0.015, those of the pose
-/// network mostly 0.04 to 0.13 (docs/research/edges.md).
+/// network mostly 0.04 to 0.13.
 const COARSE: f32 = 0.04;
 /// Largest factor of a good mask's weight.
 const MOST_TRUST: f32 = 30.0;
@@ -39,9 +39,9 @@ const SHADOW_COLOUR: f32 = 12.0;
 /// What remains of the colours' weight in a shadow.
 const SHADOW_WEIGHT: f32 = 0.2;
 
-/// What a pixel's colour says.
+/// The coverage that a pixel's colour suggests.
 #[derive(Clone, Copy)]
-struct Said {
+struct AlphaEvidence {
     alpha: f32,
     /// Weight of `alpha`, 0 to 1.
     weight: f32,
@@ -106,10 +106,10 @@ pub(super) fn solve(
             }
         }
     }
-    let mut said: Vec<Said> = (uncertain.iter().zip(&colours).zip(&backgrounds))
+    let mut said: Vec<AlphaEvidence> = (uncertain.iter().zip(&colours).zip(&backgrounds))
         .map(|((&at, &colour), &background)| {
             let pixel = band.pixel(at);
-            let given = Given {
+            let given = MaskEvidence {
                 alpha: f32::from(mask[pixel]) / 255.0,
                 depth: depths.at(band, at),
             };
@@ -145,7 +145,7 @@ fn nearest<const N: usize>(colour: Rgb, candidates: [Rgb; N]) -> Rgb {
     best
 }
 
-impl Said {
+impl AlphaEvidence {
     /// The mean of both by weight.
     fn mean(&self) -> f32 {
         (self.weight * self.alpha + self.given_weight * self.given)
@@ -171,7 +171,7 @@ fn exposure(band: &Band, pixels: &[[u8; 3]], behind: &Plate) -> Rgb {
 }
 
 /// Factor of the mask's weight: where colours are clear, a good mask says the same.
-fn trust(said: &[Said]) -> f32 {
+fn trust(said: &[AlphaEvidence]) -> f32 {
     let (mut sum, mut count) = (0.0, 0.0);
     for it in said.iter().filter(|it| it.weight > CLEAR) {
         sum += (it.alpha - it.given).powi(2);
@@ -184,14 +184,20 @@ fn trust(said: &[Said]) -> f32 {
     (COARSE / variance).powi(2).clamp(1.0, MOST_TRUST)
 }
 
-/// What the mask says about a pixel.
-struct Given {
+/// The coverage that the mask has at a pixel.
+struct MaskEvidence {
     alpha: f32,
     /// Distance from the mask's edge, 0 to 1 where the band ends.
     depth: f32,
 }
 
-fn says(colour: Rgb, foreground: Rgb, background: Rgb, given: Given, known: bool) -> Said {
+fn says(
+    colour: Rgb,
+    foreground: Rgb,
+    background: Rgb,
+    given: MaskEvidence,
+    known: bool,
+) -> AlphaEvidence {
     let [edge, end] = if known { GIVEN } else { GIVEN_UNKNOWN };
     let between = minus(foreground, background);
     let own = minus(colour, background);
@@ -214,7 +220,7 @@ fn says(colour: Rgb, foreground: Rgb, background: Rgb, given: Given, known: bool
     } else {
         weight *= (-off / (2.0 * OFF_LINE * OFF_LINE)).exp();
     }
-    Said {
+    AlphaEvidence {
         alpha,
         weight,
         given: given.alpha,
@@ -231,7 +237,7 @@ fn shadowed(colour: Rgb, background: Rgb) -> bool {
 
 /// Coverage of the `uncertain` pixels that agrees with what they say and with neighbours of the same colour (Jacobi's
 /// iterations on the weighted least squares).
-fn smoothed(band: &Band, uncertain: &[usize], colours: &[Rgb], said: &[Said]) -> Vec<f32> {
+fn smoothed(band: &Band, uncertain: &[usize], colours: &[Rgb], said: &[AlphaEvidence]) -> Vec<f32> {
     let mut place = vec![u32::MAX; band.zones.len()];
     for (index, &at) in uncertain.iter().enumerate() {
         place[at] = index as u32;
@@ -250,7 +256,7 @@ fn smoothed(band: &Band, uncertain: &[usize], colours: &[Rgb], said: &[Said]) ->
             })
         })
         .collect();
-    let mut alphas: Vec<f32> = said.iter().map(Said::mean).collect();
+    let mut alphas: Vec<f32> = said.iter().map(AlphaEvidence::mean).collect();
     let mut next = alphas.clone();
     for _ in 0..ROUNDS {
         for ((it, links), next) in said.iter().zip(&links).zip(&mut next) {

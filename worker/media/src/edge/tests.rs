@@ -88,7 +88,7 @@ fn before_and_after(mask: &[u8], known: &KnownBackground) -> [[f32; 2]; 2] {
     errors_of(filmed(&disc(80.0, 24.0)), mask, known)
 }
 
-/// The same for a picture of the disc.
+/// The error for a picture of the disc.
 fn errors_of(picture: Picture, mask: &[u8], known: &KnownBackground) -> [[f32; 2]; 2] {
     let truth = disc(80.0, 24.0);
     let scene = yoto_proto::media_plan::Background::Scene;

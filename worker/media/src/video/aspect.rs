@@ -1,6 +1,6 @@
 //! Pixels that are not square: pictures are made wider or higher, so that nothing of them is lost.
 
-use crate::{Fault, Limits, Picture};
+use crate::{Limits, MediaFault, Picture};
 use std::fmt;
 
 /// Ratios of sides nearer to 1 than this are rounding: the pixels stay.
@@ -21,14 +21,14 @@ impl fmt::Display for Aspect {
 }
 
 impl Aspect {
-    /// Of pixels of `[width, height]`; `None` for square and unknown ones.
+    /// The aspect of pixels of `[width, height]`; `None` for square and unknown ones.
     pub(super) fn of(pixel: [u32; 2]) -> Option<Self> {
         let [width, height] = pixel.map(f64::from);
         let is_known = width > 0.0 && height > 0.0;
         (is_known && (width / height).max(height / width) - 1.0 > SQUARE).then_some(Self { pixel })
     }
 
-    /// The same after a quarter turn.
+    /// This aspect after a quarter turn.
     pub(super) fn turned(self) -> Self {
         let [width, height] = self.pixel;
         Self {
@@ -53,14 +53,14 @@ impl Aspect {
     ///
     /// # Errors
     /// `TOO_LARGE` if it has more pixels on a side than allowed.
-    pub(super) fn apply(self, picture: Picture, limits: &Limits) -> Result<Picture, Fault> {
+    pub(super) fn apply(self, picture: Picture, limits: &Limits) -> Result<Picture, MediaFault> {
         let [width, height] = self.size([picture.width, picture.height]);
         if width.max(height) > limits.side as usize {
             let message = format!(
                 "{width}x{height} square pixels; each side must be at most {}",
                 limits.side
             );
-            return Err(Fault::new("TOO_LARGE", message));
+            return Err(MediaFault::new("TOO_LARGE", message));
         }
         let across = samples(picture.width, width);
         let down = samples(picture.height, height);

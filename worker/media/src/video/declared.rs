@@ -1,4 +1,4 @@
-//! Tells a picture whose light is what its video declares from one with a wrong declaration.
+//! Recognises a video whose declaration of light is wrong, by a picture.
 //!
 //! Converters pass on declarations with levels that they have already made ordinary. Read as HDR, ordinary levels have colours that no
 //! lit surface has, and large areas as bright as lamps. One picture's blocks are looked at, since their means have little noise.
@@ -10,17 +10,17 @@ use super::light::{Levels, Light, ToneMap, Transfer};
 
 /// Pixels along a side of a block.
 const SIDE: usize = 8;
-/// Light below which colours are not judged, share of white: 10 cd/m².
+/// Colours of less light are not judged, share of white: 10 cd/m².
 const DARK: f32 = 0.05;
 /// Least negative share of a colour by which it is clearly, or just, outside of BT.709.
 const CLEARLY_OUTSIDE: f32 = 0.05;
 const OUTSIDE: f32 = 0.02;
-/// Share of blocks that are clearly outside, from which the declaration is wrong.
+/// The declaration is wrong if this share of the blocks is clearly outside.
 const MANY_OUTSIDE: f32 = 0.01;
-/// Shares of blocks that are outside and brighter than lamps, from which both together make the declaration wrong.
+/// The declaration is wrong if these shares of the blocks are outside and brighter than lamps.
 const SOME_OUTSIDE: f32 = 0.001;
 const SOME_BRIGHT: f32 = 0.02;
-/// Share of blocks at the top of the scale, from which the declaration is wrong.
+/// The declaration is wrong if this share of the blocks is at the top of the scale.
 const MANY_AT_TOP: f32 = 0.05;
 
 /// Levels, as shares of the highest, that count as brighter than lamps and as the top of the scale.

@@ -11,7 +11,7 @@ use yoto_proto::media_plan::VideoEnd;
 /// # Errors
 /// If the file can't be read, or its headers are invalid.
 pub fn end(path: &Path, limits: &Limits) -> Result<Option<VideoEnd>, MediaError> {
-    if !matches!(sniffed(path)?, sniff::Kind::Mp4) {
+    if !matches!(sniffed(path)?, sniff::FileType::Mp4) {
         return Ok(None);
     }
     let times = mp4::open(path, limits)?.times;

@@ -9,7 +9,7 @@ use super::hdr::Hdr;
 use super::light::Levels;
 use super::ppm;
 use super::signal::Signal;
-use crate::{Fault, Limits, MEMORY_LIMIT, MediaError};
+use crate::{Limits, MEMORY_LIMIT, MediaError, MediaFault};
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
@@ -73,7 +73,7 @@ impl Ffmpeg {
                  worker would hand it to ffmpeg, but none is installed there (not in PATH, not \
                  named by {VARIABLE})"
             );
-            return Err(Fault::new("NEEDS_FFMPEG", message).into());
+            return Err(MediaFault::new("NEEDS_FFMPEG", message).into());
         };
         let mut about = probe(program, path, limits, need_times)?;
         about.times.truncate(most.unwrap_or(usize::MAX));
@@ -186,9 +186,9 @@ fn probe(program: &Path, path: &Path, limits: &Limits, all: bool) -> Result<Abou
     })
 }
 
-fn too_many(limits: &Limits) -> Fault {
+fn too_many(limits: &Limits) -> MediaFault {
     let message = format!("the video has more than {} frames", limits.frames);
-    Fault::new("TOO_LARGE", message)
+    MediaFault::new("TOO_LARGE", message)
 }
 
 /// A video, decoded by the program frame by frame.
@@ -222,7 +222,7 @@ impl FfmpegVideo {
         let side = self.limits.side as usize;
         if width == 0 || height == 0 || width > side || height > side {
             let message = format!("{width}x{height} pixels; each side must be 1 to {side}");
-            return Err(Fault::new("TOO_LARGE", message).into());
+            return Err(MediaFault::new("TOO_LARGE", message).into());
         }
         if self.out >= self.limits.frames {
             return Err(too_many(&self.limits).into());
@@ -289,17 +289,17 @@ fn failure(status: ExitStatus, said: &str, frames: usize) -> MediaError {
         };
     }
     let fault = if signal == OVERTIME {
-        Fault::new("TIME_LIMIT", "ffmpeg took all the processor time allowed")
+        MediaFault::new("TIME_LIMIT", "ffmpeg took all the processor time allowed")
     } else if said.contains("Cannot allocate memory") {
-        Fault::new(MEMORY_LIMIT, "ffmpeg had not enough memory to decode it")
+        MediaFault::new(MEMORY_LIMIT, "ffmpeg had not enough memory to decode it")
     } else {
         let mut last = said.lines().rev().filter(|line| !line.trim().is_empty());
         let why = last.next().unwrap_or("no frame came out");
         match last.next().and_then(refused_codec) {
-            Some(codec) if why.contains("opening decoder") => Fault::undecodable(format!(
+            Some(codec) if why.contains("opening decoder") => MediaFault::undecodable(format!(
                 "its codec is {codec}; those that are read with ffmpeg are {DECODERS}"
             )),
-            _ => Fault::undecodable(format!("ffmpeg: {why}")),
+            _ => MediaFault::undecodable(format!("ffmpeg: {why}")),
         }
     };
     fault.in_frame(frames).into()

@@ -2,11 +2,11 @@
 
 use super::Raw;
 use super::light::Levels;
-use super::mp4::{Codec, Track};
+use super::mp4::{Codec, VideoTrack};
 use super::signal::Signal;
 use super::sps::Sps;
 use super::yuv::{Coding, Planes, to_deep_rgb, to_rgb};
-use crate::{Fault, Limits, MediaError};
+use crate::{Limits, MediaError, MediaFault};
 use openh264::decoder::{DecodeOptions, DecodedYUV, Decoder, Flush};
 use openh264::formats::YUVSource;
 use std::collections::VecDeque;
@@ -21,7 +21,7 @@ pub(super) enum Refusal {
     /// The bundled decoder does not support the stream. The caller's message ends "… is not decoded in-process".
     Unsupported(String),
     /// The file is at fault.
-    Bad(Fault),
+    Bad(MediaFault),
 }
 
 /// A stream, decoded frame by frame in the order shown.
@@ -29,13 +29,13 @@ pub(super) struct H264 {
     path: PathBuf,
     file: File,
     decoder: Decoder,
-    track: Track,
+    track: VideoTrack,
     length_size: usize,
     /// Parameter sets, sent before the first packet.
     lead: Vec<u8>,
     coding: Coding,
     limits: Limits,
-    /// As stored.
+    /// Width and height as stored, pixels.
     pub(super) size: (u64, u64),
     pub(super) signal: Signal,
     /// Width and height of a stored pixel, if the file declares them.
@@ -45,7 +45,7 @@ pub(super) struct H264 {
     /// Number of decoded frames.
     out: usize,
     /// Frames flushed at the end; `None` for skipped frames.
-    tail: VecDeque<Result<Raw, Fault>>,
+    tail: VecDeque<Result<Raw, MediaFault>>,
     flushed: bool,
 }
 
@@ -64,7 +64,7 @@ impl H264 {
     /// Opens the stream of `track`, after a check of its parameter sets.
     pub(super) fn open(
         path: &Path,
-        track: Track,
+        track: VideoTrack,
         limits: &Limits,
     ) -> Result<Result<Self, Refusal>, MediaError> {
         let Codec::H264 {
@@ -75,7 +75,7 @@ impl H264 {
         else {
             return Ok(Err(Refusal::Unsupported("this codec".into())));
         };
-        let bad = |message: &str| Ok(Err(Refusal::Bad(Fault::undecodable(message))));
+        let bad = |message: &str| Ok(Err(Refusal::Bad(MediaFault::undecodable(message))));
         let Some(head) = sps.first().and_then(|nal| Sps::read(nal)) else {
             return bad("H.264: the sequence parameter set can't be read");
         };
@@ -85,7 +85,7 @@ impl H264 {
                 "declares {}x{} pixels; each side must be at most {most}",
                 head.width, head.height
             );
-            return Ok(Err(Refusal::Bad(Fault::new("TOO_LARGE", message))));
+            return Ok(Err(Refusal::Bad(MediaFault::new("TOO_LARGE", message))));
         }
         let signal = Signal::of(head.colour, track.colour);
         let coding = Coding::new(signal.matrix, signal.full_range);
@@ -129,7 +129,7 @@ impl H264 {
         }))
     }
 
-    pub(super) fn track(&self) -> &Track {
+    pub(super) fn track(&self) -> &VideoTrack {
         &self.track
     }
 
@@ -165,7 +165,7 @@ impl H264 {
                 .decode_with_options(&packet, options)
                 .map_err(|error| {
                     let shown = shown.saturating_sub(self.track.hidden);
-                    Fault::undecodable(format!("H.264: {error}")).in_frame(shown)
+                    MediaFault::undecodable(format!("H.264: {error}")).in_frame(shown)
                 })?;
             if let Some(yuv) = decoded {
                 if skip {
@@ -177,7 +177,8 @@ impl H264 {
         if !self.flushed {
             self.flushed = true;
             let flushed = self.decoder.flush_remaining();
-            let rest = flushed.map_err(|error| Fault::undecodable(format!("H.264: {error}")))?;
+            let rest =
+                flushed.map_err(|error| MediaFault::undecodable(format!("H.264: {error}")))?;
             self.tail = rest
                 .iter()
                 .map(|yuv| convert(yuv, self.coding, is_deep, self.size))
@@ -192,7 +193,7 @@ impl H264 {
                     self.track.packets.len()
                 );
                 let shown = self.out.saturating_sub(self.track.hidden);
-                Err(Fault::undecodable(message).in_frame(shown).into())
+                Err(MediaFault::undecodable(message).in_frame(shown).into())
             }
             None => Ok(None),
         }
@@ -207,11 +208,11 @@ impl H264 {
             .copied()
             .unwrap_or_default();
         let shown = self.track.rank.get(self.fed).copied().unwrap_or(self.fed);
-        let at = |fault: Fault| fault.in_frame(shown.saturating_sub(self.track.hidden));
+        let at = |fault: MediaFault| fault.in_frame(shown.saturating_sub(self.track.hidden));
         // The sample table's size is untrusted: it is compared before it is allocated.
         if size > self.limits.file_bytes {
             let message = format!("a coded frame of {size} bytes");
-            return Err(at(Fault::new("TOO_LARGE", message)).into());
+            return Err(at(MediaFault::new("TOO_LARGE", message)).into());
         }
         let mut coded = vec![0; size as usize];
         self.file
@@ -235,9 +236,10 @@ impl H264 {
                     tail.split_at_checked(length)
                 });
             let Some((unit, tail)) = unit else {
-                return Err(
-                    at(Fault::undecodable("H.264: a unit is longer than its frame")).into(),
-                );
+                return Err(at(MediaFault::undecodable(
+                    "H.264: a unit is longer than its frame",
+                ))
+                .into());
             };
             packet.extend_from_slice(&START_CODE);
             packet.extend_from_slice(unit);
@@ -252,7 +254,7 @@ fn convert(
     coding: Coding,
     is_deep: bool,
     declared: (u64, u64),
-) -> Result<Raw, Fault> {
+) -> Result<Raw, MediaFault> {
     let ((width, height), (sy, su, sv)) = (yuv.dimensions(), yuv.strides());
     // A stream may change its parameter sets midway; only the first ones were checked against the limits.
     if (width as u64, height as u64) != declared {
@@ -260,7 +262,7 @@ fn convert(
             "H.264: a frame of {width}x{height} pixels in a video of {}x{}",
             declared.0, declared.1
         );
-        return Err(Fault::new("SIZE_MISMATCH", message));
+        return Err(MediaFault::new("SIZE_MISMATCH", message));
     }
     let planes = Planes {
         width,
@@ -274,7 +276,7 @@ fn convert(
         true => to_deep_rgb(planes, coding).map(Levels::Sixteen),
     };
     let levels =
-        levels.ok_or_else(|| Fault::undecodable("H.264: a frame without all its planes"))?;
+        levels.ok_or_else(|| MediaFault::undecodable("H.264: a frame without all its planes"))?;
     Ok(Raw {
         width,
         height,

@@ -1,11 +1,11 @@
-//! What a video's levels are taken for, where its declaration is not believed.
+//! The light of a video's levels, declared or chosen by the user.
 
 use super::signal::Signal;
 
 /// The light of a video's levels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Hdr {
-    /// As declared, unless the first picture shows that this is wrong.
+    /// The declared light, unless the first picture shows that it is wrong.
     #[default]
     Auto,
     /// Ordinary video, whatever is declared.
@@ -24,7 +24,7 @@ const PQ: u64 = 16;
 const HLG: u64 = 18;
 
 impl Hdr {
-    /// What the video's levels are taken for, of its declaration. HLG and PQ have BT.2020's primaries unless wide ones are declared.
+    /// The signal of the video's levels, given its declaration. HLG and PQ have BT.2020's primaries unless wide ones are declared.
     pub(super) fn of(self, declared: Signal) -> Signal {
         let wide = match declared.primaries {
             DISPLAY_P3 => DISPLAY_P3,

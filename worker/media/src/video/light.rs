@@ -20,10 +20,10 @@ const LEVELS: usize = 1 << 16;
 /// Entries of tables over light, by its square root.
 const STEPS: usize = 1 << 12;
 
-/// How levels stand for light.
+/// The transfer function from light to levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Transfer {
-    /// As in ordinary video.
+    /// The levels of ordinary video.
     Sdr,
     /// Hybrid log-gamma (BT.2100).
     Hlg,

@@ -17,7 +17,7 @@ pub use end::end;
 pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
 pub use hdr::Hdr;
 
-use crate::{Fault, Limits, MediaError, Orientation, Picture, sniff};
+use crate::{Limits, MediaError, MediaFault, Orientation, Picture, sniff};
 use aspect::Aspect;
 use ffmpeg::FfmpegVideo;
 use h264::{H264, Refusal};
@@ -55,7 +55,7 @@ struct Raw {
 }
 
 impl Raw {
-    /// The same after a rotation.
+    /// The pixels after a rotation.
     fn turned(self, orientation: Orientation) -> Self {
         if orientation == Orientation::AsStored {
             return self;
@@ -90,10 +90,10 @@ impl Video {
         Self::open_as(path, limits, ffmpeg, need_times, Hdr::Auto)
     }
 
-    /// As [`Self::open`], with levels that are taken for the light `hdr`.
+    /// Opens a video as [`Self::open`] does, but takes its levels for the light `hdr`.
     ///
     /// # Errors
-    /// Those of [`Self::open`].
+    /// The same errors as [`Self::open`].
     pub fn open_as(
         path: &Path,
         limits: &Limits,
@@ -104,7 +104,7 @@ impl Video {
         let mut most = None;
         let mut listed = None;
         let what = match sniffed(path)? {
-            sniff::Kind::Mp4 => {
+            sniff::FileType::Mp4 => {
                 let track = mp4::open(path, limits)?;
                 listed = track.listed;
                 most = listed.map(|_| track.times.len());
@@ -120,12 +120,12 @@ impl Video {
                     }
                 }
             }
-            kind @ (sniff::Kind::Matroska | sniff::Kind::Avi | sniff::Kind::Mpeg) => {
+            kind @ (sniff::FileType::Matroska | sniff::FileType::Avi | sniff::FileType::Mpeg) => {
                 kind.name().to_owned()
             }
             other => {
                 let message = format!("is {}, not a video", other.name());
-                return Err(Fault::undecodable(message).into());
+                return Err(MediaFault::undecodable(message).into());
             }
         };
         let stream = ffmpeg.open(path, &what, limits, need_times, most, hdr)?;
@@ -220,7 +220,7 @@ impl Video {
         }
     }
 
-    /// What the pictures are not as in the file, and what the file lacks, for people.
+    /// Notes for people: how pictures differ from the file, and what the file lacks.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -313,13 +313,13 @@ impl Video {
 }
 
 /// The kind of the file at `path`, by its first bytes.
-fn sniffed(path: &Path) -> Result<sniff::Kind, MediaError> {
+fn sniffed(path: &Path) -> Result<sniff::FileType, MediaError> {
     let mut start = Vec::new();
     File::open(path)
         .and_then(|file| file.take(sniff::PREFIX as u64).read_to_end(&mut start))
         .map_err(MediaError::io(path))?;
     if start.is_empty() {
-        return Err(Fault::new("EMPTY", "the file has no bytes").into());
+        return Err(MediaFault::new("EMPTY", "the file has no bytes").into());
     }
     Ok(sniff::kind(&start))
 }

@@ -1,4 +1,4 @@
-//! What a video's numbers stand for: range, primaries, transfer function and matrix, in H.273's numbers.
+//! The colour coding of a video: range, primaries, transfer function and matrix, in H.273's numbers.
 
 use super::light::{Light, Primaries, Transfer};
 
@@ -17,7 +17,7 @@ pub(super) struct Signal {
 }
 
 impl Signal {
-    /// Of a stream that declares nothing.
+    /// The signal of a stream that declares nothing.
     pub(super) const UNSPECIFIED: Self = Self {
         full_range: false,
         primaries: UNSPECIFIED,

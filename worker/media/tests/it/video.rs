@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use yoto_media::video::{Ffmpeg, Video};
-use yoto_media::{Fault, Limits, MediaError, Picture};
+use yoto_media::{Limits, MediaError, MediaFault, Picture};
 
 pub(crate) const FRAMES: usize = 20;
 
@@ -20,7 +20,7 @@ pub(crate) fn all(video: &mut Video) -> Vec<Picture> {
     std::iter::from_fn(|| video.next(false).expect("decodes")).collect()
 }
 
-fn fault(path: &Path, limits: &Limits) -> Fault {
+fn fault(path: &Path, limits: &Limits) -> MediaFault {
     let mut video = match Video::open(path, limits, &Ffmpeg::none(), false) {
         Ok(video) => video,
         Err(MediaError::Bad(fault)) => return fault,

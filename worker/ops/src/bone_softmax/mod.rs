@@ -1,6 +1,6 @@
 //! The motion weights at each node of a grid: softmax over bones of logits + log prior (HumanNeRF, arXiv
 //! 2201.04127, whose prior is a Gaussian around each bone). Burn's softmax over the first of two
-//! axes reads memory column by column, which took as long as the rest of a training step (docs/research/performance.md).
+//! axes reads memory column by column, which took as long as the rest of a training step.
 
 mod autodiff;
 pub mod cpu;

@@ -5,7 +5,7 @@ use cubecl::features::AtomicUsage;
 use cubecl::ir::{FloatKind, Type};
 use cubecl::prelude::*;
 
-/// How a kernel adds to a float that other threads add to as well.
+/// The way in which a kernel adds to a float that other threads add to as well.
 #[cube]
 pub(crate) trait AddFloat: Send + Sync + 'static {
     /// The type that the float's four bytes are bound as.

@@ -1,4 +1,4 @@
-//! What the operations' `cube` forms share: buffers, launch sizes and atomic sums. One source
+//! Shared parts of the operations' `cube` forms: buffers, launch sizes and atomic sums. One source
 //! compiles for Vulkan, CUDA and HIP alike.
 
 pub(crate) mod adding;

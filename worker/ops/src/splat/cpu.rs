@@ -6,7 +6,7 @@ use super::projected::{Projected, Splat, project};
 use super::projected_backward::{ProjectedGradient, SplatGradient, project_backward};
 use super::rasterize::{RasterizeTile, RasterizeTileBackward, Tile};
 use super::tiles::{AREA, SIDE, Tiles};
-use super::{ROW, SplatOps, View};
+use super::{ROW, SplatOps, SplatRow, View};
 use crate::flex::tensor;
 use crate::form::{Form, Work};
 use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
@@ -32,14 +32,14 @@ impl<'a> SplatSlices<'a> {
     }
 
     pub(super) fn splat(&self, i: usize) -> Splat<'a> {
-        let row = &self.rows.as_chunks::<ROW>().0[i];
+        let row = SplatRow::from(self.rows.as_chunks::<ROW>().0[i]);
         Splat {
             transform: &self.transforms.as_chunks().0[i],
-            mean: std::array::from_fn(|a| row[a]),
-            rotation: std::array::from_fn(|a| row[3 + a]),
-            scale: std::array::from_fn(|a| row[7 + a]),
-            opacity: row[10],
-            colour: std::array::from_fn(|a| row[11 + a]),
+            mean: row.mean,
+            rotation: row.rotation,
+            scale: row.scales,
+            opacity: row.opacity,
+            colour: row.colour,
         }
     }
 
@@ -230,12 +230,14 @@ fn backward(slices: &SplatSlices<'_>, picture: &[f32], grad: &[f32], view: &View
     for (i, gradient) in gradients.iter().enumerate() {
         let Some(gradient) = gradient else { continue };
         all.transforms[12 * i..][..12].copy_from_slice(&gradient.transform);
-        let row = &mut all.rows[ROW * i..][..ROW];
-        row[..3].copy_from_slice(&gradient.mean);
-        row[3..7].copy_from_slice(&gradient.rotation);
-        row[7..10].copy_from_slice(&gradient.scale);
-        row[10] = gradient.opacity;
-        row[11..].copy_from_slice(&gradient.colour);
+        all.rows.as_chunks_mut::<ROW>().0[i] = SplatRow {
+            mean: gradient.mean,
+            rotation: gradient.rotation,
+            scales: gradient.scale,
+            opacity: gradient.opacity,
+            colour: gradient.colour,
+        }
+        .into();
         let sums = to_light.as_flattened_mut().iter_mut();
         for (sum, term) in sums.zip(gradient.light.as_flattened()) {
             *sum += f64::from(*term);

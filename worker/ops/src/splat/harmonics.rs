@@ -5,6 +5,7 @@
 //!
 //! No gradients flow to directions: a splat should move to where it is seen, not to where its colour fits.
 
+use super::row::{COLOUR, MEAN};
 use super::{ROW, Splats, View};
 use burn::tensor::Tensor;
 use rayon::prelude::*;
@@ -118,9 +119,9 @@ pub fn add_view_colours(rows: &mut [f32], harmonics: &[f32], transforms: &[f32],
     let splats = splats.zip(transforms.as_chunks::<12>().0);
     splats.for_each(|((row, harmonics), t)| {
         // v = Aᵀ (A μ + t − eye), normalised
+        let [x, y, z] = [row[MEAN], row[MEAN + 1], row[MEAN + 2]];
         let direction: [f32; 3] = std::array::from_fn(|r| {
-            t[4 * r] * row[0] + t[4 * r + 1] * row[1] + t[4 * r + 2] * row[2] + t[4 * r + 3]
-                - eye[r]
+            t[4 * r] * x + t[4 * r + 1] * y + t[4 * r + 2] * z + t[4 * r + 3] - eye[r]
         });
         let canonical: [f32; 3] = std::array::from_fn(|c| {
             t[c] * direction[0] + t[4 + c] * direction[1] + t[8 + c] * direction[2]
@@ -129,7 +130,7 @@ pub fn add_view_colours(rows: &mut [f32], harmonics: &[f32], transforms: &[f32],
         let terms = terms(canonical.map(|v| v / length.max(f32::MIN_POSITIVE)));
         for (term, own) in terms.iter().zip(harmonics.as_chunks::<3>().0) {
             for c in 0..3 {
-                row[11 + c] += term * own[c];
+                row[COLOUR + c] += term * own[c];
             }
         }
     });
@@ -214,7 +215,7 @@ mod tests {
             .expect("f32");
         for c in 0..3 {
             assert!((seen[c] - wanted[c]).abs() < 1e-5, "{seen:?} {wanted:?}");
-            assert!((rows[11 + c] - wanted[c]).abs() < 1e-5, "{rows:?}");
+            assert!((rows[COLOUR + c] - wanted[c]).abs() < 1e-5, "{rows:?}");
         }
     }
 }

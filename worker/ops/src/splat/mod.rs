@@ -22,9 +22,11 @@ mod projected;
 mod projected_backward;
 mod rasterize;
 pub mod reference;
+mod row;
 mod tiles;
 
 pub use cpu::{Rendered, render};
+pub use row::{ROW, SplatRow, means_of_rows, splat_rows};
 
 use super::has_own_form;
 use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
@@ -40,9 +42,6 @@ pub const MAX_ALPHA: f32 = 0.99;
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 /// Near plane: smallest z in the camera's frame, metres.
 pub const NEAR: f32 = 0.05;
-
-/// Numbers per splat: mean (3), rotation (4), scales (3), opacity (1) and colour (3).
-pub const ROW: usize = 14;
 
 /// A camera in the frame of the body.
 #[derive(Clone, Debug, PartialEq)]

@@ -26,7 +26,7 @@ pub struct Probe<'a> {
 struct Layer {
     /// Index of the splat.
     splat: usize,
-    /// From its centre to the pixel's, pixels.
+    /// Offset from its centre to the pixel's, pixels.
     offset: [f32; 2],
     alpha: f32,
     /// Transmittance in front of it.

@@ -26,30 +26,12 @@ pub struct Segment {
 
 /// Canonical points and likelihoods, as [`super::warp`] returns them, of the samples at `depths`
 /// `[R M]`: M on each segment, one in each of M equal strata. `weights` and `transforms` as for
-/// [`super::warp`].
+/// [`super::warp`]. Returns the results of `finish` in the order of the rays. `finish` gets the index of a block's first
+/// ray and the block's samples. Most samples are usually zeros, since no bone has a weight there.
 ///
 /// # Panics
 /// If the number of `depths` is not a multiple of the number of segments.
-pub fn along_rays(
-    weights: &[f32],
-    transforms: &[f32],
-    segments: &[Segment],
-    depths: &[f32],
-    grid: &WarpGrid,
-) -> Vec<[f32; 4]> {
-    let blocks = along_rays_with(weights, transforms, segments, depths, grid, |_, warped| {
-        warped.to_vec()
-    });
-    blocks.concat()
-}
-
-/// [`along_rays`] for a block of rays at a time: the results of `finish` in the order of the rays. `finish`
-/// gets the index of the block's first ray and the block's samples. Most samples are usually zeros, since
-/// no bone has a weight there.
-///
-/// # Panics
-/// If the number of `depths` is not a multiple of the number of segments.
-pub fn along_rays_with<T: Send>(
+pub fn along_rays<T: Send>(
     weights: &[f32],
     transforms: &[f32],
     segments: &[Segment],

@@ -68,7 +68,7 @@ fn light() -> Vec<f32> {
 }
 
 /// What the operation computes.
-struct Found {
+struct Gradients {
     picture: Vec<f32>,
     /// `[N, 26]`, as the rows.
     gradients: Vec<f32>,
@@ -76,7 +76,7 @@ struct Found {
 }
 
 /// The picture of the splats with these `rows`, and the gradients of its sum weighted by `towards`.
-fn run(rows: &[[f32; ROW]], light: &[f32], view: &View, towards: &[f32]) -> Found {
+fn run(rows: &[[f32; ROW]], light: &[f32], view: &View, towards: &[f32]) -> Gradients {
     let device = Device::flex().autodiff();
     let count = rows.len();
     let leaf = |(first, columns): (usize, usize)| {
@@ -107,7 +107,7 @@ fn run(rows: &[[f32; ROW]], light: &[f32], view: &View, towards: &[f32]) -> Foun
         let parts = parts.iter().zip(PARTS);
         parts.flat_map(move |(part, (_, columns))| &part[at * columns..(at + 1) * columns])
     };
-    Found {
+    Gradients {
         picture: values(picture),
         gradients: (0..count).flat_map(row).copied().collect(),
         light: values(light.grad(&grads).expect("tracked")),
@@ -125,7 +125,7 @@ fn doubles(numbers: &[f32]) -> Vec<f64> {
 }
 
 /// Prints the row of a case, and compares its picture with the `exact` one.
-fn show(case: &str, found: &Found, exact: &[f64], bound: f64) {
+fn show(case: &str, found: &Gradients, exact: &[f64], bound: f64) {
     let off = Some(error(&found.picture, exact));
     report("splat", case, &found.picture, &found.gradients, off, bound);
 }

@@ -81,7 +81,9 @@ fn points_along_rays_equal_the_warps() {
         &segments,
         &depths,
         &grid,
-    );
+        |_, warped| warped.to_vec(),
+    )
+    .concat();
     let points = Tensor::<2>::from_data(TensorData::new(points, [rays * per_ray, 3]), &device);
     let warped = values(warp::warp(weights, transforms, points, &grid));
     assert!(

@@ -3,7 +3,7 @@
 use super::{DistilledSplats, count, of_motion, splats};
 use crate::jobs::{JobContext, JobFailure};
 use std::time::{Duration, Instant};
-use yoto_avatar::distill::{Course, DistillError, Filmed, Lessons, Stage};
+use yoto_avatar::distill::{CaptureFrame, DistillError, DistillStage, StudentTraining, Teacher};
 use yoto_avatar::render::{Renderer, SkinnedSplats};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::{CaptureError, Shard};
@@ -49,19 +49,19 @@ impl Order<'_> {
         let own = own.map_err(|error| of_motion(&error))?;
         let poses = own.poses(body).map_err(|error| of_motion(&error))?;
         let alone = self.wanted.is_some_and(|it| it.field_only) || !self.is_known(capture, body);
-        let filmed = match alone {
+        let capture_frames = match alone {
             true => Vec::new(),
-            false => Filmed::of(capture, &poses, size).map_err(|error| failure(&error))?,
+            false => CaptureFrame::of(capture, &poses, size).map_err(|error| failure(&error))?,
         };
-        let lessons = Lessons {
+        let teacher = Teacher {
             renderer: self.renderer,
             slot: self.slot,
             poses: &poses,
             up: own.up(),
-            size: Filmed::size(&filmed).unwrap_or([size; 2]),
-            filmed: &filmed,
+            size: CaptureFrame::size(&capture_frames).unwrap_or([size; 2]),
+            capture_frames: &capture_frames,
         };
-        let course = Course {
+        let training = StudentTraining {
             name: self.name.to_owned(),
             seconds,
             seed: SEED,
@@ -69,7 +69,7 @@ impl Order<'_> {
         };
         let began = Instant::now();
         let mut told: Option<Instant> = None;
-        let tell = &mut |stage: Stage, fraction: f64| {
+        let tell = &mut |stage: DistillStage, fraction: f64| {
             if told.is_none_or(|it| it.elapsed() >= REPORT_EVERY) {
                 told = Some(Instant::now());
                 // A slow field takes longer than it should.
@@ -78,8 +78,8 @@ impl Order<'_> {
                 context.report(progress(&stage, fraction, left));
             }
         };
-        let goes_on = &mut || context.check().is_ok();
-        let made = course.run(&lessons, &context.device.device, tell, goes_on);
+        let keep_going = &mut || context.check().is_ok();
+        let made = training.run(&teacher, &context.device.device, tell, keep_going);
         let made = made.map_err(|error| {
             // Why it must stop.
             let stopped = context.check().err();
@@ -92,7 +92,7 @@ impl Order<'_> {
         })?;
         let distilled = DistilledSplats {
             pictures: count(made.pictures),
-            frames: count(filmed.len()),
+            frames: count(capture_frames.len()),
             seconds: made.time.as_secs_f64(),
             psnr_mask_box: progress.psnr_mask_box,
             psnr: progress.psnr,
@@ -111,19 +111,19 @@ impl Order<'_> {
 }
 
 /// The progress to report in a `stage`, when a `fraction` of the work is done and seconds are left.
-fn progress(stage: &Stage, fraction: f64, seconds_left: f64) -> Progress {
+fn progress(stage: &DistillStage, fraction: f64, seconds_left: f64) -> Progress {
     let common = Progress {
         fraction: SHARE * fraction,
         seconds_left: (seconds_left > 0.0).then_some(seconds_left),
         ..Progress::default()
     };
     match stage {
-        Stage::Filming(pictures) => Progress {
+        DistillStage::Rendering(pictures) => Progress {
             phase: "rendering the field".into(),
             step: *pictures as u64,
             ..common
         },
-        Stage::Training(now) => Progress {
+        DistillStage::Training(now) => Progress {
             phase: "training splats".into(),
             step: now.step,
             steps_per_second: now.steps_per_second,

@@ -6,8 +6,7 @@ use crate::jobs::checkpoint::{self, Downloaded};
 use crate::jobs::{JobContext, JobFailure, shard};
 use std::collections::{BTreeMap, BTreeSet};
 use yoto_avatar::render::{
-    Actor, Guest, Light, RenderError, RenderSettings, Rendered, Renderer, SceneView,
-    render_together,
+    ModelActor, RenderError, RenderSettings, Rendered, Renderer, SceneView, render_together,
 };
 use yoto_film::{Bodies, ModelBodies, Person, View};
 use yoto_proto::names;
@@ -122,26 +121,25 @@ impl<'a> Models<'a> {
         }
     }
 
-    /// Draws a view, as long as `go_on` says so. One model draws its people in one pass; several draw together.
+    /// Draws a view, as long as `keep_going` says so. One model draws its people in one pass; several draw together.
     ///
     /// # Errors
     /// As [`Renderer::render_scene`].
     pub(super) fn draw(
         &self,
         view: &View,
-        go_on: &mut dyn FnMut(f64) -> bool,
+        keep_going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Rendered, RenderError> {
         let scene = scene_view(view);
         if self.others.is_empty() {
-            return self.own.renderer.render_scene(&scene, go_on);
+            return self.own.renderer.render_scene(&scene, keep_going);
         }
-        let guests = view.actors.iter().zip(&scene.actors);
-        let guests = guests.map(|(planned, actor)| {
-            let model = &self.at(planned.model)?.renderer;
-            Ok(Guest { model, actor })
+        let people = view.actors.iter().map(|actor| {
+            let model = &self.at(actor.model)?.renderer;
+            Ok(ModelActor { model, actor })
         });
-        let guests = guests.collect::<Result<Vec<Guest<'_>>, RenderError>>()?;
-        render_together(&guests, &scene.camera, scene.background, go_on)
+        let people = people.collect::<Result<Vec<ModelActor<'_>>, RenderError>>()?;
+        render_together(&people, &scene.camera, scene.background, keep_going)
     }
 }
 
@@ -177,20 +175,8 @@ impl Model<'_> {
 
 /// `view` as the renderer takes it.
 pub(super) fn scene_view(view: &View) -> SceneView {
-    let actors = view.actors.iter().map(|actor| Actor {
-        slot: actor.slot,
-        pose: actor.pose.clone(),
-        light: match actor.light {
-            yoto_film::Light::Own => Light::Own,
-            yoto_film::Light::Neutral => Light::Neutral,
-            yoto_film::Light::Of { slot, rotation } => Light::Of {
-                slot,
-                turn: rotation,
-            },
-        },
-    });
     SceneView {
-        actors: actors.collect(),
+        actors: view.actors.clone(),
         camera: view.camera.clone(),
         background: view.background,
     }

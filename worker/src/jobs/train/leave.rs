@@ -4,7 +4,7 @@
 use crate::jobs::checkpoint::{Saved, first_whole, local, publish};
 use crate::jobs::{JobContext, JobFailure};
 use std::time::Instant;
-use yoto_avatar::train::leaving::{Certificate, Trunk, remove_person};
+use yoto_avatar::train::leaving::{Certificate, SharedWeights, remove_person};
 use yoto_proto::manifest::files;
 use yoto_proto::v1::{Checkpoint, RemovedPerson, TrainResult, TrainSpec};
 use yoto_proto::worker::v1::Inputs;
@@ -78,7 +78,7 @@ fn told(certificate: &Certificate) -> RemovedPerson {
     let removed = &certificate.removed;
     RemovedPerson {
         step: certificate.step,
-        trunk_saw_them: certificate.trunk == Trunk::SawThem,
+        trunk_saw_them: certificate.shared_weights == SharedWeights::SawThem,
         tensors: removed.tensors.len() as u32,
         moments: removed.moments as u32,
         files: removed.files.len() as u32,

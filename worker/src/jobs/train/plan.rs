@@ -7,7 +7,7 @@ use std::time::Duration;
 use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Validation};
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Validation};
 use yoto_proto::{
     checks::train,
     manifest::Manifest,
@@ -118,7 +118,7 @@ impl Plan {
         &self,
         context: &JobContext,
         inputs: &Inputs,
-    ) -> Result<Vec<Person>, JobFailure> {
+    ) -> Result<Vec<TrainPerson>, JobFailure> {
         let mut people = Vec::new();
         for (done, slot) in self.slots.iter().enumerate() {
             context.check()?;
@@ -127,7 +127,7 @@ impl Plan {
             let shard = Arc::unwrap_or_clone(shard).kept_in(&context.scratch);
             let shard =
                 shard.map_err(|error| JobFailure::machine("the film of a person", &error))?;
-            people.push(Person {
+            people.push(TrainPerson {
                 slot: slot.slot as usize,
                 name,
                 shard: Arc::new(shard),

@@ -1,11 +1,11 @@
 //! The files of a frame, which have the same names in both forms of a capture.
 
+use crate::ImportError;
 use crate::pictures::{Mask, MaskKind, PictureFiles};
 use crate::source::Source;
-use yoto_client::ClientError;
 
 /// The image and the mask of a frame by its name.
-pub(super) fn files(source: &Source, name: &str, frame: u32) -> Result<PictureFiles, ClientError> {
+pub(super) fn files(source: &Source, name: &str, frame: u32) -> Result<PictureFiles, ImportError> {
     if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
         let message = format!("'{name}' is not a file name");
         return Err(source.fault("BAD_NAME", "images", Some(frame), name, message));

@@ -4,12 +4,12 @@ mod frame_files;
 mod prepared;
 mod wild;
 
+use crate::ImportError;
 use crate::source::Source;
 use crate::{Imported, Options};
-use yoto_client::ClientError;
 
 /// Reads whichever form the files have; the prepared one if they have both.
-pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     if source.has(wild::METADATA) && !source.has(prepared::BODIES) {
         wild::read(source, options)
     } else {

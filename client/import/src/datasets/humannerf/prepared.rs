@@ -11,11 +11,11 @@
 //! from the first pixel's centre.
 
 use super::frame_files::files;
+use crate::ImportError;
 use crate::pictures::{PictureFiles, Pictures, image_size};
-use crate::source::{Data, Faulty, Part, Source};
-use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
-use crate::{Found, Imported, Options};
-use yoto_client::ClientError;
+use crate::source::{Faulty, FileData, Part, Source};
+use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 use yoto_proto::pose_track::NO_DISTORTION;
 use yoto_proto::smpl::JOINTS;
 
@@ -24,14 +24,14 @@ pub(super) const BODIES: &str = "mesh_infos.pkl";
 const CANONICAL: &str = "canonical_joints.pkl";
 
 /// A frame's body, camera, lens and files.
-struct Seen {
-    placed: Placed,
+struct PreparedFrame {
+    placed: WorldPose,
     camera: Camera,
     distortion: [f64; 5],
     files: PictureFiles,
 }
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     if options.rest_joints.is_some() {
         let message = "the capture has its own rest joints, and --rest-joints is not read";
         return Err(source.fault("UNREAD_OPTION", CANONICAL, None, "", message));
@@ -80,22 +80,22 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(pictures),
         available: entries.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
 fn frame(
     source: &Source,
-    cameras: &Data<'_>,
+    cameras: &FileData<'_>,
     name: &str,
     body: &Part<'_>,
     index: u32,
-) -> Result<Seen, ClientError> {
+) -> Result<PreparedFrame, ImportError> {
     let body = body.clone().of_frame(index);
     let camera = cameras.root().of_frame(index).get(name)?;
     let rest = body.get("tpose_joints")?.rows::<3>()?;
-    Ok(Seen {
-        placed: Placed::about_origin(
+    Ok(PreparedFrame {
+        placed: WorldPose::about_origin(
             body.get("poses")?.smpl_pose()?,
             body.get("Rh")?.fixed()?,
             body.get("Th")?.fixed()?,

@@ -6,17 +6,17 @@
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
 use super::frame_files::files;
+use crate::ImportError;
 use crate::pictures::{PictureFiles, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::{Faulty, Part, Source};
-use crate::track::{Camera, Placed, SmplPose, empty_track, mean, smpl_skeleton};
-use crate::{Found, Imported, Options, Pictures};
-use yoto_client::ClientError;
+use crate::track::{Camera, SmplPose, WorldPose, empty_track, mean, smpl_skeleton};
+use crate::{Findings, Imported, Options, Pictures};
 
 pub(super) const METADATA: &str = "metadata.json";
 
 /// A frame's body, camera and files.
-struct Seen {
+struct WildFrame {
     index: u32,
     betas: Vec<f64>,
     pose: SmplPose,
@@ -24,7 +24,7 @@ struct Seen {
     files: PictureFiles,
 }
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let rest = RestJoints::needed(options, source, METADATA)?;
     let metadata = source.data(METADATA, None)?;
     let entries = metadata.root().entries()?;
@@ -51,7 +51,8 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         .iter()
         .map(|it| {
             let pelvis = rest.joints(&it.betas).first().copied().unwrap_or_default();
-            Placed::about_pelvis(it.pose, [0.0; 3], pelvis).frame(it.index, rest_root, &it.camera)
+            WorldPose::about_pelvis(it.pose, [0.0; 3], pelvis)
+                .frame(it.index, rest_root, &it.camera)
         })
         .collect();
     Ok(Imported {
@@ -59,13 +60,18 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures: Pictures::Files(seen.into_iter().map(|it| it.files).collect()),
         available: entries.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
-fn frame(source: &Source, name: &str, part: &Part<'_>, index: u32) -> Result<Seen, ClientError> {
+fn frame(
+    source: &Source,
+    name: &str,
+    part: &Part<'_>,
+    index: u32,
+) -> Result<WildFrame, ImportError> {
     let part = part.clone().of_frame(index);
-    Ok(Seen {
+    Ok(WildFrame {
         index,
         files: files(source, name, index)?,
         betas: part.get("betas")?.vector()?,

@@ -1,16 +1,16 @@
 //! The reader of PeopleSnapshot's files.
 
 use super::{CAMERA, MASKS, POSES};
+use crate::ImportError;
 use crate::geometry::{extrinsics, rodrigues};
 use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::hdf5::Hdf5;
 use crate::source::{Faulty, Source, not_finite};
-use crate::track::{Camera, Placed, empty_track, smpl_skeleton};
-use crate::{Found, Imported, Options};
-use yoto_client::ClientError;
+use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
+use crate::{Findings, Imported, Options};
 
-pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let rest = RestJoints::needed(options, source, POSES)?;
     let (camera, distortion, size) = camera(source)?;
     let poses = Hdf5::open(source, POSES)?;
@@ -45,7 +45,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         if faulty.keep(read)?.is_none() {
             continue;
         }
-        let placed = Placed::about_pelvis(pose[position], trans[position], pelvis);
+        let placed = WorldPose::about_pelvis(pose[position], trans[position], pelvis);
         track
             .frames
             .push(placed.frame(position as u32, pelvis, &camera));
@@ -75,7 +75,7 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, Clien
         pictures,
         available: pose.len(),
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
@@ -84,7 +84,7 @@ fn images(
     masks: Vec<Vec<Mask>>,
     frames: &[yoto_proto::pose_track::Frame],
     size: [u32; 2],
-) -> Result<Pictures, ClientError> {
+) -> Result<Pictures, ImportError> {
     let names = source.list("images", &[".png", ".jpg"])?;
     let first = frames.first().map(|frame| frame.index);
     let file = |(frame, masks): (&yoto_proto::pose_track::Frame, Vec<Mask>)| {
@@ -104,10 +104,10 @@ fn images(
         })
     };
     let files = frames.iter().zip(masks).map(file);
-    Ok(Pictures::Files(files.collect::<Result<_, ClientError>>()?))
+    Ok(Pictures::Files(files.collect::<Result<_, ImportError>>()?))
 }
 
-fn camera(source: &Source) -> Result<(Camera, [f64; 5], [u32; 2]), ClientError> {
+fn camera(source: &Source) -> Result<(Camera, [f64; 5], [u32; 2]), ImportError> {
     let data = source.data(CAMERA, None)?;
     let root = data.root();
     let [fx, fy] = root.get("camera_f")?.fixed()?;
@@ -115,7 +115,7 @@ fn camera(source: &Source) -> Result<(Camera, [f64; 5], [u32; 2]), ClientError> 
     let k = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]];
     let turned = rodrigues(root.get("camera_rt")?.fixed()?);
     let e = extrinsics(&turned, root.get("camera_t")?.fixed()?);
-    let side = |key: &str| Ok::<_, ClientError>(root.get(key)?.number()? as u32);
+    let side = |key: &str| Ok::<_, ImportError>(root.get(key)?.number()? as u32);
     Ok((
         Camera::from_centres(k, e),
         root.get("camera_k")?.fixed()?,

@@ -12,24 +12,24 @@
 #[cfg(feature = "hdf5")]
 mod capture;
 
+use crate::ImportError;
 use crate::source::Source;
 use crate::{Imported, Options};
-use yoto_client::ClientError;
 
 const CAMERA: &str = "camera.pkl";
 const POSES: &str = "reconstructed_poses.hdf5";
 const MASKS: &str = "masks.hdf5";
 
-/// Files by which it is recognised.
+/// The files of a folder that is recognised.
 pub(crate) const MARKS: &[&str] = &[POSES, CAMERA];
 
 #[cfg(feature = "hdf5")]
-pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     capture::read(source, options)
 }
 
 #[cfg(not(feature = "hdf5"))]
-pub(crate) fn read(source: &Source, _options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Source, _options: &Options) -> Result<Imported, ImportError> {
     let message = format!(
         "PeopleSnapshot's {POSES} and {MASKS} need a reader of HDF5, which this client was built \
          without: {}",

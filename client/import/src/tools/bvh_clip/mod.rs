@@ -9,14 +9,14 @@
 mod reading;
 
 use super::opencv::calibration;
+use crate::ImportError;
 use crate::clip::{Clip, fault, left_out};
 use crate::motion::{Motion, MotionOptions, read_bvh};
 use crate::proof::Masks;
 use crate::source::Source;
-use crate::{Found, Imported, Options};
-use reading::{Body, choose};
+use crate::{Findings, Imported, Options};
+use reading::{FilmedMotion, choose};
 use std::path::Path;
-use yoto_client::ClientError;
 
 /// Whether `path` is a BVH file by its name.
 pub(crate) fn fits(path: &Path) -> bool {
@@ -28,7 +28,7 @@ pub(crate) fn fits(path: &Path) -> bool {
 ///
 /// # Errors
 /// When the files are wrong, or of another clip; when no reading agrees with the masks.
-pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientError> {
+pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportError> {
     let Some(at) = options.poses.as_deref() else {
         let message =
             "a BVH file comes with the clip that it is of: yoto import CLIP --poses FILE.bvh";
@@ -63,7 +63,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         (None, None) => Vec::new(),
     };
     let masks = masks.into_iter().filter_map(Masks::by_frame).collect();
-    let body = Body {
+    let body = FilmedMotion {
         scale: unit(&motion, at, &mut notes)?,
         motion: &motion,
         up,
@@ -104,7 +104,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ClientE
         available: clip.frames,
         track,
         notes,
-        found: Found::default(),
+        found: Findings::default(),
     })
 }
 
@@ -126,7 +126,7 @@ fn summary(motion: &Motion, options: &Options) -> String {
 }
 
 /// Metres per unit of the file: the unit that gives the person a plausible size.
-fn unit(motion: &Motion, at: &Path, notes: &mut Vec<String>) -> Result<f64, ClientError> {
+fn unit(motion: &Motion, at: &Path, notes: &mut Vec<String>) -> Result<f64, ImportError> {
     /// Units, and metres in each.
     const UNITS: [(&str, f64); 3] = [
         ("metres", 1.0),
@@ -164,8 +164,8 @@ fn numbers(
     fps: f64,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<impl Fn(usize) -> Option<usize> + use<>, ClientError> {
-    /// Share by which rates of the same clip differ, by rounding.
+) -> Result<impl Fn(usize) -> Option<usize> + use<>, ImportError> {
+    /// Rates of the same clip differ by at most this share, because of rounding.
     const SAME: f64 = 0.01;
     /// Motions that are longer than the clip by more than this share belong to another clip.
     const LONGER: f64 = 1.1;

@@ -1,5 +1,6 @@
-//! What the numbers of a BVH file mean before the camera, by the masks.
+//! Finds what the numbers of a BVH file mean before the camera, by masks.
 
+use crate::ImportError;
 use crate::clip::fault;
 use crate::geometry::{Mat3, extrinsics, matmul, matvec, scale, sub, transpose};
 use crate::motion::{Motion, Up};
@@ -9,13 +10,11 @@ use crate::tools::opencv::Calibration;
 use crate::track::{Camera, empty_track};
 use std::collections::BTreeMap;
 use std::path::Path;
-use yoto_client::ClientError;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
-/// By how much a reading must agree better for each assumption in which it differs from the documented
-/// one.
+/// A reading must agree better by this much for each assumption that differs from the documented reading.
 const BETTER: f64 = 0.05;
-/// Readings named by an error.
+/// An error names at most this number of readings.
 const NAMED: usize = 5;
 /// From axes with y up, of a camera that looks along −z, to the camera's; and of one that looks along +z.
 const ALONG: [Mat3; 2] = [
@@ -23,8 +22,8 @@ const ALONG: [Mat3; 2] = [
     [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]],
 ];
 
-/// A motion before a camera, of which not everything is sure.
-pub(super) struct Body<'a> {
+/// A motion before a camera, whose axes and units are not sure.
+pub(super) struct FilmedMotion<'a> {
     pub motion: &'a Motion,
     /// Metres per unit.
     pub scale: f64,
@@ -54,7 +53,7 @@ struct Reading {
 }
 
 impl Reading {
-    fn words(&self, body: &Body<'_>) -> String {
+    fn words(&self, body: &FilmedMotion<'_>) -> String {
         let camera = match (
             body.calibration.is_some_and(|it| it.e.is_some()),
             self.other_camera,
@@ -79,7 +78,7 @@ impl Reading {
     }
 }
 
-impl Body<'_> {
+impl FilmedMotion<'_> {
     /// All readings, the documented one first.
     fn readings(&self) -> Vec<Reading> {
         let focals = match (self.focal, self.calibration) {
@@ -161,16 +160,16 @@ impl Body<'_> {
     }
 }
 
-/// The track of the reading that agrees best with masks, those of `all` with which it does, and a note.
+/// The track of the reading that agrees best with masks, these masks of `all`, and a note.
 ///
 /// # Errors
 /// When none agrees.
 pub(super) fn choose(
-    body: &Body<'_>,
+    body: &FilmedMotion<'_>,
     all: Vec<MasksByFrame>,
     at: &Path,
     notes: &mut Vec<String>,
-) -> Result<(PoseTrack, Option<BTreeMap<usize, Mask>>), ClientError> {
+) -> Result<(PoseTrack, Option<BTreeMap<usize, Mask>>), ImportError> {
     let readings = body.readings();
     let documented = readings[0];
     if all.is_empty() {

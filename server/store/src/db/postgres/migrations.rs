@@ -3,83 +3,52 @@
 use super::advice::refusal;
 use super::failures::During;
 use crate::StoreError;
-use crate::db::schema::{self, Found};
-use sqlx::migrate::{Migration, MigrationType, Migrator};
-use sqlx::{Executor, PgPool, Row, SqlSafeStr};
+use crate::db::schema::{self, Found, START, State, Steps, step};
+use sqlx::migrate::Migration;
+use sqlx::{Executor, PgPool, Row};
 
-/// The schema, step by step. The first step makes all that SQLite's steps up to the same number make; from there on, each
-/// step has its counterpart there.
-pub fn migrations() -> Migrator {
-    let init = include_str!("../../../../../migrations/postgres/0021_init.sql").into_sql_str();
-    let shared =
-        include_str!("../../../../../migrations/postgres/0022_shared_state.sql").into_sql_str();
-    let parts =
-        include_str!("../../../../../migrations/postgres/0023_upload_parts.sql").into_sql_str();
-    let operators =
-        include_str!("../../../../../migrations/postgres/0024_operators.sql").into_sql_str();
-    let several = include_str!("../../../../../migrations/postgres/0025_several_coordinators.sql")
-        .into_sql_str();
-    let keys = include_str!("../../../../../migrations/postgres/0026_keys.sql").into_sql_str();
-    let consents =
-        include_str!("../../../../../migrations/postgres/0027_consents.sql").into_sql_str();
-    let traces = include_str!("../../../../../migrations/postgres/0028_traces.sql").into_sql_str();
-    let quotas = include_str!("../../../../../migrations/postgres/0029_quotas.sql").into_sql_str();
-    let audit = include_str!("../../../../../migrations/postgres/0030_audit.sql").into_sql_str();
-    let shares = include_str!("../../../../../migrations/postgres/0031_shares.sql").into_sql_str();
-    let films = include_str!("../../../../../migrations/postgres/0032_films.sql").into_sql_str();
-    let webhooks =
-        include_str!("../../../../../migrations/postgres/0033_webhooks.sql").into_sql_str();
-    let rates = include_str!("../../../../../migrations/postgres/0034_rates.sql").into_sql_str();
-    let retraining =
-        include_str!("../../../../../migrations/postgres/0035_retraining.sql").into_sql_str();
-    let aliases =
-        include_str!("../../../../../migrations/postgres/0036_aliases.sql").into_sql_str();
-    let evidence =
-        include_str!("../../../../../migrations/postgres/0037_evidence.sql").into_sql_str();
-    let sessions =
-        include_str!("../../../../../migrations/postgres/0038_sessions.sql").into_sql_str();
-    let step = |version, name: &'static str, sql| {
-        Migration::new(version, name.into(), MigrationType::Simple, sql, false)
-    };
-    Migrator::with_migrations(vec![
-        step(21, "init", init),
-        step(22, "shared state", shared),
-        step(23, "upload parts", parts),
-        step(24, "operators", operators),
-        step(25, "several coordinators", several),
-        step(26, "keys", keys),
-        step(27, "consents", consents),
-        step(28, "traces", traces),
-        step(29, "quotas", quotas),
-        step(30, "audit", audit),
-        step(31, "shares", shares),
-        step(32, "films", films),
-        step(33, "webhooks", webhooks),
-        step(34, "rates", rates),
-        step(35, "retraining", retraining),
-        step(36, "aliases", aliases),
-        step(37, "evidence", evidence),
-        step(38, "sessions", sessions),
-    ])
+/// The steps of the schema. Each has its counterpart in SQLite's.
+pub fn steps() -> Steps {
+    let start = include_str!("../../../../../migrations/postgres/0039_start.sql");
+    Steps {
+        start: step(START, "start", start),
+        later: Vec::new(),
+        replaced: "efb18b53a83bb969dd1676eadbe1d09f89d5193a2b024224fc4d4c91b09f5856".to_owned(),
+    }
 }
 
 /// Brings the schema up to date, unless the database is one that this program can't use.
 ///
 /// # Errors
-/// When the database is of another program or a newer version, or fails.
-pub async fn run(pool: &PgPool) -> Result<(), StoreError> {
-    let migrations = migrations();
-    schema::check(&migrations, &found(pool).await?)?;
-    let done = migrations.run(pool).await.map_err(sqlx::Error::from);
+/// When the database is of another program, a newer version or one that is too early, or fails.
+pub async fn run(pool: &PgPool, steps: &Steps) -> Result<(), StoreError> {
+    if schema::state(steps, &found(pool).await?)? == State::Replaced {
+        let done = take_over(pool, &steps.start).await;
+        done.map_err(|error| refusal(error, &pool.connect_options()))?;
+    }
+    let done = steps.migrator().run(pool).await.map_err(sqlx::Error::from);
     done.map_err(|error| refusal(error, &pool.connect_options()))
+}
+
+/// Replaces the records of the steps before the start.
+async fn take_over(pool: &PgPool, start: &Migration) -> Result<(), sqlx::Error> {
+    let mut tx = pool.begin().await?;
+    let forgotten = sqlx::query(schema::FORGET).bind(start.version);
+    forgotten.execute(&mut *tx).await?;
+    let recorded = sqlx::query(schema::RECORD)
+        .bind(start.version)
+        .bind(&*start.description)
+        .bind(&*start.checksum);
+    recorded.execute(&mut *tx).await?;
+    tx.commit().await
 }
 
 /// Whether the schema has to be brought up to date.
 ///
 /// # Errors
 /// As [`run`].
-pub async fn are_pending(pool: &PgPool) -> Result<bool, StoreError> {
-    schema::are_pending(&migrations(), &found(pool).await?)
+pub async fn are_pending(pool: &PgPool, steps: &Steps) -> Result<bool, StoreError> {
+    schema::are_pending(steps, &found(pool).await?)
 }
 
 /// Refuses a schema that a newer version has changed.
@@ -87,7 +56,7 @@ pub async fn are_pending(pool: &PgPool) -> Result<bool, StoreError> {
 /// # Errors
 /// As [`run`].
 pub async fn are_known(pool: &PgPool) -> Result<(), StoreError> {
-    schema::check(&migrations(), &found(pool).await?)
+    schema::state(&steps(), &found(pool).await?).map(drop)
 }
 
 /// What the database contains.

@@ -18,8 +18,9 @@ mod url;
 pub use notices::Listener;
 pub use url::{PostgresUrl, UrlError};
 
+use super::schema::{self, Steps};
 use super::statement::query;
-use super::{Lock, Statement, schema};
+use super::{Lock, Statement};
 use crate::StoreError;
 use answer::{PATIENCE, within};
 use failures::During;
@@ -63,10 +64,14 @@ enum Held {
 impl Postgres {
     /// Opens the database, and brings its schema up to date. Other coordinators of this version may use it at the same time.
     pub async fn open(url: &PostgresUrl) -> Result<Self, StoreError> {
+        Self::open_with(url, &migrations::steps()).await
+    }
+
+    async fn open_with(url: &PostgresUrl, steps: &Steps) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
         let pool = connections::pool(options.clone(), PATIENCE).await?;
-        let pending = async || migrations::are_pending(&pool).await;
-        let upgrade = async || migrations::run(&pool).await;
+        let pending = async || migrations::are_pending(&pool, steps).await;
+        let upgrade = async || migrations::run(&pool, steps).await;
         let guard = Guard::take(options, pending, upgrade).await?;
         Ok(Self::new(pool, guard, PATIENCE))
     }
@@ -89,7 +94,8 @@ impl Postgres {
     pub async fn inspect(url: &PostgresUrl) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
         let pool = connections::pool(options.clone(), PATIENCE).await?;
-        let pending = async || match migrations::are_pending(&pool).await? {
+        let steps = migrations::steps();
+        let pending = async || match migrations::are_pending(&pool, &steps).await? {
             true => Err(schema::outdated()),
             false => Ok(false),
         };

@@ -1,15 +1,25 @@
 //! Databases that PostgreSQL's driver brings up to date, and those that it refuses.
 
-use super::migrations::migrations;
+use super::Postgres;
+use super::migrations::steps;
 use crate::Tenant;
+use crate::db::schema::{START, Steps, with_a_later_step};
+use crate::db::taken_over::{
+    NOW, a_render_without_a_checkpoint_keeps_it, jobs_go_on, uploads_go_on,
+};
+use crate::db::{Driver, sqlite};
 use crate::stage::{running_job_goes_on, taken_back_from_the_process_before};
 use crate::{NewSubject, Store, StoreError};
-use sqlx::postgres::PgConnectOptions;
+use sqlx::migrate::Migration;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use yoto_process::clock::{ManualClock, SystemClock};
 use yoto_test_postgres::{Database, is_there};
+
+/// A database of the last schema before the start, with rows in every table.
+const BEFORE: &str = include_str!("../../../tests/data/step_38.postgres.sql");
 
 async fn open(database: &Database) -> Result<Store, StoreError> {
     let url = database.url().parse().expect("an address");
@@ -36,29 +46,29 @@ fn person() -> NewSubject {
     }
 }
 
-/// Steps have the same numbers and names as SQLite's, from the first one on, which stands for SQLite's steps up to its number.
+/// Steps have the same numbers and names as SQLite's.
 #[test]
 fn both_databases_have_the_same_steps() {
-    let steps = |folder: &str| {
-        let folder = format!("{}/../migrations/{folder}", env!("CARGO_MANIFEST_DIR"));
+    let files = |folder: &str| {
+        let folder = format!("{}/../../migrations/{folder}", env!("CARGO_MANIFEST_DIR"));
         let files = std::fs::read_dir(folder).expect("a folder");
         let names = files.map(|it| it.expect("a file").file_name());
         let mut names: Vec<String> = names.map(|it| it.into_string().expect("UTF-8")).collect();
         names.sort();
         names
     };
-    let (sqlite, postgres) = (steps("sqlite"), steps("postgres"));
-    let (init, later) = postgres.split_first().expect("a first step");
-    let base = init.strip_suffix("_init.sql").expect("its name");
-    let (earlier, same): (Vec<_>, Vec<_>) = sqlite.into_iter().partition(|it| &it[..4] <= base);
-    assert_eq!(earlier.last().map(|it| &it[..4]), Some(base));
-    assert_eq!(same, later);
-    let known: Vec<String> = migrations()
-        .iter()
-        .map(|it| format!("{:04}", it.version))
-        .collect();
-    let files: Vec<&str> = postgres.iter().map(|it| &it[..4]).collect();
-    assert_eq!(known, files, "each file is a step of the program");
+    let known = |steps: &Steps| {
+        let migrator = steps.migrator();
+        let name = |it: &Migration| format!("{:04}_{}.sql", it.version, it.description);
+        let names: Vec<String> = migrator
+            .iter()
+            .map(|it| name(it).replace(' ', "_"))
+            .collect();
+        names
+    };
+    assert_eq!(known(&steps()), files("postgres"));
+    assert_eq!(known(&sqlite::steps()), files("sqlite"));
+    assert_eq!(files("sqlite"), files("postgres"));
 }
 
 #[tokio::test]
@@ -108,67 +118,153 @@ async fn a_database_that_is_up_to_date_opens_again() {
     assert_eq!(store.subject(&own, id).await.expect("is kept"), made);
 }
 
-/// What a service of each earlier schema has while a worker trains: a RUNNING job with its lease and its pins.
-const RUNNING: &str = r"
-    INSERT INTO subjects (id, display_name, consent_note, create_time, tenant) VALUES ('s', 'Ada', '', 1.5, 'default');
-    INSERT INTO captures (id, subject, state, shard_key, shard_bytes, shard_sha256, create_time, idle_since)
-        VALUES ('c', 's', 'READY', 'k', 1, 'x', 1.5, 1.5);
-    INSERT INTO models (id, display_name, tier, variant, create_time, tenant)
-        VALUES ('m', 'm', 'draft', 'yoto', 1.5, 'default');
-    INSERT INTO slots (model, slot, subject) VALUES ('m', 0, 's');
-    INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes, create_time, tenant)
-        VALUES ('w', 'w', 'cpu', 'cpu', 0, 0, 1.5, 'default');
-    INSERT INTO worker_kinds VALUES ('w', 'train');
-    INSERT INTO jobs (id, kind, model, state, spec, lease, last_token, worker, lease_deadline, create_time, tenant)
-        VALUES ('j', 'train', 'm', 'RUNNING', '\x120A0A086D6F64656C732F6D', 77, 77, 'w', 1e10, 1.5, 'default');
-    INSERT INTO job_attempts (job, lease, worker, begin_time) VALUES ('j', 77, 'w', 1.5);
-    INSERT INTO job_captures (job, subject, capture) VALUES ('j', 's', 'c');
-    INSERT INTO lease_clock (id, last_tick) VALUES (1, 1.5);
-";
-
-/// A database with the schema of `version` and a running job, opened by this program.
-async fn upgraded(database: &Database, version: i64) -> Store {
-    let options: PgConnectOptions = database.url().parse().expect("an address");
-    let mut connection = options.connect().await.expect("connects");
-    let done = migrations().run_to(version, &mut connection).await;
-    done.expect("the old schema");
-    database.run(RUNNING);
-    open_at(database, Arc::new(ManualClock::at(2.0))).await
-}
-
-#[tokio::test]
-async fn a_running_job_goes_on_after_the_upgrade_of_each_earlier_schema() {
-    if !is_there() {
-        return;
-    }
-    let versions: Vec<i64> = migrations().iter().map(|it| it.version).collect();
-    let (_, earlier) = versions.split_last().expect("a schema");
-    for version in earlier {
-        let database = Database::create().expect("PostgreSQL");
-        let store = upgraded(&database, *version).await;
-        let own = Tenant::default();
-        running_job_goes_on(&store, 1).await;
-        let again = store.lease_job(&own, "w", "", false, 20.0).await;
-        let again = again.expect("answers").leased;
-        assert_eq!(
-            again.map(|it| it.job.name),
-            None,
-            "a worker of before understands no orders"
-        );
-    }
-}
-
-#[tokio::test]
-async fn a_job_of_the_process_before_the_upgrade_is_taken_back() {
-    if !is_there() {
-        return;
-    }
-    let versions = migrations();
-    let first = versions.iter().map(|it| it.version).min();
+/// Makes [`BEFORE`] and changes it.
+fn before(more: &str) -> Database {
     let database = Database::create().expect("PostgreSQL");
-    let store = upgraded(&database, first.expect("a schema")).await;
-    database.run("UPDATE workers SET embedded = 1");
+    database.run(BEFORE);
+    database.run(more);
+    database
+}
+
+/// The database, opened by a program that is newer by one step.
+async fn open_later(database: &Database) -> Result<Store, StoreError> {
+    let url = database.url().parse().expect("an address");
+    let opened = Postgres::open_with(&url, &with_a_later_step(steps())).await?;
+    Ok(Store::of(crate::db::Database {
+        driver: Driver::Postgres(opened.into()),
+        clock: Arc::new(ManualClock::at(NOW)),
+    }))
+}
+
+/// The rows of each table but that of the steps.
+fn rows(database: &Database) -> BTreeMap<String, String> {
+    let tables = database.run(
+        "SELECT tablename FROM pg_tables WHERE schemaname = 'public' AND tablename <> '_sqlx_migrations'",
+    );
+    let rows = |table: &str| database.run(&format!("SELECT t::text FROM {table} t ORDER BY 1"));
+    let tables = tables.lines().map(|it| (it.to_owned(), rows(it)));
+    tables.collect()
+}
+
+/// Columns, constraints, indices and views.
+fn schema(database: &Database) -> String {
+    database.run(
+        "SELECT concat_ws(' ', table_name, column_name, data_type, collation_name, is_nullable, column_default,
+                          identity_generation) AS line
+         FROM information_schema.columns WHERE table_schema = 'public' AND table_name <> '_sqlx_migrations'
+         UNION ALL SELECT concat_ws(' ', conrelid::regclass, conname, pg_get_constraintdef(oid)) FROM pg_constraint
+         WHERE connamespace = 'public'::regnamespace AND conrelid <> '_sqlx_migrations'::regclass
+         UNION ALL SELECT indexdef FROM pg_indexes WHERE schemaname = 'public' AND tablename <> '_sqlx_migrations'
+         UNION ALL SELECT viewname || ' ' || definition FROM pg_views WHERE schemaname = 'public'
+         ORDER BY 1",
+    )
+}
+
+#[tokio::test]
+async fn the_last_schema_before_the_start_is_taken_over_with_its_rows() {
+    if !is_there() {
+        return;
+    }
+    let database = before("");
+    let (rows_before, schema_before) = (rows(&database), schema(&database));
+    let empty: Vec<_> = rows_before
+        .iter()
+        .filter(|(_, rows)| rows.is_empty())
+        .collect();
+    assert!(empty.is_empty(), "{empty:?}");
+    open(&database).await.expect("takes over").close().await;
+    open(&database).await.expect("opens again").close().await;
+    assert_eq!(rows(&database), rows_before);
+    let steps = "SELECT version, description, success FROM _sqlx_migrations";
+    assert_eq!(database.run(steps), format!("{START}|start|t"));
+
+    let fresh = Database::create().expect("PostgreSQL");
+    open(&fresh).await.expect("opens").close().await;
+    assert_eq!(schema(&database), schema_before);
+    assert_eq!(schema(&fresh), schema_before);
+}
+
+#[tokio::test]
+async fn jobs_and_uploads_go_on_after_a_take_over() {
+    if !is_there() {
+        return;
+    }
+    let database = before(
+        "INSERT INTO jobs (id, kind, model, spec, create_time, tenant)
+         VALUES ('looks', 'render', 'm', '', 1.5, 'default')",
+    );
+    let store = open_at(&database, Arc::new(ManualClock::at(NOW))).await;
+    a_render_without_a_checkpoint_keeps_it(&store).await;
+    jobs_go_on(&store).await;
+    uploads_go_on(&store).await;
+}
+
+#[tokio::test]
+async fn a_job_of_the_process_before_the_take_over_is_taken_back() {
+    if !is_there() {
+        return;
+    }
+    let database = before("UPDATE workers SET embedded = 1");
+    let store = open_at(&database, Arc::new(ManualClock::at(NOW))).await;
     taken_back_from_the_process_before(&store).await;
+}
+
+#[tokio::test]
+async fn an_earlier_schema_is_refused_with_the_program_that_brings_it_on() {
+    if !is_there() {
+        return;
+    }
+    let database = before("DELETE FROM _sqlx_migrations WHERE version > 31");
+    let rows_before = rows(&database);
+    let early = refusal(&database).await;
+    assert!(
+        early.contains("has schema 31")
+            && early.contains("the program of 28 November 2026 (commit 5ce29de0)")
+            && early.contains("brings it to schema 38"),
+        "{early}"
+    );
+    assert_eq!(rows(&database), rows_before);
+    let last = database.run("SELECT max(version) FROM _sqlx_migrations");
+    assert_eq!(last, "31");
+}
+
+#[tokio::test]
+async fn a_later_step_waits_for_coordinators_of_this_version_and_lets_no_others_in() {
+    if !is_there() {
+        return;
+    }
+    let database = before("");
+    let clock = Arc::new(ManualClock::at(NOW));
+    let store = open_at(&database, clock).await;
+    let refused = open_later(&database).await.expect_err("it is in use");
+    let refused = refused.to_string();
+    assert!(refused.contains("of another version"), "{refused}");
+    let renewed = store.db.renew().await;
+    renewed.expect("the schema is that of before");
+    store.close().await;
+
+    let later = open_later(&database).await;
+    let later = later.expect("brings it up to date");
+    running_job_goes_on(&later).await;
+    let newer = refusal(&database).await;
+    assert!(
+        newer.contains("has schema 40") && newer.contains("up to 39"),
+        "{newer}"
+    );
+    later.close().await;
+    let column = database.run("SELECT later FROM jobs WHERE id = 'j'");
+    assert_eq!(column, "7");
+}
+
+#[tokio::test]
+async fn a_running_job_goes_on_after_a_take_over_and_a_later_step_at_once() {
+    if !is_there() {
+        return;
+    }
+    let database = before("");
+    let later = open_later(&database).await;
+    let later = later.expect("brings it up to date");
+    running_job_goes_on(&later).await;
 }
 
 #[tokio::test]

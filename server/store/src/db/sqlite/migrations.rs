@@ -2,125 +2,50 @@
 
 use super::failures::During;
 use crate::StoreError;
-use crate::db::schema::{self, Found};
-use sqlx::migrate::{Migration, MigrationType, Migrator};
-use sqlx::{Executor, Row, SqlSafeStr, SqlitePool};
+use crate::db::schema::{self, Found, START, State, Steps, step};
+use sqlx::migrate::Migration;
+use sqlx::{Executor, Row, SqlitePool};
 
-/// The schema, step by step.
-pub fn migrations() -> Migrator {
-    let init = include_str!("../../../../../migrations/sqlite/0001_init.sql").into_sql_str();
-    let evaluate =
-        include_str!("../../../../../migrations/sqlite/0002_evaluate_jobs.sql").into_sql_str();
-    let tradeoffs =
-        include_str!("../../../../../migrations/sqlite/0003_tradeoffs.sql").into_sql_str();
-    let retries = include_str!("../../../../../migrations/sqlite/0004_retries.sql").into_sql_str();
-    let slots =
-        include_str!("../../../../../migrations/sqlite/0005_trained_slots.sql").into_sql_str();
-    let frames =
-        include_str!("../../../../../migrations/sqlite/0006_frame_numbers.sql").into_sql_str();
-    let shards =
-        include_str!("../../../../../migrations/sqlite/0007_checkpoint_shards.sql").into_sql_str();
-    let storage = include_str!("../../../../../migrations/sqlite/0008_storage.sql").into_sql_str();
-    let jobs = include_str!("../../../../../migrations/sqlite/0009_jobs.sql").into_sql_str();
-    let uploads = include_str!("../../../../../migrations/sqlite/0010_uploads.sql").into_sql_str();
-    let ranges =
-        include_str!("../../../../../migrations/sqlite/0011_render_ranges.sql").into_sql_str();
-    let models =
-        include_str!("../../../../../migrations/sqlite/0012_scene_models.sql").into_sql_str();
-    let exports =
-        include_str!("../../../../../migrations/sqlite/0013_export_jobs.sql").into_sql_str();
-    let clock =
-        include_str!("../../../../../migrations/sqlite/0014_clock_steps.sql").into_sql_str();
-    let tenants = include_str!("../../../../../migrations/sqlite/0015_tenants.sql").into_sql_str();
-    let stamps = include_str!("../../../../../migrations/sqlite/0016_stamps.sql").into_sql_str();
-    let metrics =
-        include_str!("../../../../../migrations/sqlite/0017_job_metrics.sql").into_sql_str();
-    let levels =
-        include_str!("../../../../../migrations/sqlite/0018_order_levels.sql").into_sql_str();
-    let files =
-        include_str!("../../../../../migrations/sqlite/0019_capture_objects.sql").into_sql_str();
-    let turns =
-        include_str!("../../../../../migrations/sqlite/0021_turns_of_tenants.sql").into_sql_str();
-    let shared =
-        include_str!("../../../../../migrations/sqlite/0022_shared_state.sql").into_sql_str();
-    let parts =
-        include_str!("../../../../../migrations/sqlite/0023_upload_parts.sql").into_sql_str();
-    let operators =
-        include_str!("../../../../../migrations/sqlite/0024_operators.sql").into_sql_str();
-    let several = include_str!("../../../../../migrations/sqlite/0025_several_coordinators.sql")
-        .into_sql_str();
-    let keys = include_str!("../../../../../migrations/sqlite/0026_keys.sql").into_sql_str();
-    let consents =
-        include_str!("../../../../../migrations/sqlite/0027_consents.sql").into_sql_str();
-    let traces = include_str!("../../../../../migrations/sqlite/0028_traces.sql").into_sql_str();
-    let quotas = include_str!("../../../../../migrations/sqlite/0029_quotas.sql").into_sql_str();
-    let audit = include_str!("../../../../../migrations/sqlite/0030_audit.sql").into_sql_str();
-    let shares = include_str!("../../../../../migrations/sqlite/0031_shares.sql").into_sql_str();
-    let films = include_str!("../../../../../migrations/sqlite/0032_films.sql").into_sql_str();
-    let webhooks =
-        include_str!("../../../../../migrations/sqlite/0033_webhooks.sql").into_sql_str();
-    let rates = include_str!("../../../../../migrations/sqlite/0034_rates.sql").into_sql_str();
-    let retraining =
-        include_str!("../../../../../migrations/sqlite/0035_retraining.sql").into_sql_str();
-    let aliases = include_str!("../../../../../migrations/sqlite/0036_aliases.sql").into_sql_str();
-    let evidence =
-        include_str!("../../../../../migrations/sqlite/0037_evidence.sql").into_sql_str();
-    let sessions =
-        include_str!("../../../../../migrations/sqlite/0038_sessions.sql").into_sql_str();
-    let step = |version, name: &'static str, sql, own_transaction| {
-        let kind = MigrationType::Simple;
-        Migration::new(version, name.into(), kind, sql, own_transaction)
-    };
-    Migrator::with_migrations(vec![
-        step(1, "init", init, false),
-        step(2, "evaluate jobs", evaluate, true),
-        step(3, "tradeoffs", tradeoffs, false),
-        step(4, "retries", retries, false),
-        step(5, "trained slots", slots, false),
-        step(6, "frame numbers", frames, false),
-        step(7, "checkpoint shards", shards, false),
-        step(8, "storage", storage, false),
-        step(9, "jobs", jobs, false),
-        step(10, "uploads", uploads, true),
-        step(11, "render ranges", ranges, false),
-        step(12, "scene models", models, false),
-        step(13, "export jobs", exports, true),
-        step(14, "clock steps", clock, false),
-        step(15, "tenants", tenants, false),
-        step(16, "stamps", stamps, false),
-        step(17, "job metrics", metrics, false),
-        step(18, "order levels", levels, false),
-        step(19, "capture objects", files, false),
-        step(21, "turns of tenants", turns, false),
-        step(22, "shared state", shared, false),
-        step(23, "upload parts", parts, false),
-        step(24, "operators", operators, false),
-        step(25, "several coordinators", several, false),
-        step(26, "keys", keys, false),
-        step(27, "consents", consents, false),
-        step(28, "traces", traces, false),
-        step(29, "quotas", quotas, false),
-        step(30, "audit", audit, false),
-        step(31, "shares", shares, false),
-        step(32, "films", films, false),
-        step(33, "webhooks", webhooks, false),
-        step(34, "rates", rates, false),
-        step(35, "retraining", retraining, false),
-        step(36, "aliases", aliases, false),
-        step(37, "evidence", evidence, false),
-        step(38, "sessions", sessions, false),
-    ])
+/// The steps of the schema. Each has its counterpart in PostgreSQL's.
+///
+/// SQLite can't alter a CHECK or a reference. A step that makes such a table anew, in the order of
+/// <https://sqlite.org/lang_altertable.html#otheralter>, switches foreign keys off meanwhile. One that only allows more can
+/// replace the table's text with `PRAGMA writable_schema = ON`, and makes an index anew so that all connections read the text
+/// again. Both pragmas are settings of the connection, outside of transactions: such a step is a [`Migration`] with `no_tx`,
+/// brings its own transaction, and changes nothing more when it is run twice.
+pub fn steps() -> Steps {
+    let start = include_str!("../../../../../migrations/sqlite/0039_start.sql");
+    Steps {
+        start: step(START, "start", start),
+        later: Vec::new(),
+        replaced: "2f77ee66c449486ed6fd1e0914b10abbc72543820a366fa414f2192be760a12e".to_owned(),
+    }
 }
 
 /// Brings the schema up to date, unless the database is one that this program can't use.
 ///
 /// # Errors
-/// When the database is of another program or a newer version, or fails.
-pub async fn run(writer: &SqlitePool) -> Result<(), StoreError> {
-    let migrations = migrations();
-    schema::check(&migrations, &found(writer).await?)?;
-    let done = migrations.run(writer).await.map_err(sqlx::Error::from);
-    done.during("bringing the database's schema up to date")
+/// When the database is of another program, a newer version or one that is too early, or fails.
+pub async fn run(writer: &SqlitePool, steps: &Steps) -> Result<(), StoreError> {
+    let action = "bringing the database's schema up to date";
+    if schema::state(steps, &found(writer).await?)? == State::Replaced {
+        take_over(writer, &steps.start).await.during(action)?;
+    }
+    let done = steps.migrator().run(writer).await;
+    done.map_err(sqlx::Error::from).during(action)
+}
+
+/// Replaces the records of the steps before the start. Another process may have done so meanwhile.
+async fn take_over(writer: &SqlitePool, start: &Migration) -> Result<(), sqlx::Error> {
+    let mut tx = writer.begin_with("BEGIN IMMEDIATE").await?;
+    let forgotten = sqlx::query(schema::FORGET).bind(start.version);
+    forgotten.execute(&mut *tx).await?;
+    let recorded = sqlx::query(schema::RECORD)
+        .bind(start.version)
+        .bind(&*start.description)
+        .bind(&*start.checksum);
+    recorded.execute(&mut *tx).await?;
+    tx.commit().await
 }
 
 /// Whether the schema has to be brought up to date.
@@ -128,7 +53,7 @@ pub async fn run(writer: &SqlitePool) -> Result<(), StoreError> {
 /// # Errors
 /// As [`run`].
 pub async fn are_pending(readers: &SqlitePool) -> Result<bool, StoreError> {
-    schema::are_pending(&migrations(), &found(readers).await?)
+    schema::are_pending(&steps(), &found(readers).await?)
 }
 
 /// What the database contains.

@@ -11,8 +11,11 @@ mod running_upgrade_tests;
 #[cfg(test)]
 mod upgrade_tests;
 
+#[cfg(test)]
+pub use migrations::steps;
+
 use super::Statement;
-use super::schema;
+use super::schema::{self, Steps};
 use super::statement::query;
 use crate::StoreError;
 use failures::During;
@@ -40,8 +43,12 @@ pub enum Connection {
 impl Sqlite {
     /// Opens the file, creating it and bringing its schema up to date.
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        Self::open_with(path, &migrations::steps()).await
+    }
+
+    async fn open_with(path: &Path, steps: &Steps) -> Result<Self, StoreError> {
         let writer = connections::writer(path).await?;
-        migrations::run(&writer).await?;
+        migrations::run(&writer, steps).await?;
         let readers = connections::readers(path).await?;
         Ok(Self { writer, readers })
     }

@@ -1,388 +1,223 @@
-//! Databases of earlier schemas, opened by this program.
+//! Databases of the last schema before the start, taken over by this program, and earlier ones, which are refused.
 
 use super::Sqlite;
-use super::migrations::migrations;
-use crate::Tenant;
-use crate::rules::retention::Retention;
-use crate::stage::running_job_goes_on;
-use crate::{JobKind, NewJob, NewPart, NewPiece, NewWorker, PartId, RequestKey, Store, Upload};
+use super::migrations::{run, steps};
+use crate::db::schema::START;
+use crate::db::taken_over::{
+    NOW, a_render_without_a_checkpoint_keeps_it, jobs_go_on, uploads_go_on,
+};
+use crate::{Store, StoreError, Tenant};
 use sqlx::sqlite::{SqliteConnectOptions, SqlitePoolOptions};
-use sqlx::{Executor, Row};
-use std::path::Path;
+use sqlx::{AssertSqlSafe, Executor, Row, SqlitePool};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_process::clock::{ManualClock, SystemClock};
-use yoto_proto::orders::LEVEL;
-use yoto_proto::v1::{EvaluateSpec, JobSpec, ObjectRef, WorkerDevice, job, job_spec};
+use tempfile::TempDir;
+use yoto_process::clock::ManualClock;
+
+/// A database of the last schema before the start, with rows in every table.
+const BEFORE: &str = include_str!("../../../tests/data/step_38.sqlite.sql");
+/// A render of an early version, which does not say which checkpoint it uses.
+const LOOKS: &str = "INSERT INTO jobs (id, kind, model, spec, tenant) VALUES ('looks', 'render', 'm', x'', 'default')";
 
 /// The store's database.
 fn sqlite(store: &Store) -> &Sqlite {
     store.db.sqlite()
 }
 
-/// A model with a checkpoint, trained by a job that ended, and a job that waits; a rejected capture, and
-/// an upload that broke off.
-const CONTENT: &str = "
-    INSERT INTO models (id, display_name, tier, variant) VALUES ('m', 'm', 'draft', 'yoto');
-    INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes)
-        VALUES ('w', 'w', 'cpu', 'cpu', 0, 0);
-    INSERT INTO worker_kinds VALUES ('w', 'train'), ('w', 'render');
-    INSERT INTO jobs (ord, id, kind, model, state, spec, lease, worker, end_time)
-        VALUES (7, 'trained', 'train', 'm', 'SUCCEEDED', x'', 3, 'w', 1.5);
-    INSERT INTO jobs (ord, id, kind, model, spec) VALUES (9, 'waits', 'train', 'm', x'');
-    INSERT INTO jobs (ord, id, kind, model, spec) VALUES (10, 'looks', 'render', 'm', x'');
-    INSERT INTO checkpoints
-        (model, step, job, manifest_key, manifest_bytes, manifest_sha256, bytes)
-        VALUES ('m', 40, 'trained', 'k', 1, 's', 1);
-    INSERT INTO subjects (id, display_name, consent_note) VALUES ('s', 's', '');
-    INSERT INTO captures (id, subject, state) VALUES ('c', 's', 'REJECTED'), ('u', 's', 'UPLOADING');
-    INSERT INTO capture_files (capture, path, bytes, sha256) VALUES ('c', 'poses.json', 2, 'x');
-    INSERT INTO jobs (ord, id, kind, capture, state, spec, end_time)
-        VALUES (8, 'read', 'ingest', 'c', 'FAILED', x'', 1.5);
-";
-
-#[tokio::test]
-async fn the_first_schema_learns_evaluations_and_keeps_its_rows() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join("yoto.db");
-    write_schema(&path, 1, CONTENT.to_owned()).await;
-
-    let store = Store::open_sqlite(&path, Arc::new(SystemClock))
-        .await
-        .expect("upgrades");
-    let trained = store
-        .job(&Tenant::default(), "trained")
-        .await
-        .expect("is kept");
-    assert_eq!(trained.state(), job::State::Succeeded);
-    assert_eq!(trained.worker, "workers/w");
-    let checkpoints = store
-        .checkpoints(&Tenant::default(), "m", 9)
-        .await
-        .expect("are kept");
-    assert_eq!(checkpoints.len(), 1);
-    assert_eq!(checkpoints[0].tradeoff, None, "it was never measured");
-    let none = Retention {
-        newest: 1,
-        every: 0,
-    };
-    let kept = store
-        .kept_checkpoints(&Tenant::default(), "m", none)
-        .await
-        .expect("are kept");
-    // The render does not say which checkpoint it uses.
-    assert_eq!(kept[0].kept_for, ["newest", "best", "jobs/looks"]);
-    let row = sqlx::query(
-        "SELECT m.published, c.number, j.last_token
-         FROM models m JOIN checkpoints c JOIN jobs j WHERE j.id = 'trained'",
-    )
-    .fetch_one(&sqlite(&store).readers)
-    .await
-    .expect("counts");
-    let counted: [i64; 3] = ["published", "number", "last_token"].map(|it| row.get(it));
-    assert_eq!(counted, [1, 1, 3]);
-    let spec = JobSpec {
-        kind: Some(job_spec::Kind::Evaluate(EvaluateSpec {
-            model: "models/m".into(),
-            ..EvaluateSpec::default()
-        })),
-    };
-    let evaluation = store
-        .create_job(&Tenant::default(), NewJob::normal(spec), None)
-        .await
-        .expect("is queued");
-    assert_eq!(evaluation.queue_position, 2, "behind the jobs that wait");
-    let new = NewWorker {
-        key: None,
-        embedded: None,
-        display_name: "new".into(),
-        device: WorkerDevice::default(),
-        kinds: vec![JobKind::Evaluate],
-        version: String::new(),
-        order_level: 1,
-        reads_films: false,
-    };
-    let worker = store
-        .register_worker(&Tenant::default(), new)
-        .await
-        .expect("registers");
-    let outcome = store
-        .lease_job(&Tenant::default(), &worker, "", false, 60.0)
-        .await
-        .expect("answers");
-    let leased = outcome.leased;
-    assert_eq!(leased.map(|it| it.job.name), Some(evaluation.name));
-    // References to the recreated tables are still enforced.
-    let error = sqlite(&store)
-        .writer
-        .execute("DELETE FROM workers WHERE id = 'w'")
-        .await
-        .expect_err("a job refers to it");
-    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
-    sqlite(&store)
-        .writer
-        .execute("DELETE FROM jobs WHERE id = 'trained'")
-        .await
-        .expect("a checkpoint outlives its job");
-    assert_eq!(
-        store
-            .checkpoints(&Tenant::default(), "m", 9)
-            .await
-            .expect("is kept")
-            .len(),
-        1
-    );
-    exports_are_learned(&store).await;
-    captures_are_kept(&store).await;
-    store.close().await;
-
-    Store::open_sqlite(&path, Arc::new(SystemClock))
-        .await
-        .expect("opens again");
-}
-
-/// The schema before tenants, and what a service has while a worker trains: a RUNNING job with a checkpoint, its lease and
-/// its pins, a pause, and a request id.
-const RUNNING: &str = "
-    INSERT INTO subjects (id, display_name, consent_note) VALUES ('s', 'Ada', '');
-    INSERT INTO captures (id, subject, state, shard_key, shard_bytes, shard_sha256)
-        VALUES ('c', 's', 'READY', 'k', 1, 'x');
-    INSERT INTO models (id, display_name, tier, variant) VALUES ('m', 'm', 'draft', 'yoto');
-    INSERT INTO slots (model, slot, subject) VALUES ('m', 0, 's');
-    INSERT INTO workers (id, display_name, backend, adapter, gpu, memory_bytes) VALUES ('w', 'w', 'cpu', 'cpu', 0, 0);
-    INSERT INTO worker_kinds VALUES ('w', 'train'), ('w', 'render');
-    INSERT INTO jobs (id, kind, model, state, spec, lease, last_token, worker, lease_deadline, lease_request)
-        VALUES ('j', 'train', 'm', 'RUNNING', x'120A0A086D6F64656C732F6D', 77, 77, 'w', 1e10, 'r');
-    INSERT INTO job_attempts (job, lease, worker, begin_time) VALUES ('j', 77, 'w', 1.5);
-    INSERT INTO job_captures (job, subject, capture) VALUES ('j', 's', 'c');
-    INSERT INTO lease_clock (id, last_tick) VALUES (1, 1.5);
-    INSERT INTO paused_kinds VALUES ('render', 'later', 1.5);
-    INSERT INTO request_ids (method, request_id, body_sha256, answer) VALUES ('CreateModel', 'q', 'b', 'm');
-";
-
-#[tokio::test]
-async fn a_running_job_goes_on_after_the_upgrade_to_tenants() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join("yoto.db");
-    write_schema(&path, 14, RUNNING.to_owned()).await;
-    let clock = Arc::new(ManualClock::at(2.0));
-    let store = Store::open_sqlite(&path, clock).await.expect("upgrades");
-    let own = Tenant::default();
-    running_job_goes_on(&store, 1).await;
-    let new = NewWorker {
-        key: None,
-        embedded: None,
-        display_name: "new".into(),
-        device: WorkerDevice::default(),
-        kinds: vec![JobKind::Train],
-        version: String::new(),
-        order_level: 1,
-        reads_films: false,
-    };
-    let worker = store.register_worker(&own, new).await.expect("registers");
-    let again = store.lease_job(&own, &worker, "", false, 20.0).await;
-    let again = again.expect("answers").leased.expect("the job waits");
-    assert_eq!(again.job.name, "jobs/j");
-    assert!(again.token > 77);
-
-    let paused = store.paused_kinds(&own).await.expect("lists");
-    assert_eq!(paused[0].reason, "later");
-    let request = RequestKey {
-        method: "CreateModel",
-        request_id: "q".into(),
-        body_sha256: "b".into(),
-    };
-    let answered = store.answered(&own, Some(&request)).await.expect("reads");
-    assert_eq!(answered.as_deref(), Some("m"));
-    let other = Tenant::new("other").expect("an id");
-    assert_eq!(
-        store.answered(&other, Some(&request)).await.expect("reads"),
-        None
-    );
-    store
-        .job(&other, "j")
-        .await
-        .expect_err("is the default tenant's");
-    // A statement that forgets the tenant makes a row of nobody.
-    let forgotten =
-        "INSERT INTO models (id, display_name, tier, variant) VALUES ('n', 'n', 'draft', 'yoto')";
-    sqlite(&store)
-        .writer
-        .execute(forgotten)
-        .await
-        .expect("writes");
-    store.model(&own, "n").await.expect_err("is nobody's");
-}
-
-/// Uploads before their bytes were in parts: one that is open, one whose ingest job waits, one that was read, and one whose
-/// files were removed.
-const UPLOADS: &str = "
-    INSERT INTO subjects (id, display_name, consent_note, tenant) VALUES ('s', 'Ada', '', 'default');
-    INSERT INTO captures (id, subject, state, writer, files_removed)
-        VALUES ('open', 's', 'UPLOADING', 3, 0), ('read', 's', 'INGESTING', 5, 0), ('gone', 's', 'REJECTED', 1, 1);
-    INSERT INTO captures (id, subject, state, shard_key, shard_bytes, shard_sha256)
-        VALUES ('done', 's', 'READY', 'k', 1, 'x');
-    INSERT INTO capture_files (capture, path, bytes, sha256, committed)
-        VALUES ('open', 'poses.json', 2, 'p', 2), ('open', 'video.mp4', 10, 'v', 4), ('open', 'z', 5, 'z', 0),
-               ('read', 'poses.json', 2, 'x', 2), ('done', 'poses.json', 2, 'x', 2), ('gone', 'poses.json', 2, 'x', 2);
-    INSERT INTO jobs (id, kind, capture, spec, tenant)
-        VALUES ('j', 'ingest', 'read', x'0A0F0A0D63617074757265732F72656164', 'default');
-";
-
-#[tokio::test]
-async fn uploads_of_an_earlier_version_are_parts() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let path = dir.path().join("yoto.db");
-    write_schema(&path, 22, UPLOADS.to_owned()).await;
-    let store = Store::open_sqlite(&path, Arc::new(ManualClock::at(2.0))).await;
-    let (store, own) = (store.expect("upgrades"), Tenant::default());
-    let committed = |upload: &Upload| upload.files.iter().map(|it| it.committed).sum::<u64>();
-    let open = store.upload(&own, "open").await.expect("is kept");
-    assert_eq!((committed(&open), open.pieces), (6, 2));
-    let newest = open.newest.expect("has parts");
-    assert_eq!(newest.id.writer, 0);
-    assert_eq!(newest.object.key, "uploads/open/video.mp4");
-    assert_eq!((newest.object.bytes, &*newest.object.sha256), (4, ""));
-    for other in ["done", "gone"] {
-        let parts = store.upload_parts(&own, other).await.expect("is kept");
-        assert!(parts.is_empty(), "nobody reads {other}");
-    }
-
-    // It goes on where it was.
-    let writer = store.take_over_upload(&own, "open").await;
-    let writer = writer.expect("is open");
-    assert_eq!(writer, 4);
-    let piece = |path: &str, from, to| NewPiece {
-        path: path.into(),
-        from,
-        to,
-    };
-    let part = NewPart {
-        id: PartId { writer, number: 0 },
-        object: ObjectRef {
-            key: "new".into(),
-            bytes: 15,
-            sha256: "n".into(),
-        },
-        pieces: vec![piece("video.mp4", 4, 10), piece("z", 0, 5)],
-        replaces: Some(newest.id),
-    };
-    let done = store.commit_part(&own, "open", &part).await;
-    done.expect("follows what was committed");
-    let finished = store.finish_upload(&own, "open", writer, None).await;
-    let finished = finished.expect("is complete");
-
-    // A worker of the earlier version reads what that version has stored, and nothing else.
-    let worker = |order_level| NewWorker {
-        key: None,
-        embedded: None,
-        display_name: "old".into(),
-        device: WorkerDevice::default(),
-        kinds: vec![JobKind::Ingest],
-        version: String::new(),
-        order_level,
-        reads_films: false,
-    };
-    let lease = async |order_level| {
-        let id = store.register_worker(&own, worker(order_level)).await;
-        let id = id.expect("registers");
-        let leased = store.lease_job(&own, &id, "", false, 20.0).await;
-        leased.expect("answers").leased
-    };
-    let old = lease(1).await.expect("the old job waits");
-    assert_eq!(old.job.name, "jobs/j");
-    assert_eq!(old.inputs.parts, []);
-    let object = old.inputs.files[0].object.clone().expect("is one object");
-    assert_eq!(
-        (&*object.key, &*object.sha256),
-        ("uploads/read/poses.json", "x")
-    );
-    assert!(lease(1).await.is_none(), "the new job is none for it");
-    let new = lease(LEVEL).await.expect("the new job waits");
-    assert_eq!(new.job.name, finished.ingest_job);
-    assert_eq!(new.inputs.parts, [part.object]);
-    let files = &new.inputs.files;
-    let object = files[0].object.clone().expect("is one object");
-    assert_eq!(object.key, "uploads/open/poses.json");
-    let pieces: Vec<_> = files[1..].iter().flat_map(|it| &it.pieces).collect();
-    let pieces: Vec<_> = pieces.iter().map(|it| (it.start, it.bytes)).collect();
-    assert_eq!(pieces, [(0, 10), (10, 5)]);
-}
-
-/// Makes a database with the schema of `version` and some content.
-pub async fn write_schema(path: &Path, version: i64, content: String) {
+/// The file, without the store.
+pub async fn plain(path: &Path) -> SqlitePool {
     let options = SqliteConnectOptions::new()
         .filename(path)
         .foreign_keys(true)
         .create_if_missing(true);
-    let pool = SqlitePoolOptions::new()
-        .max_connections(1)
-        .connect_with(options)
-        .await
-        .expect("opens");
-    let schema = migrations();
-    schema.run_to(version, &pool).await.expect("the old schema");
-    pool.execute(sqlx::AssertSqlSafe(content))
-        .await
-        .expect("writes");
+    let pool = SqlitePoolOptions::new().max_connections(1);
+    pool.connect_with(options).await.expect("opens")
+}
+
+/// Makes [`BEFORE`] and changes it.
+pub async fn before(more: &str) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("yoto.db");
+    let pool = plain(&path).await;
+    pool.execute(BEFORE).await.expect("writes");
+    let more = AssertSqlSafe(more.to_owned());
+    pool.execute(more).await.expect("writes");
+    pool.close().await;
+    (folder, path)
+}
+
+pub async fn open(path: &Path) -> Result<Store, StoreError> {
+    Store::open_sqlite(path, Arc::new(ManualClock::at(NOW))).await
+}
+
+/// What a statement selects as `line`, sorted.
+async fn lines(pool: &SqlitePool, statement: String) -> Vec<String> {
+    let rows = pool.fetch_all(AssertSqlSafe(statement)).await;
+    let rows = rows.expect("reads");
+    let mut lines: Vec<String> = rows.iter().map(|it| it.get("line")).collect();
+    lines.sort_unstable();
+    lines
+}
+
+/// The rows of each table but that of the steps.
+async fn rows(pool: &SqlitePool) -> BTreeMap<String, Vec<String>> {
+    let tables = "SELECT name AS line FROM sqlite_schema WHERE type = 'table' AND name <> '_sqlx_migrations'";
+    let mut found = BTreeMap::new();
+    for table in lines(pool, tables.to_owned()).await {
+        let columns =
+            format!("SELECT 'quote(\"' || name || '\")' AS line FROM pragma_table_info('{table}')");
+        let columns = lines(pool, columns).await.join(" || ' ' || ");
+        let rows = lines(pool, format!("SELECT {columns} AS line FROM {table}")).await;
+        found.insert(table, rows);
+    }
+    found
+}
+
+/// The definitions of tables without their order, of indices and of views.
+async fn schema(pool: &SqlitePool) -> BTreeMap<String, BTreeSet<String>> {
+    let all = "SELECT type, name, sql FROM sqlite_schema WHERE sql IS NOT NULL AND tbl_name <> '_sqlx_migrations'";
+    let all = pool.fetch_all(all).await.expect("reads");
+    let definition = |row: &sqlx::sqlite::SqliteRow| {
+        let sql: String = row.get("sql");
+        let uncommented = sql.lines().map(|it| it.split("--").next().unwrap_or(it));
+        let text: Vec<&str> = uncommented.flat_map(str::split_whitespace).collect();
+        // What was renamed is in quotes. SQLite writes an added column before a table's constraints, in a line of its own.
+        let text = text.join(" ").replace('"', "").replace("( ", "(");
+        let text = text.replace(" )", ")");
+        let definition = match row.get("type") {
+            "table" => parts(&text),
+            _ => BTreeSet::from([text]),
+        };
+        (row.get("name"), definition)
+    };
+    all.iter().map(definition).collect()
+}
+
+/// The parts of a definition between the commas of its outer parentheses.
+fn parts(definition: &str) -> BTreeSet<String> {
+    let (mut parts, mut part, mut depth) = (BTreeSet::new(), String::new(), 0);
+    for letter in definition.chars() {
+        match letter {
+            '(' => depth += 1,
+            ')' => depth -= 1,
+            _ => {}
+        }
+        let ends = depth == 1 && matches!(letter, ',' | '(') || depth == 0 && letter == ')';
+        match ends {
+            true => _ = parts.insert(std::mem::take(&mut part).trim().to_owned()),
+            false => part.push(letter),
+        }
+    }
+    parts.insert(part.trim().to_owned());
+    parts
+}
+
+#[tokio::test]
+async fn the_last_schema_before_the_start_is_taken_over_with_its_rows() {
+    let (folder, path) = before("").await;
+    let pool = plain(&path).await;
+    let (rows_before, schema_before) = (rows(&pool).await, schema(&pool).await);
+    let empty: Vec<_> = rows_before
+        .iter()
+        .filter(|(_, rows)| rows.is_empty())
+        .collect();
+    assert!(empty.is_empty(), "{empty:?}");
+    pool.close().await;
+
+    let clock = Arc::new(ManualClock::at(NOW));
+    let inspected = Store::inspect_sqlite(&path, clock.clone()).await;
+    let inspected = inspected.expect_err("has to be brought up to date");
+    let text = inspected.to_string();
+    assert!(text.contains("of an earlier version"), "{text}");
+    open(&path).await.expect("takes over").close().await;
+    let read = Store::inspect_sqlite(&path, clock).await;
+    read.expect("is up to date").close().await;
+    open(&path).await.expect("opens again").close().await;
+
+    let pool = plain(&path).await;
+    assert_eq!(rows(&pool).await, rows_before);
+    assert_eq!(schema(&pool).await, schema_before);
+    let steps =
+        "SELECT version || ' ' || description || ' ' || success AS line FROM _sqlx_migrations";
+    let start = [format!("{START} start 1")];
+    assert_eq!(lines(&pool, steps.to_owned()).await, start);
+    pool.close().await;
+
+    let fresh = folder.path().join("fresh.db");
+    open(&fresh).await.expect("opens").close().await;
+    let pool = plain(&fresh).await;
+    assert_eq!(schema(&pool).await, schema_before);
     pool.close().await;
 }
 
-/// Jobs and workers may be of the newest kind, and of no other.
-async fn exports_are_learned(store: &Store) {
-    let kinds = "INSERT INTO worker_kinds VALUES ('w', 'export')";
-    sqlite(store)
-        .writer
-        .execute(kinds)
-        .await
-        .expect("is a kind");
-    let of_kind = |kind: &str| {
-        format!("INSERT INTO jobs (id, kind, model, spec) VALUES ('{kind}', '{kind}', 'm', x'')")
-    };
-    let insert = |kind: &str| {
-        let statement = sqlx::AssertSqlSafe(of_kind(kind));
-        async move { sqlite(store).writer.execute(statement).await }
-    };
-    insert("export").await.expect("is a kind");
-    let error = insert("sing").await.expect_err("not a kind of job");
-    assert!(error.to_string().contains("CHECK"), "{error}");
+#[tokio::test]
+async fn a_take_over_by_two_processes_is_one() {
+    let (_folder, path) = before("").await;
+    let (one, other) = (plain(&path).await, plain(&path).await);
+    let (steps_of_one, steps_of_other) = (steps(), steps());
+    let done = tokio::join!(run(&one, &steps_of_one), run(&other, &steps_of_other));
+    done.0.expect("takes over");
+    done.1.expect("takes over");
 }
 
-/// A capture has its files and its job, and can be read again; an upload that broke off stays open.
-async fn captures_are_kept(store: &Store) {
-    let uploaded = store
-        .upload(&Tenant::default(), "c")
-        .await
-        .expect("is kept");
-    let file = &uploaded.files[0];
-    assert!(!uploaded.open && file.committed == file.bytes);
+#[tokio::test]
+async fn jobs_and_uploads_go_on_after_a_take_over() {
+    let (_folder, path) = before(LOOKS).await;
+    let store = open(&path).await.expect("takes over");
+    a_render_without_a_checkpoint_keeps_it(&store).await;
+    jobs_go_on(&store).await;
+    uploads_go_on(&store).await;
+    store.close().await;
+}
+
+#[tokio::test]
+async fn an_earlier_schema_is_refused_with_the_program_that_brings_it_on() {
+    let (_folder, path) = before("DELETE FROM _sqlx_migrations WHERE version > 31").await;
+    let pool = plain(&path).await;
+    let rows_before = rows(&pool).await;
+    let refused = open(&path).await.expect_err("is too early");
+    assert!(matches!(refused, StoreError::Unusable(_)), "{refused}");
+    let text = refused.to_string();
     assert!(
-        store
-            .upload(&Tenant::default(), "u")
-            .await
-            .expect("is kept")
-            .open
+        text.contains("has schema 31")
+            && text.contains("the program of 28 November 2026 (commit 5ce29de0)")
+            && text.contains("brings it to schema 38"),
+        "{text}"
     );
-    let subject = store
-        .subject(&Tenant::default(), "s")
-        .await
-        .expect("is kept");
-    assert_eq!(subject.captures, ["captures/c", "captures/u"]);
-    let rejected = store
-        .capture(&Tenant::default(), "c")
-        .await
-        .expect("is kept");
-    assert_eq!(rejected.ingest_job, "jobs/read");
-    let again = store
-        .ingest_capture(&Tenant::default(), "c", None)
-        .await
-        .expect("is queued");
-    assert_ne!(again.ingest_job, rejected.ingest_job);
-    let ended = store.expire_uploads(0.0).await.expect("ends");
-    assert_eq!(ended, ["u"]);
-    let error = sqlite(store)
-        .writer
-        .execute("DELETE FROM captures WHERE id = 'c'")
-        .await
-        .expect_err("a job refers to it");
-    assert!(error.to_string().contains("FOREIGN KEY"), "{error}");
+    assert_eq!(rows(&pool).await, rows_before);
+    let steps = "SELECT CAST(max(version) AS TEXT) AS line FROM _sqlx_migrations".to_owned();
+    assert_eq!(lines(&pool, steps).await, ["31"]);
+}
+
+#[tokio::test]
+async fn references_kinds_and_tenants_are_enforced() {
+    let (_folder, path) = before("").await;
+    let store = open(&path).await.expect("takes over");
+    let execute = |statement: &'static str| sqlite(&store).writer.execute(statement);
+    for (table, id) in [("workers", "w"), ("captures", "read"), ("keys", "key")] {
+        let statement = AssertSqlSafe(format!("DELETE FROM {table} WHERE id = '{id}'"));
+        let error = sqlite(&store).writer.execute(statement).await;
+        let error = error.expect_err("a row refers to it").to_string();
+        assert!(error.contains("FOREIGN KEY"), "{error}");
+    }
+    let deleted = execute("DELETE FROM jobs WHERE id = 'j'").await;
+    deleted.expect("a checkpoint outlives its job");
+    let own = Tenant::default();
+    let checkpoints = store.checkpoints(&own, "m", 9).await.expect("are kept");
+    assert_eq!(checkpoints.len(), 1);
+
+    let kind = execute("INSERT INTO worker_kinds (worker, kind) VALUES ('w', 'export')").await;
+    kind.expect("is a kind");
+    let kind = execute(
+        "INSERT INTO jobs (id, kind, model, spec, tenant) VALUES ('n', 'sing', 'm', x'', 'default')",
+    );
+    let error = kind.await.expect_err("not a kind of job").to_string();
+    assert!(error.contains("CHECK"), "{error}");
+    // A statement that forgets the tenant makes a row that no tenant finds.
+    let forgotten = execute(
+        "INSERT INTO models (id, display_name, tier, variant) VALUES ('n', 'n', 'draft', 'yoto')",
+    );
+    forgotten.await.expect("writes");
+    store.model(&own, "n").await.expect_err("is nobody's");
 }

@@ -22,12 +22,12 @@ pub(super) fn features(pose: &Pose) -> Vec<f32> {
 
 /// The range of each feature in the filmed poses, which has the rest pose in it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Filmed {
+pub(crate) struct FeatureRange {
     /// `[2, 9 K]`: the least, then the greatest.
     bounds: Vec<f32>,
 }
 
-impl Filmed {
+impl FeatureRange {
     /// The rest pose alone.
     pub fn nothing(joints: usize) -> Self {
         Self {
@@ -47,7 +47,7 @@ impl Filmed {
         }
     }
 
-    /// As [`Self::bounds`] gives them.
+    /// The range with the `bounds` of [`Self::bounds`].
     pub fn from_bounds(bounds: Vec<f32>) -> Self {
         Self { bounds }
     }
@@ -73,13 +73,13 @@ impl Filmed {
 pub(crate) struct Limits(Vec<f32>);
 
 impl Limits {
-    /// As [`Self::numbers`] gives them.
+    /// The limits with the `numbers` of [`Self::as_slice`].
     pub fn of(numbers: Vec<f32>) -> Self {
         Self(numbers)
     }
 
     /// `[2, 9 K]`: the least of each feature, then the greatest.
-    pub fn numbers(&self) -> &[f32] {
+    pub fn as_slice(&self) -> &[f32] {
         &self.0
     }
 

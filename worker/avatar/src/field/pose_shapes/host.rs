@@ -6,7 +6,7 @@ use super::features::{FEATURES, Limits, features};
 use super::nearness::Nearness;
 use crate::config::PoseShapesConfig;
 use crate::host::{ReadError, read};
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::tensor::{Device, Tensor, TensorData};
 use rayon::prelude::*;
 use yoto_capture::camera::Pose;
@@ -32,7 +32,7 @@ pub(crate) struct HostShapes {
 }
 
 impl HostShapes {
-    /// Those of the person in `slot`, who has the `code`, for splats with canonical `means` `[N, 3]`.
+    /// Reads the shapes of the person in `slot`, who has the `code`, for splats with canonical `means` `[N, 3]`.
     ///
     /// # Errors
     /// If the model can't be read from its device.
@@ -40,7 +40,7 @@ impl HostShapes {
         shapes: &PoseShapes,
         config: &PoseShapesConfig,
         slot: usize,
-        body: &Body,
+        body: &CanonicalBody,
         means: &[f32],
         code: Option<Tensor<1>>,
         device: &Device,
@@ -51,12 +51,12 @@ impl HostShapes {
         );
         let weights = read(shapes.weights(config, body, places, code).detach())?;
         let basis = read((shapes.basis.val() + shapes.own[slot].val()).detach())?;
-        let limits = shapes.filmed(slot)?.limits();
+        let limits = shapes.pose_range(slot)?.limits();
         let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
         Ok(Self::new(&near, basis, limits, weights, means))
     }
 
-    /// Those of splats at `means` `[N, 3]` with these `weights` `[N, R]`.
+    /// The shapes of splats at `means` `[N, 3]` with these `weights` `[N, R]`.
     pub fn new(
         near: &Nearness,
         basis: Vec<f32>,
@@ -86,7 +86,12 @@ impl HostShapes {
 
     /// The same person with fewer splats, at `means` `[N, 3]`. Each replaces a group of the present ones, which have these
     /// weights in it.
-    pub fn merged(&self, groups: &[Vec<(usize, f32)>], body: &Body, means: &[f32]) -> Self {
+    pub fn merged(
+        &self,
+        groups: &[Vec<(usize, f32)>],
+        body: &CanonicalBody,
+        means: &[f32],
+    ) -> Self {
         let mixed =
             |group: &Vec<(usize, f32)>| mixed(&self.weights, self.count, group.iter().copied());
         let weights = groups.iter().flat_map(mixed).collect();
@@ -97,10 +102,10 @@ impl HostShapes {
 
     /// `[2, 9 K]`: the least and the greatest values with which features take part.
     pub fn limits(&self) -> &[f32] {
-        self.limits.numbers()
+        self.limits.as_slice()
     }
 
-    /// `[K, 3 R]`: what each joint's turn gives each shape.
+    /// `[K, 3 R]`: what each joint's rotation gives each shape.
     fn by_joint(&self, pose: &Pose) -> Vec<f32> {
         let features = self.limits.clamp(features(pose));
         let width = 3 * self.count;

@@ -11,7 +11,7 @@ mod features;
 mod host;
 mod nearness;
 
-pub(crate) use features::{Filmed, Limits};
+pub(crate) use features::{FeatureRange, Limits};
 pub(crate) use host::{HostShapes, mixed};
 pub(crate) use nearness::Nearness;
 
@@ -19,8 +19,9 @@ use super::mlp::{Mlp, MlpShape};
 use crate::config::{ModelConfig, PoseShapesConfig, Precision};
 use crate::host::{ReadError, read};
 use crate::identity::blend::Blend;
+use crate::identity::stored_names::stored;
 use crate::init::Initial;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use burn::module::{Module, Param};
 use burn::tensor::{Tensor, TensorData};
 use features::{FEATURES, features};
@@ -43,7 +44,7 @@ pub struct PoseShapes {
     /// One `[K, 9, 3 R]` per identity, added to the basis.
     own: Vec<Param<Tensor<3>>>,
     /// One `[2, 9 K]` per identity: least and greatest features of the filmed poses. Never trained.
-    filmed: Vec<Param<Tensor<2>>>,
+    pose_ranges: Vec<Param<Tensor<2>>>,
 }
 
 impl PoseShapes {
@@ -78,8 +79,8 @@ impl PoseShapes {
             own: (0..identities)
                 .map(|slot| init.zeros(&format!("pose_shapes.own.{slot}"), size))
                 .collect(),
-            filmed: (0..identities)
-                .map(|slot| bounds(init, slot, &Filmed::nothing(joints)))
+            pose_ranges: (0..identities)
+                .map(|slot| bounds(init, slot, &FeatureRange::nothing(joints)))
                 .collect(),
         })
     }
@@ -89,26 +90,26 @@ impl PoseShapes {
         self.mlp.set_precision(precision);
     }
 
-    /// Notes that these poses were filmed of the person in `slot`, too.
+    /// Widens the range of poses of the person in `slot` to these `poses` of a capture.
     ///
     /// # Errors
     /// If what is known can't be read from its device.
-    pub(crate) fn film<'a>(
+    pub(crate) fn record_pose_range<'a>(
         &mut self,
         init: &Initial,
         slot: usize,
         poses: impl Iterator<Item = &'a Pose>,
     ) -> Result<(), ReadError> {
-        let mut filmed = self.filmed(slot)?;
-        filmed.add(poses);
-        self.filmed[slot] = bounds(init, slot, &filmed);
+        let mut range = self.pose_range(slot)?;
+        range.add(poses);
+        self.pose_ranges[slot] = bounds(init, slot, &range);
         Ok(())
     }
 
     /// Appends an identity that is a mixture of two others.
     pub(crate) fn append(&mut self, blend: &Blend) {
         blend.append(&mut self.own);
-        blend.append(&mut self.filmed);
+        blend.append(&mut self.pose_ranges);
     }
 
     /// Δ `[N, 3]`, metres, of splats with the canonical `means` `[N, 3]` of the person in `slot`, who has the `code`.
@@ -120,7 +121,7 @@ impl PoseShapes {
         &self,
         config: &PoseShapesConfig,
         slot: usize,
-        body: &Body,
+        body: &CanonicalBody,
         means: &Tensor<2>,
         pose: &Pose,
         code: Option<Tensor<1>>,
@@ -132,11 +133,11 @@ impl PoseShapes {
         let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
         let near = TensorData::new(near.dense(&read(means.clone())?), [n, joints]);
         let near = Tensor::<2>::from_data(near, &device);
-        let features = self.filmed(slot)?.limits().clamp(features(pose));
+        let features = self.pose_range(slot)?.limits().clamp(features(pose));
         let features = TensorData::new(features, [joints, 1, FEATURES]);
         let features = Tensor::<3>::from_data(features, &device);
         let basis = self.basis.val() + self.own[slot].val();
-        // [K, 1, 9] x [K, 9, 3 R]: what each joint's turn gives each shape.
+        // [K, 1, 9] x [K, 9, 3 R]: what each joint's rotation gives each shape.
         let by_joint = features.matmul(basis).reshape([joints, 3 * config.count]);
         let moved = near.matmul(by_joint).reshape([n, 3, config.count]);
         let weights = self.weights(config, body, means, code);
@@ -148,7 +149,7 @@ impl PoseShapes {
     fn weights(
         &self,
         config: &PoseShapesConfig,
-        body: &Body,
+        body: &CanonicalBody,
         means: Tensor<2>,
         code: Option<Tensor<1>>,
     ) -> Tensor<2> {
@@ -159,9 +160,9 @@ impl PoseShapes {
         self.mlp.forward(means - pelvis, bands(config), &codes)
     }
 
-    fn filmed(&self, slot: usize) -> Result<Filmed, ReadError> {
-        let bounds = read(self.filmed[slot].val().detach())?;
-        Ok(Filmed::from_bounds(bounds))
+    fn pose_range(&self, slot: usize) -> Result<FeatureRange, ReadError> {
+        let bounds = read(self.pose_ranges[slot].val().detach())?;
+        Ok(FeatureRange::from_bounds(bounds))
     }
 }
 
@@ -172,9 +173,9 @@ fn bands(config: &PoseShapesConfig) -> Input {
     }
 }
 
-fn bounds(init: &Initial, slot: usize, filmed: &Filmed) -> Param<Tensor<2>> {
-    let numbers = filmed.bounds();
-    let path = format!("pose_shapes.filmed.{slot}");
+fn bounds(init: &Initial, slot: usize, range: &FeatureRange) -> Param<Tensor<2>> {
+    let numbers = range.bounds();
+    let path = stored(&format!("pose_shapes.pose_ranges.{slot}"));
     init.given(&path, [2, numbers.len() / 2], numbers)
         .set_require_grad(false)
 }

@@ -1,4 +1,4 @@
-//! Which joints can move the clothes at a place: those whose own bones are near, or that are near themselves. A skirt
+//! The joints that can move the clothes at a place: those whose own bones are near, or that are near themselves. A skirt
 //! follows the hip, whose thigh is beside it, and not the knee at the thigh's end.
 
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ const FAR: f32 = 1e-3;
 /// Places per task, whose coordinates stay in the first-level cache.
 const BLOCK: usize = 512;
 
-/// The joints in the rest pose, and the bones that each turns.
+/// The joints in the rest pose, and the bones that each rotates.
 pub(crate) struct Nearness {
     joints: Vec<[f32; 3]>,
     bones: Vec<Bone>,
@@ -19,7 +19,7 @@ pub(crate) struct Nearness {
     reach: f32,
 }
 
-/// A bone from a joint, which turns it, to a child.
+/// A bone from a joint, which rotates it, to a child.
 struct Bone {
     joint: usize,
     from: [f32; 3],
@@ -27,7 +27,7 @@ struct Bone {
 }
 
 impl Nearness {
-    /// Of a body whose joints are at `rest`. At the distance `reach`, metres, the nearness is e^(−1/2).
+    /// The nearness to a body whose joints are at `rest`. At the distance `reach`, metres, the nearness is e^(−1/2).
     pub fn new(skeleton: &Skeleton, rest: &[Vec3], reach: f32) -> Self {
         let joints: Vec<[f32; 3]> = rest.iter().map(|at| at.map(|v| v as f32)).collect();
         let children = skeleton.parents.iter().enumerate();

@@ -4,16 +4,16 @@ use burn::tensor::Device;
 use yoto_capture::skeleton::Skeleton;
 use yoto_synthetic::SyntheticPerson;
 
-struct Person {
+struct ShapedPerson {
     config: ModelConfig,
     shapes: PoseShapes,
-    body: Body,
+    body: CanonicalBody,
     means: Vec<f32>,
     poses: Vec<Pose>,
 }
 
 /// A person whose shapes are random, with splats around the joints.
-fn person() -> Person {
+fn person() -> ShapedPerson {
     let device = Device::flex();
     let config = ModelConfig::named("splat", "yoto").expect("a tier");
     let person = &SyntheticPerson::cast(1, 7)[0];
@@ -26,8 +26,8 @@ fn person() -> Person {
     shapes.own[1] = init.normal("own", size, 0.05);
     let near = |[x, y, z]: &[f64; 3]| [*x as f32 + 0.05, *y as f32 - 0.04, *z as f32];
     let means = skeleton.rest.iter().flat_map(near).collect();
-    Person {
-        body: Body::new(skeleton, &config, &device),
+    ShapedPerson {
+        body: CanonicalBody::new(skeleton, &config, &device),
         shapes,
         means,
         poses: person.unseen_motion(6),
@@ -35,7 +35,7 @@ fn person() -> Person {
     }
 }
 
-impl Person {
+impl ShapedPerson {
     fn offsets(&self, slot: usize, pose: &Pose) -> Vec<f32> {
         let config = self.config.pose_shapes().expect("shapes");
         let means = TensorData::new(self.means.clone(), [self.means.len() / 3, 3]);
@@ -55,7 +55,7 @@ fn nothing_moves_at_rest_or_by_turning_the_whole_person() {
     let device = Device::flex();
     let init = Initial::new(&device, 0);
     let poses = person.poses.clone();
-    (person.shapes.film(&init, 0, poses.iter())).expect("read");
+    (person.shapes.record_pose_range(&init, 0, poses.iter())).expect("read");
     let mut pose = Pose::rest(person.body.rest.len());
     assert_eq!(largest(&person.offsets(0, &pose)), 0.0);
     pose.rotations[0] = [0.3, 2.0, -0.4];
@@ -80,14 +80,14 @@ fn offsets_go_on_beyond_filmed_poses_and_stay_at_the_limits() {
         0.0,
         "nothing was filmed"
     );
-    (person.shapes.film(&init, 0, bent[..2].iter())).expect("read");
+    (person.shapes.record_pose_range(&init, 0, bent[..2].iter())).expect("read");
     let moved: Vec<_> = bent.iter().map(|pose| person.offsets(0, pose)).collect();
     assert!(largest(&moved[1]) > 1e-4);
     assert_ne!(moved[2], moved[3]);
     // Sine and cosine are beyond their limits.
     assert_eq!(moved[4], moved[5]);
     // A second film adds to the first.
-    (person.shapes.film(&init, 0, bent[4..].iter())).expect("read");
+    (person.shapes.record_pose_range(&init, 0, bent[4..].iter())).expect("read");
     assert_eq!(person.offsets(0, &bent[1]), moved[1]);
     assert_ne!(person.offsets(0, &bent[4]), moved[4]);
 }
@@ -99,7 +99,7 @@ fn people_share_shapes_and_have_their_own() {
     let init = Initial::new(&device, 0);
     let poses = person.poses.clone();
     for slot in [0, 1] {
-        (person.shapes.film(&init, slot, poses.iter())).expect("read");
+        (person.shapes.record_pose_range(&init, slot, poses.iter())).expect("read");
     }
     let [one, other] = [0, 1].map(|slot| person.offsets(slot, &poses[1]));
     assert_ne!(one, other);
@@ -113,7 +113,7 @@ fn pictures_move_splats_as_training_does() {
     let device = Device::flex();
     let init = Initial::new(&device, 0);
     let poses = person.poses.clone();
-    (person.shapes.film(&init, 1, poses[..3].iter())).expect("read");
+    (person.shapes.record_pose_range(&init, 1, poses[..3].iter())).expect("read");
     let config = person.config.pose_shapes().expect("shapes");
     let body = &person.body;
     let host = HostShapes::read(

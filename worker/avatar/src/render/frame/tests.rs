@@ -32,11 +32,8 @@ fn renderer(config: ModelConfig) -> (Renderer, RenderView) {
     let (track, _) = person.capture(1, SIDE);
     let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
     let avatar = Avatar::new(&config, 1, skeleton.parents.len(), 5, &device);
-    let body = Body::new(skeleton, &config, &device);
-    let occupancy = Occupancy::new(
-        &body.grid,
-        &config.appearance.field().expect("a field").march,
-    );
+    let body = CanonicalBody::new(skeleton, &config, &device);
+    let occupancy = Occupancy::new(&body.grid, config.appearance.march().expect("rays"));
     let view = RenderView {
         slot: 0,
         pose: person.unseen_motion(4)[2].clone(),
@@ -53,10 +50,10 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
     let config = &renderer.config;
     let body = renderer.bodies[0].as_ref().expect("a body");
     let posed = renderer.avatar.pose(config, body, 0, &view.pose, 1.0);
-    let sight = BodyView::new(&body.skeleton, &view.pose, &view.camera);
+    let body_view = BodyView::new(&body.skeleton, &view.pose, &view.camera);
     let side = SIDE as usize;
     let rays: Vec<Option<Ray>> = (0..side * side)
-        .map(|i| sight.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
+        .map(|i| body_view.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
         .collect();
     let (weights, transforms) = (
         read(posed.weights.clone()).expect("read"),
@@ -72,7 +69,7 @@ fn plain(renderer: &Renderer, view: &RenderView) -> [Vec<f32>; 3] {
     };
     let samples = march(
         &rays,
-        &config.appearance.field().expect("a field").march,
+        config.appearance.march().expect("rays"),
         None::<&mut ChaCha8Rng>,
         &volume,
     )
@@ -213,6 +210,7 @@ fn pair(view: &RenderView, metres: f64) -> SceneView {
     let mut nearer = view.pose.clone();
     nearer.translation = std::array::from_fn(moved);
     let actor = |pose: &Pose| Actor {
+        model: 0,
         slot: view.slot,
         pose: pose.clone(),
         light: Light::Own,

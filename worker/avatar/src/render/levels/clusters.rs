@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use yoto_capture::skeleton::transform::from_quaternion;
 
 /// Distance that counts as much as a difference of 1 in colour, metres; this and the next were chosen by experiment
-/// (docs/research/splats.md).
+/// (docs/research/splats-experiments.md).
 const NEAR: f64 = 0.2;
 /// Weight of the difference of unit normals: light and outlines depend on them.
 const NORMALS: f64 = 0.3;
@@ -76,7 +76,7 @@ pub(in crate::render) fn groups(splats: &[LevelSplat], count: usize) -> Vec<Vec<
 
 impl Cluster {
     fn of((index, splat): (usize, &LevelSplat)) -> Self {
-        let axes = from_quaternion(splat.turn.map(f64::from));
+        let axes = from_quaternion(splat.rotation.map(f64::from));
         let mut centre = [0.0; FEATURES];
         for a in 0..3 {
             centre[a] = f64::from(splat.mean[a]) / NEAR;
@@ -131,7 +131,7 @@ fn spacing(clusters: &[Cluster]) -> f64 {
     (surface / clusters.len() as f64).sqrt().max(1e-9)
 }
 
-/// For each cluster its best pair with a near one, each pair once.
+/// The best pair of each cluster with a near one; no pair comes twice.
 fn pairs(clusters: &[Cluster], cell: f64, across: bool) -> Vec<Pair> {
     let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
     for (index, cluster) in clusters.iter().enumerate() {

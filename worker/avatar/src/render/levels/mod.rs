@@ -11,7 +11,7 @@ mod moments;
 pub(super) use clusters::groups;
 pub(super) use moments::merged;
 
-use yoto_ops::splat::{MIN_ALPHA, ROW};
+use yoto_ops::splat::{MIN_ALPHA, SplatRow};
 
 /// A Gaussian in the rest pose, of any source.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub(super) struct LevelSplat {
     /// Metres.
     pub mean: [f32; 3],
     /// Unit quaternion, real part first; the third axis is the surface's normal.
-    pub turn: [f32; 4],
+    pub rotation: [f32; 4],
     /// Standard deviations along the rotated axes, metres.
     pub deviations: [f32; 3],
     /// 0 to 1, at the centre.
@@ -30,37 +30,39 @@ pub(super) struct LevelSplat {
 }
 
 impl LevelSplat {
-    /// The splat of a row of numbers, of which `bone` has the largest share.
-    pub fn of_row(row: &[f32; ROW], bone: u16) -> Self {
-        let [x, y, z, a, b, c, d, scales @ .., opacity, red, green, blue] = *row;
+    /// The splat of a row, of which `bone` has the largest share.
+    pub fn of_row(row: &SplatRow, bone: u16) -> Self {
         // In double precision, squares of single precision neither overflow nor vanish.
-        let turn = [a, b, c, d].map(f64::from);
-        let length = turn.iter().map(|q| q * q).sum::<f64>().sqrt();
+        let rotation = row.rotation.map(f64::from);
+        let length = rotation.iter().map(|q| q * q).sum::<f64>().sqrt();
         Self {
-            mean: [x, y, z],
-            turn: turn.map(|q| (q / length.max(f64::MIN_POSITIVE)) as f32),
-            deviations: scales.map(f32::exp),
-            opacity: 1.0 / (1.0 + (-opacity).exp()),
-            colour: [red, green, blue],
+            mean: row.mean,
+            rotation: rotation.map(|q| (q / length.max(f64::MIN_POSITIVE)) as f32),
+            deviations: row.deviations(),
+            opacity: row.alpha(),
+            colour: row.colour,
             bone,
         }
     }
 
-    /// The row of numbers: the inverse of [`Self::of_row`].
-    pub fn to_row(self) -> [f32; ROW] {
-        let [x, y, z] = self.mean;
-        let [a, b, c, d] = self.turn;
-        let [first, second, third] = self.deviations.map(f32::ln);
-        let logit = (self.opacity / (1.0 - self.opacity)).ln();
-        let [red, green, blue] = self.colour;
-        [
-            x, y, z, a, b, c, d, first, second, third, logit, red, green, blue,
-        ]
+    /// The row of the splat: the inverse of [`Self::of_row`].
+    pub fn to_row(self) -> SplatRow {
+        SplatRow {
+            mean: self.mean,
+            rotation: self.rotation,
+            scales: self.deviations.map(f32::ln),
+            opacity: (self.opacity / (1.0 - self.opacity)).ln(),
+            colour: self.colour,
+        }
     }
 
     /// Whether the renderer draws it, where its harmonics are finite too.
     pub fn is_visible(&self) -> bool {
-        let numbers = self.mean.iter().chain(&self.turn).chain(&self.deviations);
+        let numbers = self
+            .mean
+            .iter()
+            .chain(&self.rotation)
+            .chain(&self.deviations);
         let mut numbers = numbers.chain(&self.colour);
         self.opacity > MIN_ALPHA && numbers.all(|number| number.is_finite())
     }
@@ -81,13 +83,14 @@ pub(super) fn count(all: usize, share: f32) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yoto_ops::splat::ROW;
 
     #[test]
-    fn quaternions_of_any_length_turn_a_splat_alike() {
+    fn quaternions_of_any_length_rotate_a_splat_alike() {
         let of = |factor: f32| {
-            let mut row = [0.0; ROW];
-            row[3..7].copy_from_slice(&[0.5 * factor, -0.5 * factor, 0.5 * factor, 0.5 * factor]);
-            LevelSplat::of_row(&row, 0).turn
+            let mut row = SplatRow::from([0.0; ROW]);
+            row.rotation = [0.5, -0.5, 0.5, 0.5].map(|q| q * factor);
+            LevelSplat::of_row(&row, 0).rotation
         };
         for factor in [1e-30, 1.0, 1e30] {
             let off = of(factor).into_iter().zip([0.5, -0.5, 0.5, 0.5]);
@@ -101,7 +104,7 @@ mod tests {
         let row = [
             0.1, -0.2, 0.3, 0.5, -0.5, 0.5, 0.5, -4.0, -5.0, -6.0, 0.7, 0.2, 0.4, 0.6,
         ];
-        let back = LevelSplat::of_row(&row, 3).to_row();
+        let back: [f32; ROW] = LevelSplat::of_row(&row.into(), 3).to_row().into();
         let pairs = back.iter().zip(row);
         pairs.for_each(|(a, b)| assert!((a - b).abs() < 1e-5, "{back:?}"));
     }

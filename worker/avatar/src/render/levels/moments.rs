@@ -9,7 +9,7 @@ use yoto_capture::skeleton::transform::{
 /// Largest opacity: 1 has no logit.
 const OPAQUE: f64 = 0.999;
 /// Exponent by which the two largest deviations grow where a group covers more than an opaque splat of its size does; 1/2
-/// would keep the coverage, and blur outlines (docs/research/splats.md).
+/// would keep the coverage, and blur outlines (docs/research/splats-experiments.md).
 const GROWTH: f64 = 0.25;
 /// Smallest standard deviation, metres.
 const THINNEST: f64 = 1e-6;
@@ -36,11 +36,11 @@ pub(in crate::render) fn merged(splats: &[LevelSplat], group: &[usize]) -> (Leve
     };
     let mean = mean_of(&|it| it.mean.map(f64::from));
     let colour = mean_of(&|it| it.colour.map(f64::from));
-    let normal = mean_of(&|it| from_quaternion(it.turn.map(f64::from)).map(|row| row[2]));
+    let normal = mean_of(&|it| from_quaternion(it.rotation.map(f64::from)).map(|row| row[2]));
     // Σ w (Σₖ + d dᵀ) with d from the common mean
     let mut covariance = [[0.0; 3]; 3];
     for (weight, splat) in weights.iter().zip(members()) {
-        let axes = from_quaternion(splat.turn.map(f64::from));
+        let axes = from_quaternion(splat.rotation.map(f64::from));
         let squares = splat.deviations.map(|d| f64::from(d) * f64::from(d));
         let d: [f64; 3] = std::array::from_fn(|a| f64::from(splat.mean[a]) - mean[a]);
         for (r, row) in covariance.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ pub(in crate::render) fn merged(splats: &[LevelSplat], group: &[usize]) -> (Leve
     let largest = members().zip(&weights).max_by(|a, b| a.1.total_cmp(b.1));
     let mut splat = LevelSplat {
         mean: mean.map(|v| v as f32),
-        turn: to_quaternion(&axes).map(|v| v as f32),
+        rotation: to_quaternion(&axes).map(|v| v as f32),
         deviations: deviations.map(|v| v as f32),
         opacity: 1.0,
         colour: colour.map(|v| v as f32),
@@ -107,7 +107,7 @@ mod tests {
     fn splat(mean: [f32; 3], colour: f32) -> LevelSplat {
         LevelSplat {
             mean,
-            turn: [1.0, 0.0, 0.0, 0.0],
+            rotation: [1.0, 0.0, 0.0, 0.0],
             deviations: [0.01, 0.02, 0.001],
             opacity: 0.4,
             colour: [colour; 3],
@@ -126,7 +126,7 @@ mod tests {
         };
         near(found.mean, [0.015, 0.0, 0.0]);
         near(found.colour, [0.4; 3]);
-        let axes = from_quaternion(found.turn.map(f64::from));
+        let axes = from_quaternion(found.rotation.map(f64::from));
         let variance = |r: usize| -> f64 {
             let squares = found.deviations.map(|d| f64::from(d).powi(2));
             (0..3).map(|k| axes[r][k].powi(2) * squares[k]).sum()

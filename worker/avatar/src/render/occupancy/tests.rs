@@ -5,7 +5,7 @@ use crate::config::ModelConfig;
 
 fn grid(cells: usize) -> Occupancy {
     let tier = ModelConfig::named("draft", "yoto").expect("a tier");
-    let mut config = tier.appearance.field().expect("a field").march.clone();
+    let mut config = tier.appearance.march().expect("rays").clone();
     config.occupancy_cells = cells;
     config.occupancy_alpha = 1e-2;
     let area = WarpGrid {
@@ -129,12 +129,12 @@ fn neither_the_order_of_samples_nor_a_copy_changes_a_bit() {
         .expect("as many");
     assert_eq!(copy, one);
     assert!(grid(24).with_learned(&[0; 3], 0.0).is_none());
-    assert_eq!(grid(24).taught_by(Some(&one)), one);
+    assert_eq!(grid(24).with_levels_of(Some(&one)), one);
     let mut elsewhere = grid(24);
     elsewhere.min[1] += 0.01;
     let still = elsewhere.clone();
-    assert_eq!(elsewhere.taught_by(Some(&one)), still, "another box");
-    assert_eq!(grid(24).taught_by(None), grid(24));
+    assert_eq!(elsewhere.with_levels_of(Some(&one)), still, "another box");
+    assert_eq!(grid(24).with_levels_of(None), grid(24));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The exposures of a checkpoint, for a training that goes on, and for measurements on frames of the same film.
 
-use super::FilmExposures;
+use super::CaptureExposures;
 use crate::train::TrainError;
 use std::path::Path;
 use yoto_proto::manifest::files;
@@ -16,34 +16,37 @@ fn failed(path: &Path, error: impl std::fmt::Display) -> TrainError {
 /// Writes the exposures of every slot into `dir`, if there are any.
 pub(in crate::train) fn save(
     dir: &Path,
-    films: &[Option<FilmExposures>],
+    all: &[Option<CaptureExposures>],
 ) -> Result<(), TrainError> {
-    if films.iter().all(Option::is_none) {
+    if all.iter().all(Option::is_none) {
         return Ok(());
     }
     let path = dir.join(files::EXPOSURES);
-    let json = serde_json::to_vec(films).map_err(|e| failed(&path, e))?;
+    let json = serde_json::to_vec(all).map_err(|e| failed(&path, e))?;
     std::fs::write(&path, json).map_err(|e| failed(&path, e))
 }
 
 /// The exposures of each slot of a checkpoint in `dir`; none where nobody's were learned.
-pub(in crate::train) fn load(dir: &Path) -> Result<Vec<Option<FilmExposures>>, TrainError> {
+pub(in crate::train) fn load(dir: &Path) -> Result<Vec<Option<CaptureExposures>>, TrainError> {
     let path = dir.join(files::EXPOSURES);
     if !path.exists() {
         return Ok(Vec::new());
     }
     let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
-    let films: Vec<Option<FilmExposures>> =
+    let all: Vec<Option<CaptureExposures>> =
         serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
-    for (slot, film) in films.iter().enumerate() {
-        if film.as_ref().is_some_and(|film| !film.are_valid()) {
+    for (slot, exposures) in all.iter().enumerate() {
+        if exposures
+            .as_ref()
+            .is_some_and(|exposures| !exposures.are_valid())
+        {
             return Err(failed(
                 &path,
                 format!("slot {slot}: a gain is not above 0, or a number is not finite"),
             ));
         }
     }
-    Ok(films)
+    Ok(all)
 }
 
 /// The exposures of the film with `track` of the person in `slot`, as the training of the checkpoint in `dir`
@@ -51,11 +54,11 @@ pub(in crate::train) fn load(dir: &Path) -> Result<Vec<Option<FilmExposures>>, T
 ///
 /// # Errors
 /// A file that can't be read.
-pub fn film_exposures(
+pub fn capture_exposures(
     dir: &Path,
     slot: usize,
     track: &PoseTrack,
-) -> Result<Option<FilmExposures>, TrainError> {
-    let film = load(dir)?.into_iter().nth(slot).flatten();
-    Ok(film.filter(|film| film.is_of(track)))
+) -> Result<Option<CaptureExposures>, TrainError> {
+    let exposures = load(dir)?.into_iter().nth(slot).flatten();
+    Ok(exposures.filter(|exposures| exposures.is_of(track)))
 }

@@ -1,6 +1,6 @@
 //! The part of a step that learns the exposure of its frame.
 
-use super::{FilmExposures, fit};
+use super::{CaptureExposures, fit};
 use crate::config::{ExposureConfig, LearnExposure};
 use crate::host::read;
 use crate::render::FrameExposure;
@@ -16,22 +16,22 @@ use yoto_proto::pose_track::PoseTrack;
 pub(in crate::train) fn begin(
     config: &ExposureConfig,
     track: &PoseTrack,
-    known: Option<FilmExposures>,
-) -> Option<FilmExposures> {
+    known: Option<CaptureExposures>,
+) -> Option<CaptureExposures> {
     if config.who == LearnExposure::Never {
         return None;
     }
-    let mut film = known
+    let mut exposures = known
         .filter(|known| known.is_of(track))
-        .unwrap_or_else(|| FilmExposures::new(track, config.who));
+        .unwrap_or_else(|| CaptureExposures::new(track, config.who));
     if config.who == LearnExposure::Always {
-        film.heeded = Some(true);
+        exposures.heeded = Some(true);
     }
-    Some(film)
+    Some(exposures)
 }
 
 /// `picture` `[H W, 4]` of colours over black and opacity in an exposure.
-pub(in crate::train) fn exposed(picture: Tensor<2>, exposure: &FrameExposure) -> Tensor<2> {
+pub(in crate::train) fn apply_exposure(picture: Tensor<2>, exposure: &FrameExposure) -> Tensor<2> {
     if *exposure == FrameExposure::NEUTRAL {
         return picture;
     }
@@ -50,17 +50,17 @@ pub(in crate::train) struct FittedExposure {
 }
 
 /// Fits the exposure of a `frame`, which shows `image`, to the model's `picture` of it, `[H W, 4]`, after the
-/// completed fraction `opened` of the model's run.
+/// completed fraction `schedule_progress` of the model's run.
 pub(in crate::train) fn fit_exposure(
     model: &mut Model,
     subject: &TrainSubject,
     frame: &TrainFrame,
-    opened: f64,
+    schedule_progress: f64,
     image: &FrameImage,
     picture: &Tensor<2>,
 ) -> Result<FittedExposure, TrainError> {
     let config = &model.config.exposure;
-    let Some(film) = &mut model.state.exposures[subject.slot] else {
+    let Some(exposures) = &mut model.state.exposures[subject.slot] else {
         return Ok(FittedExposure {
             exposure: FrameExposure::NEUTRAL,
             note: None,
@@ -68,14 +68,14 @@ pub(in crate::train) fn fit_exposure(
     };
     let mut note = None;
     // A film whose exposures were found to be alike stays so.
-    if opened >= config.start && film.heeded != Some(false) {
+    if schedule_progress >= config.start && exposures.heeded != Some(false) {
         let _span = trace_span!("exposure").entered();
         let picture = read(picture.clone().detach())?;
         if let Some(found) = fit::exposure(&picture, image, config) {
-            film.take(frame.position, &found, config.share);
+            exposures.take(frame.position, &found, config.share);
         }
-        if let Some(spread) = film.decide(config, opened, subject.frames.len()) {
-            let then = match film.heeded {
+        if let Some(spread) = exposures.decide(config, schedule_progress, subject.frames.len()) {
+            let then = match exposures.heeded {
                 Some(true) => "exposures are learned",
                 _ => "all are taken to be exposed alike",
             };
@@ -86,18 +86,18 @@ pub(in crate::train) fn fit_exposure(
         }
     }
     Ok(FittedExposure {
-        exposure: film.of(frame.position),
+        exposure: exposures.of(frame.position),
         note,
     })
 }
 
 /// The exposure of the frame with this `index` of the film of the person in `slot`, as
-/// [`FilmExposures::near`] tells it; neutral where exposures are not learned.
+/// [`CaptureExposures::near`] tells it; neutral where exposures are not learned.
 pub(in crate::train) fn near(
-    films: &[Option<FilmExposures>],
+    all: &[Option<CaptureExposures>],
     slot: usize,
     index: u32,
 ) -> FrameExposure {
-    let film = films.get(slot).and_then(Option::as_ref);
-    film.map_or(FrameExposure::NEUTRAL, |film| film.near(index))
+    let exposures = all.get(slot).and_then(Option::as_ref);
+    exposures.map_or(FrameExposure::NEUTRAL, |exposures| exposures.near(index))
 }

@@ -1,4 +1,4 @@
-//! Exposures of the training frames of a film, learned as the model is.
+//! Exposures of the training frames of a capture, learned as the model is.
 //!
 //! Each time a frame is trained on, its exposure is fitted to the difference between the frame and the
 //! model's picture ([`fit`]). Their mean stays neutral, since an exposure that all frames share is the colour of the
@@ -8,8 +8,8 @@ pub(super) mod file;
 mod fit;
 mod learn;
 
-pub use file::film_exposures;
-pub(super) use learn::{begin, exposed, fit_exposure, near};
+pub use file::capture_exposures;
+pub(super) use learn::{apply_exposure, begin, fit_exposure, near};
 
 use crate::config::{ExposureConfig, LearnExposure};
 use crate::render::FrameExposure;
@@ -19,19 +19,19 @@ use yoto_proto::pose_track::PoseTrack;
 /// Share of the training frames that must have been fitted before a film is judged.
 const JUDGED_ON: f64 = 0.8;
 
-/// Exposures of a film's frames.
+/// Exposures of the frames of a capture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FilmExposures {
+pub struct CaptureExposures {
     /// Index of each frame of the pose track.
     indices: Vec<u32>,
-    /// Of each frame of the pose track; `None` until it was fitted, as that of a frame that is not trained on.
+    /// Exposure of each frame of the pose track; `None` until it was fitted, and for frames that are not trained on.
     frames: Vec<Option<FrameExposure>>,
     /// Whether training heeds them; `None` while that is not decided.
     heeded: Option<bool>,
 }
 
-impl FilmExposures {
-    /// Of the frames of `track`, none of which is fitted.
+impl CaptureExposures {
+    /// The exposures of the frames of `track`, none of which is fitted.
     fn new(track: &PoseTrack, who: LearnExposure) -> Self {
         Self {
             indices: track.frames.iter().map(|frame| frame.index).collect(),

@@ -1,12 +1,12 @@
 use super::*;
 use yoto_synthetic::SyntheticPerson;
 
-fn film(frames: usize) -> FilmExposures {
+fn film(frames: usize) -> CaptureExposures {
     let (track, _) = SyntheticPerson::cast(1, 7)[0].capture(frames, 16);
-    FilmExposures::new(&track, LearnExposure::Auto)
+    CaptureExposures::new(&track, LearnExposure::Auto)
 }
 
-fn exposed(gain: f32) -> FrameExposure {
+fn exposure_with(gain: f32) -> FrameExposure {
     FrameExposure {
         gain: [gain; 3],
         offset: [0.1 * gain; 3],
@@ -17,7 +17,7 @@ fn exposed(gain: f32) -> FrameExposure {
 fn the_mean_of_all_exposures_stays_neutral() {
     let mut film = film(3);
     for (position, gain) in [1.1, 1.3, 1.7].into_iter().enumerate() {
-        film.take(position, &exposed(gain), 1.0);
+        film.take(position, &exposure_with(gain), 1.0);
     }
     film.heeded = Some(true);
     let frames: Vec<FrameExposure> = (0..3).map(|position| film.of(position)).collect();
@@ -33,8 +33,8 @@ fn a_frame_that_is_not_trained_on_lies_between_its_neighbours() {
     let mut film = film(5);
     film.heeded = Some(true);
     assert_eq!(film.near(2), FrameExposure::NEUTRAL);
-    film.frames[1] = Some(exposed(1.0));
-    film.frames[4] = Some(exposed(4.0));
+    film.frames[1] = Some(exposure_with(1.0));
+    film.frames[4] = Some(exposure_with(4.0));
     let gain = |index: u32| film.near(index).gain[2];
     let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
     assert!(near(gain(2), 2.0) && near(gain(3), 3.0) && near(gain(4), 4.0));
@@ -51,7 +51,7 @@ fn exposures_are_heeded_where_they_differ() {
         let gains = [spread, -spread, spread, -spread];
         for (position, gain) in gains.into_iter().enumerate() {
             assert_eq!(film.decide(&config, 1.0, 4), None, "too few are fitted");
-            film.frames[position] = Some(exposed(gain.exp() as f32));
+            film.frames[position] = Some(exposure_with(gain.exp() as f32));
         }
         assert_eq!(
             film.decide(&config, 0.5 * config.decide, 4),

@@ -8,7 +8,7 @@ use crate::avatar::{Avatar, AvatarAppearance};
 use crate::config::ModelConfig;
 use crate::host::read;
 use crate::loss::{LossTerm, Objective, Patches, total};
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::render::RenderError;
 use crate::render::SampleCounts;
 use crate::render::composite::{Composite, composite};
@@ -41,13 +41,13 @@ pub struct Scene<'a> {
     /// Configuration of the model.
     pub config: &'a ModelConfig,
     /// The identity's body.
-    pub body: &'a Body,
+    pub body: &'a CanonicalBody,
     /// Its slot in the model.
     pub slot: usize,
     /// Its pose.
     pub pose: &'a Pose,
     /// Completed fraction of the run, which determines the active parts of the model.
-    pub progress: f64,
+    pub schedule_progress: f64,
     /// Number of the step, which selects the empty cells that are probed.
     pub step: u64,
     /// Occupancy grid of the identity.
@@ -103,7 +103,13 @@ pub fn outcome(
         }
     };
     let (posed, weights, transforms) = trace_span!("pose").in_scope(|| {
-        let posed = avatar.pose(config, body, scene.slot, scene.pose, scene.progress);
+        let posed = avatar.pose(
+            config,
+            body,
+            scene.slot,
+            scene.pose,
+            scene.schedule_progress,
+        );
         let weights = read(posed.weights.clone())?;
         let transforms = read(posed.transforms.clone())?;
         Ok::<_, RenderError>((posed, weights, transforms))

@@ -1,6 +1,6 @@
 //! Random patches of a frame (HumanNeRF, `core/data/human_nerf/train.py`).
 
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::train::frames::batch::Batch;
 use crate::train::people::Picture;
 use rand::RngExt;
@@ -19,14 +19,14 @@ pub(crate) fn draw(
     frame: &Picture,
     camera: &Camera,
     pose: &Pose,
-    body: &Body,
+    body: &CanonicalBody,
     count: usize,
     size: usize,
     rng: &mut impl RngExt,
 ) -> Batch {
     let (width, height) = (frame.image.width, frame.image.height);
-    let sight = BodyView::new(&body.skeleton, pose, camera);
-    let ray = |x: usize, y: usize| sight.ray(x as f64 + 0.5, y as f64 + 0.5);
+    let body_view = BodyView::new(&body.skeleton, pose, camera);
+    let ray = |x: usize, y: usize| body_view.ray(x as f64 + 0.5, y as f64 + 0.5);
     let background: [f32; 3] = std::array::from_fn(|_| rng.random());
     let mut batch = Batch {
         rays: Vec::with_capacity(count * size * size),

@@ -4,7 +4,7 @@ use crate::avatar::AvatarSplats;
 use crate::config::ModelConfig;
 use crate::host::ReadError;
 use crate::loss::LossTerm;
-use crate::render::splats::sight;
+use crate::render::splats::body_view;
 use crate::train::frames::batch::Scene;
 use burn::tensor::Tensor;
 use tracing::trace_span;
@@ -22,22 +22,22 @@ const MARGIN: usize = 32;
 ///
 /// # Errors
 /// If the splats can't be read from their device.
-pub(crate) fn pictured(
+pub(crate) fn render_frame(
     avatar: AvatarSplats<'_>,
     scene: &Scene,
     camera: &Camera,
 ) -> Result<Tensor<2>, ReadError> {
     let body = scene.body;
     let splats = trace_span!("pose").in_scope(|| {
-        let posed = avatar.pose(body, scene.slot, scene.pose, scene.progress);
-        avatar.posed(body, &posed)
+        let posed = avatar.pose(body, scene.slot, scene.pose, scene.schedule_progress);
+        avatar.posed_splats(body, &posed)
     })?;
-    let sight = sight(&body.skeleton, scene.pose, camera);
-    Ok(trace_span!("splat").in_scope(|| splat(splats, &sight)))
+    let body_view = body_view(&body.skeleton, scene.pose, camera);
+    Ok(trace_span!("splat").in_scope(|| splat(splats, &body_view)))
 }
 
 /// The loss of a frame, `[1]`, and its terms, from the model's `picture` `[H W, 4]` of it.
-pub(crate) fn compared(
+pub(crate) fn frame_loss(
     picture: Tensor<2>,
     image: &FrameImage,
     config: &ModelConfig,

@@ -1,10 +1,10 @@
-//! Which parameters a training changes: all, or those of one person in a model whose trunk is trained.
+//! The parameters that a training changes: all, or those of one person in a model whose shared weights are trained.
 
 use crate::config::Variant;
 use crate::train::run::checkpoint::ModelState;
-use crate::train::{Person, TrainError};
+use crate::train::{TrainError, TrainPerson};
 
-/// Which parameters a training changes.
+/// The parameters that a training changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Learn {
     /// All.
@@ -30,7 +30,7 @@ impl Learn {
     /// Checks that these `people` can be trained in this way. `before` is the checkpoint that the training resumes.
     pub(crate) fn check(
         self,
-        people: &[Person],
+        people: &[TrainPerson],
         before: Option<&ModelState>,
     ) -> Result<(), TrainError> {
         if let Some(state) = before
@@ -75,7 +75,7 @@ impl Learn {
     }
 
     /// Records in `state` which parameters learn from the `people`.
-    pub(crate) fn note(self, people: &[Person], state: &mut ModelState) {
+    pub(crate) fn note(self, people: &[TrainPerson], state: &mut ModelState) {
         for person in people {
             let slot = person.slot;
             let is_new = state.slots.get(slot).is_none_or(Option::is_none);

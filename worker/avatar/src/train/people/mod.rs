@@ -3,8 +3,9 @@
 pub(crate) mod learn;
 pub mod leaving;
 
+use crate::avatar::Avatar;
 use crate::config::ModelConfig;
-use crate::motion::body::Body;
+use crate::motion::body::CanonicalBody;
 use crate::train::{TrainError, TrainOptions};
 use burn::tensor::Device;
 use std::sync::Arc;
@@ -17,7 +18,7 @@ use yoto_proto::pose_track::PoseTrack;
 
 /// One identity's training data.
 #[derive(Clone)]
-pub struct Person {
+pub struct TrainPerson {
     /// Identity slot in the model.
     pub slot: usize,
     /// Name in messages.
@@ -44,7 +45,9 @@ pub(crate) struct Picture {
 /// A person, prepared for training.
 pub(crate) struct TrainSubject {
     pub slot: usize,
-    pub body: Body,
+    /// The slot of the person's own parameters ([`Avatar::own_slot`]).
+    pub own_slot: usize,
+    pub body: CanonicalBody,
     /// Name of the person.
     pub name: String,
     /// The poses as given, with their cameras.
@@ -52,7 +55,7 @@ pub(crate) struct TrainSubject {
     /// The joints' other sides, if the body is symmetric.
     pub sides: Option<Sides>,
     /// Pictures of all frames, in the order of the pose track.
-    film: CroppedFrames,
+    pictures: CroppedFrames,
     pub frames: Vec<TrainFrame>,
     /// Frames for validation.
     pub held_out: Vec<TrainFrame>,
@@ -61,7 +64,7 @@ pub(crate) struct TrainSubject {
 impl TrainSubject {
     /// Prepares `person`: frames are resized and held out as `options` say.
     pub fn new(
-        person: &Person,
+        person: &TrainPerson,
         config: &ModelConfig,
         options: &TrainOptions,
         device: &Device,
@@ -96,9 +99,9 @@ impl TrainSubject {
                 person.name
             )));
         }
-        let film = person.shard.cropped();
-        let film = film.resized(image_size, options.scratch.as_deref());
-        let film = film.map_err(|source| TrainError::Capture {
+        let pictures = person.shard.cropped();
+        let pictures = pictures.resized(image_size, options.scratch.as_deref());
+        let pictures = pictures.map_err(|source| TrainError::Capture {
             name: person.name.clone(),
             source,
         })?;
@@ -106,11 +109,12 @@ impl TrainSubject {
         let sides = other.map(|other| Sides::new(other, &skeleton.parents));
         Ok(Self {
             slot: person.slot,
+            own_slot: Avatar::own_slot(config, person.slot),
             name: person.name.clone(),
             sides,
-            body: Body::new(skeleton, config, device),
+            body: CanonicalBody::new(skeleton, config, device),
             track: track.clone(),
-            film,
+            pictures,
             frames,
             held_out,
         })
@@ -118,12 +122,12 @@ impl TrainSubject {
 
     /// Width and height of the pictures, pixels.
     pub fn size(&self) -> [usize; 2] {
-        self.film.size().map(|side| side as usize)
+        self.pictures.size().map(|side| side as usize)
     }
 
     /// The image of `frame`.
     pub fn image(&self, frame: &TrainFrame) -> FrameImage {
-        self.film.image(frame.position)
+        self.pictures.image(frame.position)
     }
 
     /// The image of `frame`, and the pixels that show the person: for callers that draw from those pixels.
@@ -135,7 +139,7 @@ impl TrainSubject {
 
     /// Whether any pixel of `frame` has at least `coverage`.
     pub fn shows(&self, frame: &TrainFrame, coverage: u8) -> bool {
-        let (_, _, mask) = self.film.crop(frame.position);
+        let (_, _, mask) = self.pictures.crop(frame.position);
         mask.iter().any(|pixel| *pixel >= coverage)
     }
 }
@@ -149,7 +153,7 @@ pub(crate) fn covered(image: &FrameImage) -> Vec<u32> {
 }
 
 /// The first difference of two people's joint trees, in words.
-fn difference(one: &Person, other: &Person) -> String {
+fn difference(one: &TrainPerson, other: &TrainPerson) -> String {
     let trees = [one, other].map(|person| &person.shard.track.skeleton);
     let joints = trees.map(|tree| tree.names.len());
     let pairs = trees[0].names.iter().zip(&trees[1].names);
@@ -165,11 +169,11 @@ fn difference(one: &Person, other: &Person) -> String {
 
 /// Checks that the people fit one model: equal joint trees, and one slot each. Returns the number
 /// of slots that they need and their number of joints.
-pub(crate) fn check_people(people: &[Person]) -> Result<(usize, usize), TrainError> {
+pub(crate) fn check_people(people: &[TrainPerson]) -> Result<(usize, usize), TrainError> {
     let first = people
         .first()
         .ok_or_else(|| TrainError::People("no people to train on".into()))?;
-    let tree = |person: &Person| {
+    let tree = |person: &TrainPerson| {
         (
             person.shard.track.skeleton.names.clone(),
             person.shard.track.skeleton.parents.clone(),

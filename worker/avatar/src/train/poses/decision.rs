@@ -2,7 +2,7 @@
 
 use crate::config::{Extent, Refine};
 use crate::train::TrainError;
-use crate::train::people::Person;
+use crate::train::people::TrainPerson;
 use yoto_capture::check::{PRECISE, jumps, precision};
 
 /// Frames named of one fault.
@@ -13,16 +13,19 @@ const NAMED: usize = 8;
 pub(crate) struct Decision {
     /// How far they are refined; `None` where they stay as given.
     pub refine: Option<Extent>,
-    /// For people; `None` where it was not for the training to decide.
+    /// The reason, for people; `None` where it was not for the training to decide.
     pub why: Option<String>,
 }
 
-/// The decision on `person`, whose model may have `splats`: fits of these are cheap enough for poses that are
-/// hardly off.
+/// The decision on `person`. Where fits are `cheap`, poses that are hardly off are refined as well.
 ///
 /// # Errors
 /// Invalid skeleton.
-pub(crate) fn decide(who: Refine, person: &Person, splats: bool) -> Result<Decision, TrainError> {
+pub(crate) fn decide(
+    who: Refine,
+    person: &TrainPerson,
+    cheap: bool,
+) -> Result<Decision, TrainError> {
     let asked = |refine| Ok(Decision { refine, why: None });
     match who {
         Refine::Never => return asked(None),
@@ -40,7 +43,7 @@ pub(crate) fn decide(who: Refine, person: &Person, splats: bool) -> Result<Decis
     let lost = jumps.len() > 1;
     let refine = match wanders || lost {
         true => Some(Extent::Wide),
-        false => splats.then_some(Extent::Fine),
+        false => cheap.then_some(Extent::Fine),
     };
     let found = match wander {
         _ if lost && !wanders => {
@@ -76,7 +79,7 @@ mod tests {
     fn decision(
         who: Refine,
         frames: usize,
-        splats: bool,
+        cheap: bool,
         change: impl Fn(&mut PoseTrack),
     ) -> Decision {
         let (mut track, images) = SyntheticPerson::cast(1, 7)[0].capture(frames, 64);
@@ -85,12 +88,12 @@ mod tests {
         for image in &images {
             shard.push(image).expect("a frame");
         }
-        let person = Person {
+        let person = TrainPerson {
             slot: 0,
             name: "ada".into(),
             shard: Arc::new(shard.finish().expect("a shard")),
         };
-        decide(who, &person, splats).expect("a skeleton")
+        decide(who, &person, cheap).expect("a skeleton")
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! How far given poses are off, as fits to the pictures find.
+//! The errors of given poses, as fits to the pictures find them.
 //!
 //! Poses that are held too loosely follow the flaws of a model that is not learned yet, so that exact ones
 //! are spoiled; those that are held too tightly keep their errors. What is expected is therefore
@@ -35,7 +35,7 @@ struct Expected {
 }
 
 impl ExpectedErrors {
-    /// Those of the configuration.
+    /// The errors that the configuration expects.
     pub fn configured() -> Self {
         let configured = Expected {
             squares: BEFORE,
@@ -44,7 +44,7 @@ impl ExpectedErrors {
         Self([configured; 2])
     }
 
-    /// Those with these factors of the configured errors.
+    /// The configured errors times these `factors`.
     pub fn of(factors: [f64; 2]) -> Self {
         Self(factors.map(|factor| Expected {
             squares: BEFORE * factor.powi(2) as f32,
@@ -107,9 +107,9 @@ mod tests {
 
     /// A fit that determines `determined` rotations, each off by `off` configured errors.
     fn fit(now: &ExpectedErrors, determined: f64, off: f64) -> [Evidence; 2] {
-        let [turn, _] = now.factors();
+        let [rotation, _] = now.factors();
         let rotations = Evidence {
-            squares: determined * (off / turn).powi(2),
+            squares: determined * (off / rotation).powi(2),
             determined,
         };
         [rotations, Evidence::default()]
@@ -121,8 +121,8 @@ mod tests {
         for _ in 0..400 {
             errors.learn(&fit(&errors, 6.0, 0.3), 1.0, 0.5);
         }
-        let [turn, _] = errors.factors();
-        assert!((turn - 0.3).abs() < 0.01, "{turn}");
+        let [rotation, _] = errors.factors();
+        assert!((rotation - 0.3).abs() < 0.01, "{rotation}");
         for _ in 0..400 {
             errors.learn(&fit(&errors, 6.0, 0.0), 1.0, 0.5);
         }

@@ -2,7 +2,7 @@
 
 use crate::avatar::Avatar;
 use crate::config::Extent;
-use crate::fit::{Picture, PoseChange, PoseFitter, Wishes};
+use crate::fit::{Picture, PoseChange, PoseFitter, StepPriors};
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject, covered};
@@ -31,7 +31,7 @@ pub(crate) fn fit_pose(
     let (slot, index) = (subject.slot, frame.position);
     let config = &model.config.refinement;
     let poses = model.state.poses[slot].as_mut();
-    let stage = poses.and_then(|poses| poses.stage(config, now.opened, now.fraction));
+    let stage = poses.and_then(|poses| poses.stage(config, now.schedule_progress, now.fraction));
     let Some((poses, stage)) = model.state.poses[slot].as_ref().zip(stage) else {
         return Ok(());
     };
@@ -40,7 +40,7 @@ pub(crate) fn fit_pose(
     }
     let _span = trace_span!("refine").entered();
     let avatar = model.state.avatar().clone().no_grad();
-    let fitter = fitter(model, subject, &avatar, now.opened);
+    let fitter = fitter(model, subject, &avatar, now.schedule_progress);
     let shown = subject.picture(frame);
     let picture = Picture {
         image: &shown.image,
@@ -48,11 +48,11 @@ pub(crate) fn fit_pose(
         covered: &shown.covered,
     };
     let pose = poses.refined(index, &frame.pose);
-    let wishes = Wishes {
-        given: poses.given_wishes(config, index),
-        all: poses.wishes(config, index),
+    let priors = StepPriors {
+        given: poses.given_priors(config, index),
+        all: poses.priors(config, index),
     };
-    let fit = fitter.step(&pose, &picture, &wishes, stage.blur, config.noise, rng)?;
+    let fit = fitter.step(&pose, &picture, &priors, stage.blur, config.noise, rng)?;
     let Some(fit) = fit else {
         return Ok(());
     };
@@ -80,17 +80,17 @@ pub(crate) fn fit_pose(
 }
 
 /// `pose` of the `subject` after a fit to the picture `image` by `camera`, with the model as it is after
-/// the completed fraction `opened` of its run. Every picture gets the same number of steps: [`FIT_STEPS`].
+/// the completed fraction `schedule_progress` of its run. Every picture gets the same number of steps: [`FIT_STEPS`].
 pub(crate) fn fitted_pose(
     model: &Model,
     subject: &TrainSubject,
     pose: &Pose,
     camera: &Camera,
     image: &FrameImage,
-    (opened, seed): (f64, u64),
+    (schedule_progress, seed): (f64, u64),
 ) -> Result<Pose, TrainError> {
     let avatar = model.state.avatar().clone().no_grad();
-    let fitter = fitter(model, subject, &avatar, opened);
+    let fitter = fitter(model, subject, &avatar, schedule_progress);
     let covered = covered(image);
     let picture = Picture {
         image,
@@ -102,11 +102,11 @@ pub(crate) fn fitted_pose(
     let mut change = PoseChange::none(model.joints);
     for step in 0..FIT_STEPS {
         let passed = f64::from(step) / f64::from(FIT_STEPS - 1);
-        let given = change.wishes(config, [1.0; 2]);
+        let given = change.priors(config, [1.0; 2]);
         let (all, blur) = (given.clone(), config.blur(Extent::Wide, passed));
-        let wishes = Wishes { given, all };
+        let priors = StepPriors { given, all };
         let pose = change.of(pose);
-        let step = fitter.step(&pose, &picture, &wishes, blur, config.noise, &mut rng)?;
+        let step = fitter.step(&pose, &picture, &priors, blur, config.noise, &mut rng)?;
         let Some(fit) = step else {
             break;
         };
@@ -120,14 +120,14 @@ fn fitter<'a>(
     model: &'a Model,
     subject: &'a TrainSubject,
     avatar: &'a Avatar,
-    opened: f64,
+    schedule_progress: f64,
 ) -> PoseFitter<'a> {
     PoseFitter {
         avatar,
         config: &model.config,
         body: &subject.body,
         slot: subject.slot,
-        progress: opened,
+        schedule_progress,
         occupancy: model.state.occupancy[subject.slot].as_ref(),
         device: &model.device,
     }

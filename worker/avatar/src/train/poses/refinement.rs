@@ -6,7 +6,7 @@
 mod growth;
 
 use crate::config::{Extent, RefinementConfig, RefinementStage};
-use crate::fit::{Evidence, PoseChange, Wish};
+use crate::fit::{Evidence, PoseChange, StepPrior};
 use crate::train::poses::expected_errors::ExpectedErrors;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -34,7 +34,7 @@ const FAR: usize = 10;
 pub(crate) struct PoseRefinement {
     /// Fingerprint of the poses that were given.
     track: String,
-    /// Of each frame of the track.
+    /// The change of each frame of the track.
     changes: Vec<PoseChange>,
     /// Whether they are found over one run of a model whose own refinement was over.
     late: bool,
@@ -60,7 +60,7 @@ pub(crate) struct PoseRefinement {
     /// 0 if those of an earlier training stay.
     #[serde(default)]
     placed: u8,
-    /// Where the placement was, as [`Self::stage`] counts progress. In single precision, which a
+    /// Progress at the placement, as [`Self::stage`] counts progress. In single precision, which a
     /// file of JSON gives back exactly.
     #[serde(default)]
     placed_at: f32,
@@ -105,15 +105,15 @@ impl PoseRefinement {
         self.track == fingerprint(track) && self.changes.len() == track.frames.len()
     }
 
-    /// How poses are refined now, after the completed fraction `opened` of the model's first run
+    /// The settings of refinement now, after the completed fraction `schedule_progress` of the model's first run
     /// and `fraction` of this one; `None` where they are not.
     pub fn stage(
         &mut self,
         config: &RefinementConfig,
-        opened: f64,
+        schedule_progress: f64,
         fraction: f64,
     ) -> Option<RefinementStage> {
-        let progress = self.progress(opened, fraction);
+        let progress = self.progress(schedule_progress, fraction);
         self.done |= progress >= config.end;
         self.judge(config, progress);
         let stage = match self.done {
@@ -148,8 +148,12 @@ impl PoseRefinement {
 
     /// Progress of the run in which the poses are refined, from that of the model's first run and that
     /// of this one.
-    fn progress(&self, opened: f64, fraction: f64) -> f64 {
-        if self.late { fraction } else { opened }
+    fn progress(&self, schedule_progress: f64, fraction: f64) -> f64 {
+        if self.late {
+            fraction
+        } else {
+            schedule_progress
+        }
     }
 
     /// The given `pose` of the frame at `position` in the track as it is read, without its change.
@@ -158,7 +162,7 @@ impl PoseRefinement {
         read.clone()
     }
 
-    /// The same with its change.
+    /// The given `pose` of the frame at `position` as it is read, with its change.
     pub fn refined(&self, position: usize, pose: &Pose) -> Pose {
         self.changes[position].of(&self.read(position, pose))
     }
@@ -199,7 +203,7 @@ impl PoseRefinement {
         self.misfits[position].map_or(1.0, f64::from)
     }
 
-    /// How much the frame at `position` counts in training, 0 to 1: frames that fit far worse than
+    /// The weight of the frame at `position` in training, 0 to 1: frames that fit far worse than
     /// others show something else, or the person elsewhere.
     pub fn weight(&self, position: usize) -> f64 {
         1.0 / (1.0 + (self.misfit(position) / DOUBTFUL).powi(4))
@@ -293,8 +297,8 @@ impl PoseRefinement {
     }
 
     /// The return of the frame at `position` to its given pose.
-    pub fn given_wishes(&self, config: &RefinementConfig, position: usize) -> Vec<Wish> {
-        self.changes[position].wishes(config, self.errors.factors())
+    pub fn given_priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
+        self.changes[position].priors(config, self.errors.factors())
     }
 
     /// Learns from a fit of the frame at `position`, after the share `passed` of the refinement, how far
@@ -313,36 +317,36 @@ impl PoseRefinement {
     /// How far given poses are off: rotations about each axis, radians, and positions along each,
     /// metres; `None` until fits have found it.
     pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
-        let [turn, shift] = self.errors.factors();
+        let [rotation, shift] = self.errors.factors();
         let learned = self.errors != expected(self.extent);
-        learned.then_some([turn * config.turn, shift * config.shift])
+        learned.then_some([rotation * config.rotation, shift * config.shift])
     }
 
-    /// What the frame at `position` should do without its picture: return to its given pose, and be
+    /// The priors of the frame at `position` without its picture: return to its given pose, and be
     /// changed as its neighbours are.
-    pub fn wishes(&self, config: &RefinementConfig, position: usize) -> Vec<Wish> {
+    pub fn priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
         let beside = self.beside(position);
         let precision = |error: f64| error.powi(-2);
-        let mut wishes = self.given_wishes(config, position);
-        let turns = wishes.len() - 3;
-        let [turn, shift] = self.errors.factors();
+        let mut priors = self.given_priors(config, position);
+        let rotations = priors.len() - 3;
+        let [rotation, shift] = self.errors.factors();
         if beside.is_empty() {
-            return wishes;
+            return priors;
         }
-        for (i, wish) in wishes.iter_mut().enumerate() {
-            let jitter = if i < turns {
-                turn * config.turn_jitter
+        for (i, prior) in priors.iter_mut().enumerate() {
+            let jitter = if i < rotations {
+                rotation * config.rotation_jitter
             } else {
                 shift * config.shift_jitter
             };
             let sum: f64 = beside.iter().map(|it| f64::from(it.0[i])).sum();
             let mean = sum / beside.len() as f64;
             let alike = precision(jitter);
-            let both = wish.precision + alike;
-            wish.step += alike * mean / both;
-            wish.precision = both;
+            let both = prior.precision + alike;
+            prior.mean += alike * mean / both;
+            prior.precision = both;
         }
-        wishes
+        priors
     }
 
     /// Takes a `step` `[3 (K + 1)]` of the frame at `position`, in the axes of its refined pose.
@@ -384,7 +388,7 @@ impl PoseRefinement {
     }
 }
 
-/// What is expected of given poses before fits have found it. Those that are refined finely are within
+/// The expected errors of given poses before fits have found it. Those that are refined finely are within
 /// [`PRECISE`](yoto_capture::check::PRECISE).
 fn expected(extent: Extent) -> ExpectedErrors {
     match extent {

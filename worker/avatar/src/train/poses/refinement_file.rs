@@ -2,7 +2,7 @@
 //! renders.
 
 use crate::train::poses::refinement::PoseRefinement;
-use crate::train::{Person, TrainError};
+use crate::train::{TrainError, TrainPerson};
 use std::path::Path;
 use yoto_proto::manifest::files;
 use yoto_proto::pose_track::{PoseTrack, describe};
@@ -31,7 +31,10 @@ pub(crate) fn save_track(dir: &Path, slot: usize, track: &PoseTrack) -> Result<(
 }
 
 /// Slots and files of the refined tracks in `dir` of those who are not among the `people`.
-pub(crate) fn others(dir: &Path, people: &[Person]) -> Result<Vec<(usize, Vec<u8>)>, TrainError> {
+pub(crate) fn others(
+    dir: &Path,
+    people: &[TrainPerson],
+) -> Result<Vec<(usize, Vec<u8>)>, TrainError> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(dir).map_err(|e| failed(dir, e))? {
         let path = entry.map_err(|e| failed(dir, e))?.path();

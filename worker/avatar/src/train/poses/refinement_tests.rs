@@ -31,8 +31,8 @@ fn neighbours_follow_and_the_mean_stays() {
 #[test]
 fn wishes_lead_to_the_given_pose_and_the_neighbours() {
     let config = RefinementConfig {
-        turn: 1.0,
-        turn_jitter: 0.5,
+        rotation: 1.0,
+        rotation_jitter: 0.5,
         ..RefinementConfig::default()
     };
     let mut poses = PoseRefinement::new(&track(), Extent::Wide, false);
@@ -40,14 +40,14 @@ fn wishes_lead_to_the_given_pose_and_the_neighbours() {
     poses.changes[5].0[0] = 0.2;
     poses.changes[4].0[0] = 0.1;
     // Neighbours pull to 0.3 four times as strongly as the given pose to 0.
-    let wish = poses.wishes(&config, 4)[0];
-    assert!((wish.step - (0.24 - 0.1)).abs() < 1e-7 && (wish.precision - 5.0).abs() < 1e-12);
+    let prior = poses.priors(&config, 4)[0];
+    assert!((prior.mean - (0.24 - 0.1)).abs() < 1e-7 && (prior.precision - 5.0).abs() < 1e-12);
     let frame = Pose::rest(track().joints());
     let mean = f64::from(poses.as_neighbours(4, &frame).rotations[0][0]);
     assert!((mean - 0.3).abs() < 1e-6, "{mean}");
     poses.changes.truncate(1);
     assert_eq!(poses.as_neighbours(0, &frame), frame);
-    assert_eq!(poses.wishes(&config, 0)[0].precision, 1.0, "no neighbours");
+    assert_eq!(poses.priors(&config, 0)[0].precision, 1.0, "no neighbours");
 }
 
 #[test]
@@ -120,8 +120,12 @@ fn frames_with_exchanged_sides_keep_to_themselves() {
 #[test]
 fn a_person_who_comes_late_is_refined_over_that_run() {
     let config = RefinementConfig::default();
-    let stage = |late, opened, fraction| {
-        PoseRefinement::new(&track(), Extent::Wide, late).stage(&config, opened, fraction)
+    let stage = |late, schedule_progress, fraction| {
+        PoseRefinement::new(&track(), Extent::Wide, late).stage(
+            &config,
+            schedule_progress,
+            fraction,
+        )
     };
     assert!(stage(false, 0.5, 0.5).is_some() && stage(false, 1.0, 0.5).is_none());
     assert!(stage(true, 1.0, 0.5).is_some() && stage(true, 1.0, 0.95).is_none());
@@ -137,29 +141,37 @@ fn a_person_who_comes_late_is_refined_over_that_run() {
 fn splats_grow_twice_and_those_of_an_earlier_training_stay() {
     let config = SplatConfig::default();
     let mut poses = PoseRefinement::new(&track(), Extent::Wide, false);
-    assert_eq!(poses.grows(&config, 1.0, 0.5), None, "not placed");
+    assert_eq!(poses.due_splat_count(&config, 1.0, 0.5), None, "not placed");
     assert!(!poses.has_placed());
-    assert_eq!(poses.places_first(&config, 0.0, 0.0), config.coarse);
-    assert_eq!(poses.grows(&config, config.grow, 0.0), None, "as given");
+    assert_eq!(poses.initial_splat_count(&config, 0.0, 0.0), config.coarse);
+    assert_eq!(
+        poses.due_splat_count(&config, config.grow, 0.0),
+        None,
+        "as given"
+    );
     poses.fits = 20;
-    assert_eq!(poses.grows(&config, config.grow, 0.61), None, "too late");
-    let mut at = |opened| poses.grows(&config, opened, 0.0);
+    assert_eq!(
+        poses.due_splat_count(&config, config.grow, 0.61),
+        None,
+        "too late"
+    );
+    let mut at = |schedule_progress| poses.due_splat_count(&config, schedule_progress, 0.0);
     assert_eq!(at(config.grow - 0.01), None);
     assert_eq!(at(config.grow), Some(8944));
     assert_eq!(at(config.grow), None, "once");
     assert_eq!(at(config.grow_all), Some(config.count));
     assert_eq!(at(1.0), None, "once");
     let mut late = PoseRefinement::new(&track(), Extent::Wide, true);
-    late.places_first(&config, 1.0, 0.0);
+    late.initial_splat_count(&config, 1.0, 0.0);
     late.fits = 20;
-    assert_eq!(late.grows(&config, 1.0, 0.1), None);
-    assert!(late.grows(&config, 1.0, 0.4).is_some());
+    assert_eq!(late.due_splat_count(&config, 1.0, 0.1), None);
+    assert!(late.due_splat_count(&config, 1.0, 0.4).is_some());
     // In the middle of a run, by what is left of it.
     let mut joined = PoseRefinement::new(&track(), Extent::Wide, false);
-    joined.places_first(&config, 0.5, 0.0);
+    joined.initial_splat_count(&config, 0.5, 0.0);
     joined.fits = 20;
-    assert_eq!(joined.grows(&config, 0.6, 0.2), None);
-    assert!(joined.grows(&config, 0.66, 0.32).is_some());
+    assert_eq!(joined.due_splat_count(&config, 0.6, 0.2), None);
+    assert!(joined.due_splat_count(&config, 0.66, 0.32).is_some());
     assert!(joined.has_placed());
 }
 
@@ -175,7 +187,7 @@ fn fine_fits_observe_until_poses_are_judged_and_exact_ones_stay_as_given() {
         assert_eq!(observing.share, 0.0, "no step is taken");
         poses.stage(&settings, settings.judged, settings.judged)
     };
-    let limit = settings.exact / settings.turn;
+    let limit = settings.exact / settings.rotation;
     assert_eq!(judged(0.9 * limit, 30), None);
     assert!(judged(1.1 * limit, 30).is_some_and(|stage| stage.share > 0.0));
     let waiting = judged(1.1 * limit, 3).expect("too few fits tell, so that it waits");
@@ -192,10 +204,14 @@ fn a_fine_refinement_has_all_splats_fewer_fits_and_less_blur() {
     let (config, settings) = (SplatConfig::default(), RefinementConfig::default());
     let mut fine = PoseRefinement::new(&track(), Extent::Fine, false);
     let mut wide = PoseRefinement::new(&track(), Extent::Wide, false);
-    assert_eq!(fine.places_first(&config, 0.0, 0.0), config.count);
-    assert_eq!(wide.places_first(&config, 0.0, 0.0), config.coarse);
+    assert_eq!(fine.initial_splat_count(&config, 0.0, 0.0), config.count);
+    assert_eq!(wide.initial_splat_count(&config, 0.0, 0.0), config.coarse);
     fine.fits = 20;
-    assert_eq!(fine.grows(&config, 0.5, 0.5), None, "there are all of them");
+    assert_eq!(
+        fine.due_splat_count(&config, 0.5, 0.5),
+        None,
+        "there are all of them"
+    );
     let fits = |poses: &PoseRefinement| {
         (0..100)
             .filter(|step| poses.fits_before(&settings, *step))

@@ -1,7 +1,7 @@
 //! Frames whose poses are wrong, not just imprecise: found, and read otherwise or left out.
 
 use crate::config::{ModelConfig, Refine};
-use crate::train::{Budget, Person, TrainOptions, Trainer};
+use crate::train::{Budget, TrainOptions, TrainPerson, Trainer};
 use burn::tensor::Device;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -42,7 +42,7 @@ fn found(
     for image in &images {
         builder.push(image).expect("a frame");
     }
-    let person = Person {
+    let person = TrainPerson {
         slot: 0,
         name: "ada".into(),
         shard: Arc::new(builder.finish().expect("a shard")),

@@ -2,18 +2,20 @@
 //! only weights and state.
 
 use crate::avatar::Avatar;
-use crate::config::{FieldConfig, ModelConfig};
-use crate::field::splats::held_path;
-use crate::identity::own;
-use crate::motion::body::Body;
+use crate::config::ModelConfig;
+use crate::field::splats::frozen_path;
+use crate::identity::stored_names::stored;
+use crate::identity::{own, stored_names};
+use crate::motion::body::CanonicalBody;
 use crate::motion::prior::canonical_grid;
 use crate::render::Renderer;
 use crate::render::occupancy::Occupancy;
 use crate::train::TrainError;
-use crate::train::frames::order::Practice;
+use crate::train::frames::order::PersonSteps;
+use crate::train::run::optimiser_file;
 use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleSnapshot, SafetensorsStore};
-use burn::tensor::{Bytes, Device};
+use burn::tensor::Device;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -38,8 +40,9 @@ pub struct ModelState {
     /// Steps taken over the model's life.
     pub step: u64,
     /// Completed fraction of a run, 0 to 1, which determines the active parts of the model. It does
-    /// not decrease when another run continues with the model.
-    pub progress: f64,
+    /// not decrease when another run continues with the model. Files call it `progress`.
+    #[serde(rename = "progress")]
+    pub schedule_progress: f64,
     /// Seconds spent in steps over the model's life.
     pub train_seconds: f64,
     /// The guard's factor on the learning rate.
@@ -48,15 +51,16 @@ pub struct ModelState {
     pub skipped_steps: u64,
     /// Returns to an earlier state.
     pub rollbacks: u64,
-    /// Whether the current budget goes on with a model that was trained with the same people before.
-    #[serde(default)]
-    pub goes_on: bool,
-    /// Slots of people whose training changed only their own parameters: the trunk was already trained.
+    /// Whether the current budget continues with a model that was trained with the same people before. Files call
+    /// it `goes_on`.
+    #[serde(default, rename = "goes_on")]
+    pub continues: bool,
+    /// Slots of people whose training changed only their own parameters: the shared weights were already trained.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub own_only: BTreeSet<usize>,
-    /// The steps with the person in each slot.
-    #[serde(default)]
-    pub practice: Vec<Practice>,
+    /// The steps with the person in each slot. Files call it `practice`.
+    #[serde(default, rename = "practice")]
+    pub steps_per_person: Vec<PersonSteps>,
     /// Slots of people who were removed.
     #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
     pub erased: BTreeSet<usize>,
@@ -95,14 +99,14 @@ impl ModelState {
             joints,
             seed,
             step: 0,
-            progress: 0.0,
+            schedule_progress: 0.0,
             train_seconds: 0.0,
             rate_scale: 1.0,
             skipped_steps: 0,
             rollbacks: 0,
-            goes_on: false,
+            continues: false,
             own_only: BTreeSet::new(),
-            practice: Vec::new(),
+            steps_per_person: Vec::new(),
             erased: BTreeSet::new(),
             priors: BTreeMap::new(),
             slots,
@@ -200,7 +204,7 @@ pub(crate) fn load_occupancy(
         .map(|bytes| SafeTensors::deserialize(bytes))
         .transpose()
         .map_err(|e| failed(&path, e))?;
-    let Some(FieldConfig { march, .. }) = state.config.appearance.field() else {
+    let Some(march) = state.config.appearance.march() else {
         return Ok(vec![None; state.slots.len()]);
     };
     let grid = |(slot, skeleton): (usize, &Option<Skeleton>)| {
@@ -247,15 +251,7 @@ pub(crate) fn save(
     avatar: &Avatar,
     optimiser: &ModuleOptimizer,
 ) -> Result<(), TrainError> {
-    let path = dir.join(files::OPTIMISER);
-    // Burn does not overwrite files.
-    match std::fs::remove_file(&path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            return Err(failed(&path, error));
-        }
-        _ => {}
-    }
-    optimiser.save(&path).map_err(|e| failed(&path, e))?;
+    optimiser_file::save(&dir.join(files::OPTIMISER), avatar, optimiser)?;
     save_model(dir, state, avatar)
 }
 
@@ -270,11 +266,12 @@ pub(crate) fn save_model(
     let mut store = SafetensorsStore::from_file(&weights)
         .overwrite(true)
         .clear_metadata()
-        .metadata("format", "safetensors");
+        .metadata("format", "safetensors")
+        .remap(stored_names::to_checkpoint());
     if !state.erased.is_empty() {
         let gone = |slot: usize| state.erased.contains(&slot);
         let names = own::paths(avatar).into_iter();
-        let kept = names.filter(|name| !own::owner(name).is_some_and(gone));
+        let kept = names.filter(|name| !own::owner(&stored(name)).is_some_and(gone));
         store = store.with_full_paths(kept);
     }
     avatar
@@ -305,45 +302,42 @@ pub(crate) fn load_avatar(
     let path = dir.join(files::WEIGHTS);
     let grown = slots.max(state.slots.len());
     let mut avatar = Avatar::new(&state.config, grown, state.joints, state.seed, device);
-    expect_held(&mut avatar, &path)?;
-    let mut store = SafetensorsStore::from_file(&path).allow_partial(true);
+    expect_frozen(&mut avatar, &path)?;
+    let mut store = SafetensorsStore::from_file(&path)
+        .allow_partial(true)
+        .remap(stored_names::from_checkpoint());
     let found = avatar.load_from(&mut store).map_err(|e| failed(&path, e))?;
     // The file lacks what is of somebody who is new, or who was removed.
     let absent = |slot: usize| slot >= state.slots.len() || state.erased.contains(&slot);
-    let lacks = |name: &&String| !own::owner(name).is_some_and(absent);
-    let mut missing = found.missing.iter().map(|(name, _)| name);
+    let lacks = |name: &String| !own::owner(name).is_some_and(absent);
+    let mut missing = found.missing.iter().map(|(name, _)| stored(name));
     match missing.find(lacks) {
         Some(name) => Err(failed(&path, format!("missing tensor: {name}"))),
         None => Ok(avatar),
     }
 }
 
-/// Makes room in `avatar` for the flags of held colours, which checkpoints late in a run and of finished models have.
-fn expect_held(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> {
+/// Makes room in `avatar` for the flags of frozen colours, which checkpoints late in a run and of finished models have.
+fn expect_frozen(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> {
     let bytes = std::fs::read(weights).map_err(|e| failed(weights, e))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| failed(weights, e))?;
     for slot in 0..avatar.splats.len() {
-        if let Ok(flags) = file.tensor(&held_path(slot)) {
+        if let Ok(flags) = file.tensor(&frozen_path(slot)) {
             let count = flags.shape().iter().product();
             avatar
-                .hold_splats(slot, Some(&vec![false; count]))
+                .freeze_colours(slot, Some(&vec![false; count]))
                 .map_err(|e| failed(weights, e))?;
         }
     }
     Ok(())
 }
 
-/// The optimiser in `dir`. The whole file is read: Burn's `load` reads a tensor at its first use,
-/// when the caller's folder may no longer exist.
+/// The optimiser in `dir`, in place of the `fresh` one.
 pub(crate) fn load_optimiser(
     dir: &Path,
     fresh: ModuleOptimizer,
 ) -> Result<ModuleOptimizer, TrainError> {
-    let path = dir.join(files::OPTIMISER);
-    let bytes = std::fs::read(&path).map_err(|e| failed(&path, e))?;
-    fresh
-        .from_bytes(Bytes::from_bytes_vec(bytes))
-        .map_err(|e| failed(&path, e))
+    optimiser_file::load(&dir.join(files::OPTIMISER), fresh)
 }
 
 impl Renderer {
@@ -358,13 +352,17 @@ impl Renderer {
         let body = |skeleton: &Option<Skeleton>| {
             skeleton
                 .clone()
-                .map(|skeleton| Body::new(skeleton, &state.config, &device))
+                .map(|skeleton| CanonicalBody::new(skeleton, &state.config, &device))
         };
         let bodies = state.slots.iter().map(body).collect();
         let occupancy = load_occupancy(dir, &state)?;
-        Ok(
-            Self::new(state.config, avatar, bodies, occupancy, state.progress)
-                .without(state.erased),
+        Ok(Self::new(
+            state.config,
+            avatar,
+            bodies,
+            occupancy,
+            state.schedule_progress,
         )
+        .without(state.erased))
     }
 }

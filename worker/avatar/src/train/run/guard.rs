@@ -3,7 +3,7 @@
 
 use crate::avatar::Avatar;
 use crate::render::occupancy::Occupancy;
-use crate::train::exposure::FilmExposures;
+use crate::train::exposure::CaptureExposures;
 use crate::train::people::TrainFrame;
 use crate::train::poses::refinement::PoseRefinement;
 use burn::module::{Module, ModuleVisitor, Param};
@@ -31,7 +31,7 @@ pub(crate) struct TrainState {
     /// Refined poses by slot; none where poses stay as they are given.
     pub poses: Vec<Option<PoseRefinement>>,
     /// Exposures of each slot's film; none where they are not learned.
-    pub exposures: Vec<Option<FilmExposures>>,
+    pub exposures: Vec<Option<CaptureExposures>>,
     pub rate_scale: f64,
 }
 
@@ -64,7 +64,7 @@ impl TrainState {
             .expect("the model is absent only during an update")
     }
 
-    /// How much a `frame` of the person in `slot` counts in training, 0 to 1.
+    /// The weight of a `frame` of the person in `slot` in training, 0 to 1.
     pub fn weight(&self, slot: usize, frame: &TrainFrame) -> f64 {
         let poses = self.poses[slot].as_ref();
         poses.map_or(1.0, |poses| poses.weight(frame.position))
@@ -96,11 +96,11 @@ pub(crate) struct Snapshot {
     optimiser: ModuleOptimizer,
     occupancy: Vec<Option<Occupancy>>,
     poses: Vec<Option<PoseRefinement>>,
-    exposures: Vec<Option<FilmExposures>>,
+    exposures: Vec<Option<CaptureExposures>>,
 }
 
 impl Snapshot {
-    /// What `state` is now. Tensors are shared until the next step changes them.
+    /// A copy of `state`. Tensors are shared until the next step changes them.
     pub fn of(state: &TrainState) -> Self {
         Self {
             avatar: state.avatar().clone(),
@@ -268,7 +268,7 @@ mod tests {
             nodes: [2; 3],
             floor: 0.0,
         };
-        let grid = Occupancy::new(&area, &config.appearance.field().expect("a field").march)
+        let grid = Occupancy::new(&area, config.appearance.march().expect("rays"))
             .expect("the tier has grids");
         state.occupancy = vec![Some(grid.clone())];
         assert_eq!(step(&mut state, &mut guard, 1.0, 0), Verdict::Taken);

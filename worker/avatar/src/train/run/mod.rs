@@ -4,6 +4,7 @@ pub(crate) mod best;
 pub(crate) mod checkpoint;
 pub(crate) mod guard;
 pub(crate) mod optimiser;
+mod optimiser_file;
 pub(crate) mod options;
 pub(crate) mod parts;
 pub(crate) mod progress;
@@ -29,10 +30,10 @@ pub(crate) struct Run {
     step: u64,
     /// Seconds spent in steps over the model's life.
     seconds: f64,
-    /// Completed fraction of a run before this one.
-    opened: f64,
-    /// Whether this budget goes on with a model that was trained with the same people before.
-    goes_on: bool,
+    /// Completed fraction of the schedule before this run.
+    schedule_progress: f64,
+    /// Whether this budget continues with a model that was trained with the same people before.
+    continues: bool,
     /// Steps of this budget.
     budget_steps: u64,
     /// Seconds of this budget spent in steps.
@@ -42,13 +43,13 @@ pub(crate) struct Run {
     previews: Vec<Preview>,
 }
 
-/// Where a run is before a step.
+/// The position of a run before a step.
 #[derive(Clone, Copy)]
 pub(crate) struct Moment {
     /// Steps over the model's life.
     pub step: u64,
-    /// Completed fraction of a run over the model's life, as [`Run::opened`] tells it.
-    pub opened: f64,
+    /// Completed fraction of a run over the model's life, as [`Run::schedule_progress`] tells it.
+    pub schedule_progress: f64,
     /// Used share of the budget, 0 to 1.
     pub fraction: f64,
 }
@@ -58,14 +59,14 @@ impl Run {
     pub fn new(
         saved: &ModelState,
         options: TrainOptions,
-        goes_on: bool,
+        continues: bool,
         progress: TrainProgress,
     ) -> Self {
         Self {
             step: saved.step,
             seconds: saved.train_seconds,
-            opened: saved.progress,
-            goes_on,
+            schedule_progress: saved.schedule_progress,
+            continues,
             budget_steps: options.used_steps,
             budget_seconds: options.used_seconds,
             progress,
@@ -82,21 +83,21 @@ impl Run {
         &self.options
     }
 
-    /// Where the run is.
+    /// The position of the run.
     pub fn moment(&self) -> Moment {
         Moment {
             step: self.step,
-            opened: self.opened(),
+            schedule_progress: self.schedule_progress(),
             fraction: self.fraction(),
         }
     }
 
     /// Completed fraction of a run over the model's life, 0 to 1; it never decreases.
-    pub fn opened(&self) -> f64 {
+    pub fn schedule_progress(&self) -> f64 {
         match self.options.learn.only() {
-            // More of the trunk would change everybody.
-            Some(_) => self.opened,
-            None => self.opened.max(self.fraction()),
+            // More of the shared weights would change everybody.
+            Some(_) => self.schedule_progress,
+            None => self.schedule_progress.max(self.fraction()),
         }
     }
 
@@ -116,7 +117,7 @@ impl Run {
 
     /// Factor on the learning rates of this step.
     pub fn rate(&self, schedule: &Schedule) -> f64 {
-        let begins = match (self.goes_on, self.options.budget) {
+        let begins = match (self.continues, self.options.budget) {
             (false, _) => 0.0,
             (true, Budget::Seconds(run)) => {
                 let before = self.seconds - self.budget_seconds;
@@ -195,7 +196,7 @@ impl Run {
         &self.previews
     }
 
-    /// How the run goes, without what the model tells.
+    /// The progress of the run, without the figures of the model.
     pub fn progress(&self) -> TrainProgress {
         let (total_steps, seconds_left) = match self.options.budget {
             Budget::Seconds(seconds) => (0, (seconds - self.budget_seconds).max(0.0)),
@@ -221,9 +222,9 @@ impl Run {
     pub fn record(&self, state: &mut ModelState) {
         state.seed = self.options.seed;
         state.step = self.step;
-        state.progress = self.opened();
+        state.schedule_progress = self.schedule_progress();
         state.train_seconds = self.seconds;
-        state.goes_on = self.goes_on;
+        state.continues = self.continues;
     }
 
     fn smoothed(&self, old: f64, new: f64) -> f64 {
@@ -239,7 +240,7 @@ fn smoothed(old: f64, new: f64, steps: u64) -> f64 {
 
 #[cfg(test)]
 impl Run {
-    pub fn goes_on(&self) -> bool {
-        self.goes_on
+    pub fn continues(&self) -> bool {
+        self.continues
     }
 }

@@ -1,7 +1,7 @@
 //! Adam with a learning rate for each part of the model: those of the paper and of HumanNeRF
 //! (docs/research/paper.md), with additional ones for hash tables and direct motion weights.
 
-use crate::config::ModelConfig;
+use crate::config::{Appearance, ModelConfig};
 use burn::module::ParamGroup;
 use burn::optim::{
     AdamState, AdaptiveMomentumState, LearningRate, ModuleOptimizer, Optimizer, RecordState,
@@ -84,10 +84,11 @@ pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
         group("condition.", rates.slow_rate),
         group("non_rigid.", rates.slow_rate),
     ];
-    let splats = config.appearance.splats().into_iter().flat_map(|splats| {
-        [
+    let own = match &config.appearance {
+        Appearance::Field(_) => Vec::new(),
+        Appearance::Splats(splats) => vec![
             group(".means", splats.mean_rate),
-            group(".turns", splats.turn_rate),
+            group(".rotations", splats.rotation_rate),
             group(".scales", splats.scale_rate),
             group(".opacities", splats.opacity_rate),
             group(".colours", splats.colour_rate),
@@ -96,9 +97,9 @@ pub fn optimiser(config: &ModelConfig) -> ModuleOptimizer {
             group("pose_shapes.mlp", splats.pose_shapes.network_rate),
             group("pose_shapes.basis", splats.pose_shapes.rate),
             group("pose_shapes.own", splats.pose_shapes.rate),
-        ]
-    });
-    groups.into_iter().chain(splats).fold(
+        ],
+    };
+    groups.into_iter().chain(own).fold(
         ModuleOptimizer::from(ScaledAdam { scale: rates.rate }),
         |optimiser, (group, adam)| optimiser.with_group(group, adam, None),
     )
@@ -160,7 +161,10 @@ mod tests {
 
     fn check_rates(config: &ModelConfig) {
         let rates = &config.optimise;
-        let splats = config.appearance.splats();
+        let splats = match &config.appearance {
+            Appearance::Splats(splats) => Some(splats),
+            Appearance::Field(_) => None,
+        };
         let mut avatar = Avatar::new(config, 2, 24, 3, &Device::flex().autodiff());
         let mut optimiser = optimiser(config);
         let (mut first_moment, mut second_moment) = (0.0, 0.0);
@@ -182,7 +186,7 @@ mod tests {
                         let splats = splats.expect("the tier has splats");
                         match name {
                             "means" => splats.mean_rate,
-                            "turns" => splats.turn_rate,
+                            "rotations" => splats.rotation_rate,
                             "scales" => splats.scale_rate,
                             "opacities" => splats.opacity_rate,
                             "colours" => splats.colour_rate,
@@ -196,7 +200,7 @@ mod tests {
                         match path.split('.').nth(1) {
                             Some("mlp") => shapes.network_rate,
                             Some("basis" | "own") => shapes.rate,
-                            Some("filmed") => 0.0,
+                            Some("pose_ranges") => 0.0,
                             _ => panic!("{path} has no rate"),
                         }
                     }

@@ -38,7 +38,7 @@ pub struct TrainProgress {
     pub samples: SampleCounts,
     /// Scheduled parts of the model that are active.
     pub active_parts: Vec<String>,
-    /// Whose poses are refined and why, for people.
+    /// The people whose poses are refined and why, in words.
     pub notes: Vec<String>,
     /// Name of the objective, e.g. "mse+ssim".
     pub objective: &'static str,

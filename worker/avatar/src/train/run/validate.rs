@@ -8,20 +8,20 @@ use crate::train::people::TrainSubject;
 use crate::train::{TrainError, exposure};
 use yoto_capture::mask_box;
 
-/// Most held-out frames per person that are rendered: splats are drawn in milliseconds, a field in
+/// Most held-out frames per person that are rendered: those that take milliseconds, and those that take
 /// seconds. The best checkpoint is chosen by them.
-const FRAMES_OF_SPLATS: usize = 16;
-const FRAMES_OF_A_FIELD: usize = 4;
+const FAST_FRAMES: usize = 16;
+const SLOW_FRAMES: usize = 4;
 /// Fewest per person, whatever the number of people.
 const FEWEST: usize = 2;
 /// Most people whose frames are all rendered; beyond it, each has fewer.
 const PEOPLE: usize = 6;
 
 /// Number of held-out frames per person that are rendered for a model of `people`.
-fn frames_per_person(splats: bool, people: usize) -> usize {
-    let most = match splats {
-        true => FRAMES_OF_SPLATS,
-        false => FRAMES_OF_A_FIELD,
+fn frames_per_person(fast: bool, people: usize) -> usize {
+    let most = match fast {
+        true => FAST_FRAMES,
+        false => SLOW_FRAMES,
     };
     (most * PEOPLE / people.max(PEOPLE)).max(FEWEST)
 }
@@ -61,20 +61,20 @@ pub(crate) struct Measured {
     pub previews: Vec<Preview>,
 }
 
-/// Renders held-out frames of the `subjects` and compares them. `goes_on` is called before each batch of rays.
+/// Renders held-out frames of the `subjects` and compares them. `on_batch` is called before each batch of rays.
 pub(crate) fn validate(
     renderer: &Renderer,
     model: &Model,
     subjects: &[TrainSubject],
-    opened: f64,
-    goes_on: &mut dyn FnMut(),
+    schedule_progress: f64,
+    on_batch: &mut dyn FnMut(),
 ) -> Result<Measured, TrainError> {
-    let refined = model.config.refinement.takes_part(opened);
+    let refined = model.config.refinement.takes_part(schedule_progress);
     let (mut psnr_sum, mut ssim_sum, mut images) = (0.0, Some(0.0), 0usize);
     let (mut box_sum, mut boxes) = (0.0, 0usize);
     let mut previews = Vec::new();
-    let splats = model.config.appearance.splats().is_some();
-    let count = frames_per_person(splats, subjects.len());
+    let fast = model.config.appearance.capabilities().fast_frames;
+    let count = frames_per_person(fast, subjects.len());
     for subject in subjects {
         for (position, frame) in spread(&subject.held_out, count).enumerate() {
             let pose = match &model.state.poses[subject.slot] {
@@ -88,7 +88,7 @@ pub(crate) fn validate(
                 background: [0.0; 3],
             };
             let mut rendered = renderer.render_scene(&view.into(), &mut |_| {
-                goes_on();
+                on_batch();
                 true
             })?;
             let index = subject.track.frames[frame.position].index;

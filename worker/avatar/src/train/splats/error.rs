@@ -1,10 +1,10 @@
-//! How much of the model's error each splat has a part in.
+//! The part of each splat in the model's error.
 
-use crate::avatar::{Avatar, AvatarAppearance};
+use crate::avatar::AvatarAppearance;
 use crate::host::read;
 use crate::train::TrainError;
-use crate::train::exposure::{exposed, near};
-use crate::train::frames::whole_picture::pictured;
+use crate::train::exposure::{apply_exposure, near};
+use crate::train::frames::whole_picture::render_frame;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
 use crate::train::poses::fit::pose;
@@ -22,11 +22,11 @@ pub(super) fn errors(
     subject: &TrainSubject,
     now: Moment,
 ) -> Result<Vec<f64>, TrainError> {
-    let AvatarAppearance::Splats(splats) = model.appearance() else {
-        return Ok(Vec::new());
+    let splats = match model.appearance() {
+        AvatarAppearance::Splats(splats) => splats,
+        AvatarAppearance::Field(_) => return Ok(Vec::new()),
     };
-    let own = Avatar::own_slot(&model.config, subject.slot);
-    let colours = splats.splats[own].colours.val();
+    let colours = splats.splats[subject.own_slot].colours.val();
     let mut sums = vec![0.0; colours.dims()[0]];
     let stride = subject.frames.len().div_ceil(FRAMES).max(1);
     for frame in subject.frames.iter().step_by(stride) {
@@ -34,7 +34,7 @@ pub(super) fn errors(
         let scene = model.scene(subject, &pose, now);
         let index = subject.track.frames[frame.position].index;
         let exposure = near(&model.state.exposures, subject.slot, index);
-        let picture = exposed(pictured(splats, &scene, &frame.camera)?, &exposure);
+        let picture = apply_exposure(render_frame(splats, &scene, &frame.camera)?, &exposure);
         let image = subject.image(frame);
         let seen = read(picture.clone().detach())?;
         let pairs = seen.chunks_exact(4).zip(image.rgb.chunks_exact(3));

@@ -1,9 +1,8 @@
-//! Where splats are placed, and when they become more. A training that refines poses widely starts with few, since many small
+//! The placement of splats, and their growth in number. A training that refines poses widely starts with few, since many small
 //! ones learn the mean of wrong poses by heart; once poses are better, they are split until there are all
 //! (docs/research/splats.md).
 
-use crate::avatar::Avatar;
-use crate::config::{ModelConfig, Variant};
+use crate::config::{Appearance, ModelConfig, Variant};
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::TrainSubject;
@@ -11,24 +10,26 @@ use crate::train::poses::refinement::PoseRefinement;
 use crate::train::run::Moment;
 use crate::train::run::guard::TrainState;
 use crate::train::splats::error::errors;
-use crate::train::splats::first::first_splats;
+use crate::train::splats::first::initial_splats;
 use crate::train::splats::split::split;
 use tracing::trace_span;
 
 /// Places the splats of `subject` by the given poses, in a model after the completed fraction
 /// `progress` of its first run. A person who is `known` keeps their splats, unless an earlier training
 /// stopped before it placed all of them, and this one does not go on with it.
-pub(crate) fn place_first(
+pub(crate) fn place_initial_splats(
     state: &mut TrainState,
     config: &ModelConfig,
     progress: f64,
     subject: &TrainSubject,
     known: bool,
 ) -> Result<(), TrainError> {
-    let Some(splats) = config.appearance.splats() else {
-        return Ok(());
+    let splats = match &config.appearance {
+        Appearance::Splats(splats) => splats,
+        // A field starts everywhere.
+        Appearance::Field(_) => return Ok(()),
     };
-    let own = Avatar::own_slot(config, subject.slot);
+    let own = subject.own_slot;
     let placing = match config.variant {
         Variant::NoIdentity => state.poses.iter().flatten().any(PoseRefinement::has_placed),
         _ => state.poses[subject.slot]
@@ -39,35 +40,36 @@ pub(crate) fn place_first(
         return Ok(());
     }
     let count = match &mut state.poses[subject.slot] {
-        Some(poses) => poses.places_first(splats, progress, 0.0),
+        Some(poses) => poses.initial_splat_count(splats, progress, 0.0),
         None => splats.count,
     };
-    let first = first_splats(subject, |frame| Some(frame.pose.clone()), count)?;
+    let first = initial_splats(subject, |frame| Some(frame.pose.clone()), count)?;
     state
         .avatar_mut()
-        .place_splats(own, &first.and_hidden(splats.count));
+        .place_splats(own, &first.padded_to(splats.count));
     Ok(())
 }
 
-/// Splits the splats of the `subject` where the error is until there are as many as are due. They know
-/// what they have learned, so that a picture hardly changes.
-pub(crate) fn grow(
+/// Splits the splats of the `subject` where the error is until there are as many as are due. The halves know
+/// what the whole has learned, so that a picture hardly changes.
+pub(crate) fn split_splats(
     model: &mut Model,
     subject: &TrainSubject,
     now: Moment,
 ) -> Result<(), TrainError> {
-    let Some(config) = model.config.appearance.splats() else {
-        return Ok(());
+    let config = match &model.config.appearance {
+        Appearance::Splats(splats) => splats,
+        Appearance::Field(_) => return Ok(()),
     };
     let Some(poses) = &mut model.state.poses[subject.slot] else {
         return Ok(());
     };
-    let Some(count) = poses.grows(config, now.opened, now.fraction) else {
+    let Some(count) = poses.due_splat_count(config, now.schedule_progress, now.fraction) else {
         return Ok(());
     };
     let _span = trace_span!("grow").entered();
     let worth = errors(model, subject, now)?;
-    let own = Avatar::own_slot(&model.config, subject.slot);
+    let own = subject.own_slot;
     let avatar = model.state.avatar_mut();
     let mut splats = avatar.splat_values(own)?;
     let from = split(&mut splats, &worth, count);

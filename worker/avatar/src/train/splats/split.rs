@@ -1,7 +1,7 @@
 //! Splitting splats: each is replaced by two halves along its longest axis, which know its colour and opacity.
 //! So a model gains detail where it needs it and loses nothing that it has learned.
 
-use crate::field::splats::{FirstSplats, HIDDEN};
+use crate::field::splats::{HIDDEN, SplatValues};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -41,7 +41,7 @@ impl Eq for Candidate {}
 
 /// Splits those splats that are drawn and `worth` `[N]` most until `count` are drawn, in the rows of hidden
 /// ones. A half is worth half. Returns for each row the row that its values come from.
-pub(super) fn split(splats: &mut FirstSplats, worth: &[f64], count: usize) -> Vec<usize> {
+pub(super) fn split(splats: &mut SplatValues, worth: &[f64], count: usize) -> Vec<usize> {
     let rows = splats.opacities.len();
     let mut from: Vec<usize> = (0..rows).collect();
     let is_drawn = |index: &usize| splats.opacities[*index] != HIDDEN;
@@ -66,24 +66,24 @@ pub(super) fn split(splats: &mut FirstSplats, worth: &[f64], count: usize) -> Ve
     from
 }
 
-impl FirstSplats {
+impl SplatValues {
     /// Replaces the splat `whole` by two halves along its longest axis, of which the second has the row `other`.
     fn halve(&mut self, whole: usize, other: usize) {
         let scales = self.row::<3>(&self.scales, whole);
         let longest = (0..3).max_by(|a, b| scales[*a].total_cmp(&scales[*b]));
         let axis = longest.unwrap_or(0);
-        let along = axis_of(self.row(&self.turns, whole), axis);
+        let along = axis_of(self.row(&self.rotations, whole), axis);
         let step = APART * scales[axis].exp();
         let mean: [f32; 3] = self.row(&self.means, whole);
         let mut halved = scales;
         halved[axis] += NARROWER.ln();
-        let turn: [f32; 4] = self.row(&self.turns, whole);
+        let rotation: [f32; 4] = self.row(&self.rotations, whole);
         let colour: [f32; 3] = self.row(&self.colours, whole);
         for (row, side) in [(whole, -step), (other, step)] {
             let moved: [f32; 3] = std::array::from_fn(|a| mean[a] + side * along[a]);
             self.means[3 * row..3 * row + 3].copy_from_slice(&moved);
             self.scales[3 * row..3 * row + 3].copy_from_slice(&halved);
-            self.turns[4 * row..4 * row + 4].copy_from_slice(&turn);
+            self.rotations[4 * row..4 * row + 4].copy_from_slice(&rotation);
             self.colours[3 * row..3 * row + 3].copy_from_slice(&colour);
         }
         self.opacities[other] = self.opacities[whole];
@@ -95,9 +95,14 @@ impl FirstSplats {
 }
 
 /// Column `axis` of the rotation matrix of the quaternion `[w, x, y, z]`, of any length but 0.
-fn axis_of(turn: [f32; 4], axis: usize) -> [f32; 3] {
-    let length = turn.iter().map(|q| q * q).sum::<f32>().sqrt().max(1e-12);
-    let [w, x, y, z] = turn.map(|q| q / length);
+fn axis_of(rotation: [f32; 4], axis: usize) -> [f32; 3] {
+    let length = rotation
+        .iter()
+        .map(|q| q * q)
+        .sum::<f32>()
+        .sqrt()
+        .max(1e-12);
+    let [w, x, y, z] = rotation.map(|q| q / length);
     match axis {
         0 => [
             1.0 - 2.0 * (y * y + z * z),
@@ -121,13 +126,13 @@ fn axis_of(turn: [f32; 4], axis: usize) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Three splats along x, of which the second is turned by a quarter about z, and `hidden` ones.
-    fn three(hidden: usize) -> FirstSplats {
+    /// Three splats along x, of which the second is rotated by a quarter about z, and `hidden` ones.
+    fn three(hidden: usize) -> SplatValues {
         let half = std::f32::consts::FRAC_1_SQRT_2;
         let scales = [0.02f32, 0.01, 0.002].map(f32::ln);
-        FirstSplats {
+        SplatValues {
             means: vec![0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.0],
-            turns: [
+            rotations: [
                 [1.0, 0.0, 0.0, 0.0],
                 [half, 0.0, 0.0, half],
                 [2.0, 0.0, 0.0, 0.0],
@@ -137,7 +142,7 @@ mod tests {
             opacities: vec![1.0, 2.0, 3.0],
             colours: (0..9u8).map(|c| f32::from(c) / 9.0).collect(),
         }
-        .and_hidden(3 + hidden)
+        .padded_to(3 + hidden)
     }
 
     #[test]

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use yoto_avatar::avatar::{Avatar, AvatarAppearance};
 use yoto_avatar::config::ModelConfig;
 use yoto_avatar::decoder::Prior;
-use yoto_avatar::motion::body::Body;
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::motion::body::CanonicalBody;
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::{FrameImage, Shard, ShardBuilder};
@@ -46,7 +46,7 @@ fn evaluate(
     let device = Device::flex().autodiff();
     let person = &SyntheticPerson::cast(1, 7)[0];
     let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
-    let body = Body::new(skeleton, config, &device);
+    let body = CanonicalBody::new(skeleton, config, &device);
     let posed = avatar.pose(config, &body, 0, pose, 1.0);
     let n = points.len() / 3;
     let points = Tensor::<2>::from_data(TensorData::new(points, [n, 3]), &device);
@@ -204,7 +204,7 @@ fn masks_and_rates() {
             validation: Validation::Every(4),
             lpips: None,
         };
-        let person = Person {
+        let person = TrainPerson {
             slot: 0,
             name: "x".into(),
             shard: Arc::new(shard(change)),

@@ -20,7 +20,7 @@ const BOUND: f32 = 2e-5;
 struct Drawn {
     transforms: Numbers<2>,
     means: Numbers<2>,
-    turns: Numbers<2>,
+    rotations: Numbers<2>,
     scales: Numbers<2>,
     opacities: Numbers<1>,
     colours: Numbers<2>,
@@ -42,7 +42,7 @@ impl Drawn {
                 }
             }),
             means: draw(3, -0.5, 0.5),
-            turns: draw(4, -1.0, 1.3),
+            rotations: draw(4, -1.0, 1.3),
             scales: draw(3, scales[0], scales[1]),
             colours: draw(3, 0.1, 0.9),
             opacities: Numbers::drawn(&mut rng, [count], opacities[0], opacities[1]),
@@ -52,19 +52,19 @@ impl Drawn {
     }
 
     /// The picture on a device, and the gradients of a sum over it.
-    fn run(&self, sight: &View, device: &Device) -> [Vec<f32>; 8] {
+    fn run(&self, body_view: &View, device: &Device) -> [Vec<f32>; 8] {
         let device = device.clone().autodiff();
         let splats = Splats {
             transforms: self.transforms.learned_on(&device),
             means: self.means.learned_on(&device),
-            rotations: self.turns.learned_on(&device),
+            rotations: self.rotations.learned_on(&device),
             scales: self.scales.learned_on(&device),
             opacities: self.opacities.learned_on(&device),
             colours: self.colours.learned_on(&device),
             harmonics: None,
             light: self.light.learned_on(&device),
         };
-        let picture = splat(splats.clone(), sight);
+        let picture = splat(splats.clone(), body_view);
         let mut rng = ChaCha8Rng::seed_from_u64(self.towards);
         let towards = Numbers::drawn(&mut rng, picture.dims(), -1.0, 1.0);
         let grads = (picture.clone() * towards.on(&device)).sum().backward();
@@ -86,7 +86,7 @@ const PARTS: [&str; 8] = [
     "picture",
     "transforms",
     "means",
-    "turns",
+    "rotations",
     "scales",
     "opacities",
     "colours",
@@ -94,7 +94,7 @@ const PARTS: [&str; 8] = [
 ];
 
 /// A camera two metres from the body, turned a little, with a skew.
-fn sight(width: usize, height: usize) -> View {
+fn body_view(width: usize, height: usize) -> View {
     let (w, h) = (width as f32, height as f32);
     View {
         width,
@@ -109,9 +109,9 @@ fn sight(width: usize, height: usize) -> View {
     }
 }
 
-fn assert_equals_the_cpu(drawn: &Drawn, sight: &View, vulkan: &Device, bound: f32) {
-    let ours = drawn.run(sight, vulkan);
-    assert_close(&PARTS, &ours, &drawn.run(sight, &Device::flex()), bound);
+fn assert_equals_the_cpu(drawn: &Drawn, body_view: &View, vulkan: &Device, bound: f32) {
+    let ours = drawn.run(body_view, vulkan);
+    assert_close(&PARTS, &ours, &drawn.run(body_view, &Device::flex()), bound);
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn pictures_of_splats_of_any_size_and_number_equal_the_cpus() {
         ] {
             println!("{count} in {width} x {height}");
             let drawn = Drawn::new(seed, count, [-5.0, -3.0], [-6.0, 2.0]);
-            assert_equals_the_cpu(&drawn, &sight(width, height), &vulkan, BOUND);
+            assert_equals_the_cpu(&drawn, &body_view(width, height), &vulkan, BOUND);
         }
     });
 }
@@ -138,7 +138,7 @@ fn pictures_of_splats_of_any_size_and_number_equal_the_cpus() {
 fn what_hides_behind_many_opaque_splats_is_left_out_unseen() {
     on_vulkan(LIMIT, |vulkan| {
         let drawn = Drawn::new(6, 400, [-1.7, -1.3], [2.0, 8.0]);
-        assert_equals_the_cpu(&drawn, &sight(40, 40), &vulkan, 1e-2);
+        assert_equals_the_cpu(&drawn, &body_view(40, 40), &vulkan, 1e-2);
     });
 }
 
@@ -157,9 +157,9 @@ fn hidden_splats_and_those_behind_the_camera_or_not_finite_have_no_gradients() {
             values[5] = f32::NAN;
         });
         // No turn at all.
-        drawn.turns = drawn.turns.with(|values| values[24..28].fill(0.0));
-        let sight = sight(37, 29);
-        let ours = drawn.run(&sight, &vulkan);
+        drawn.rotations = drawn.rotations.with(|values| values[24..28].fill(0.0));
+        let body_view = body_view(37, 29);
+        let ours = drawn.run(&body_view, &vulkan);
         for (part, values) in PARTS.iter().zip(&ours) {
             assert!(values.iter().all(|value| value.is_finite()), "{part}");
         }
@@ -167,7 +167,12 @@ fn hidden_splats_and_those_behind_the_camera_or_not_finite_have_no_gradients() {
             let hidden = &ours[part][..6 * width];
             assert!(hidden.iter().all(|value| *value == 0.0), "{}", PARTS[part]);
         }
-        assert_close(&PARTS, &ours, &drawn.run(&sight, &Device::flex()), BOUND);
+        assert_close(
+            &PARTS,
+            &ours,
+            &drawn.run(&body_view, &Device::flex()),
+            BOUND,
+        );
     });
 }
 
@@ -176,18 +181,18 @@ fn pictures_without_splats_pixels_or_anybody_in_sight_are_black() {
     on_vulkan(LIMIT, |vulkan| {
         let nobody = Drawn::new(8, 0, [-5.0, -3.0], [-1.0, 2.0]);
         let away = Drawn::new(9, 30, [-5.0, -3.0], [-1.0, 2.0]);
-        let mut behind = sight(20, 20);
+        let mut behind = body_view(20, 20);
         behind.e[2][3] = -4.0;
-        let mut beside = sight(20, 20);
+        let mut beside = body_view(20, 20);
         beside.k[0][2] = 9_000.0;
-        for (drawn, sight) in [
-            (&nobody, sight(20, 20)),
+        for (drawn, body_view) in [
+            (&nobody, body_view(20, 20)),
             (&away, behind),
             (&away, beside),
-            (&away, sight(0, 7)),
+            (&away, body_view(0, 7)),
         ] {
-            let found = drawn.run(&sight, &vulkan);
-            assert_eq!(found[0].len(), 4 * sight.width * sight.height);
+            let found = drawn.run(&body_view, &vulkan);
+            assert_eq!(found[0].len(), 4 * body_view.width * body_view.height);
             for (part, values) in PARTS.iter().zip(&found) {
                 assert!(values.iter().all(|value| *value == 0.0), "{part}");
             }

@@ -13,10 +13,10 @@ use yoto_avatar::avatar::Avatar;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::PatchObjective;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::render::{RenderView, Rendered, Renderer};
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
-use yoto_avatar::train::{Budget, Learn, Person, TrainOptions, Trainer, Validation};
+use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Trainer, Validation};
 use yoto_capture::ShardBuilder;
 use yoto_capture::body_box::BodyView;
 use yoto_capture::camera::{Camera, Pose};
@@ -39,14 +39,14 @@ fn config() -> ModelConfig {
     config
 }
 
-fn person() -> Person {
+fn person() -> TrainPerson {
     let person = &SyntheticPerson::cast(1, 7)[0];
     let (track, images) = person.capture(6, 2 * SIDE);
     let mut builder = ShardBuilder::new(track);
     for image in &images {
         builder.push(image).expect("a synthetic frame is valid");
     }
-    Person {
+    TrainPerson {
         slot: 0,
         name: person.name().into(),
         shard: Arc::new(builder.finish().expect("all frames are there")),
@@ -102,12 +102,12 @@ impl Sitting {
         let config = config();
         let joints = self.skeleton.joints();
         let avatar = Avatar::new(&config, 1, joints, 5, &device);
-        let body = Body::new(self.skeleton.clone(), &config, &device);
-        let sight = BodyView::new(&body.skeleton, &self.pose, &self.camera);
+        let body = CanonicalBody::new(self.skeleton.clone(), &config, &device);
+        let body_view = BodyView::new(&body.skeleton, &self.pose, &self.camera);
         let side = SIDE as usize;
         let batch = Batch {
             rays: (0..side * side)
-                .map(|i| sight.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
+                .map(|i| body_view.ray((i % side) as f64 + 0.5, (i / side) as f64 + 0.5))
                 .collect(),
             patch_size: side,
             truth: self.truth.clone(),
@@ -119,7 +119,7 @@ impl Sitting {
             body: &body,
             slot: 0,
             pose: &self.pose,
-            progress: 1.0,
+            schedule_progress: 1.0,
             step: 10,
             occupancy: None,
         };

@@ -9,7 +9,7 @@ use burn::tensor::Tensor;
 use yoto_avatar::avatar::AvatarAppearance;
 use yoto_avatar::config::Encoding;
 use yoto_avatar::field::window::hann_window;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::motion::posed::relative_joints;
 use yoto_ops::encode::{Bands, frequencies};
 use yoto_ops::hash::{self, HashGrid, encode};
@@ -70,7 +70,7 @@ fn pose_conditioned_code() {
     let case = Case::read("condition");
     let config = small::config(small::FOURIER);
     let avatar = small::avatar(&config);
-    let body = Body::new(case.skeleton(), &config, &small::device());
+    let body = CanonicalBody::new(case.skeleton(), &config, &small::device());
     let joints = relative_joints(&body, &case.pose());
     let condition = avatar.condition.as_ref().expect("the variant has it");
     let code = condition.forward(&config.condition, avatar.codes[0].val(), joints);
@@ -119,7 +119,7 @@ fn canonical(case: Case, encoding: Encoding) {
     let device = small::device();
     let config = small::config(encoding);
     let avatar = small::avatar(&config);
-    let body = Body::new(case.skeleton(), &config, &device);
+    let body = CanonicalBody::new(case.skeleton(), &config, &device);
     let points = case.tensor::<2>("points", &device).require_grad();
     let code: Tensor<1> = case.tensor("code", &device).require_grad();
     let AvatarAppearance::Field(field) = avatar.appearance(&config) else {

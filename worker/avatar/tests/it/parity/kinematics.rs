@@ -4,7 +4,7 @@ use crate::parity::case::Case;
 use crate::parity::check::{Check, GRADIENTS, VALUES};
 use crate::parity::small;
 use burn::optim::GradientsParams;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::motion::posed::{corrected_transforms, relative_joints, transforms};
 use yoto_avatar::motion::rotation::rodrigues;
 
@@ -24,7 +24,7 @@ fn rotations() {
 fn bone_transforms() {
     let case = Case::read("kinematics");
     let device = small::device();
-    let body = Body::new(case.skeleton(), &small::config(small::FOURIER), &device);
+    let body = CanonicalBody::new(case.skeleton(), &small::config(small::FOURIER), &device);
     let pose = case.pose();
     let vectors = case.tensor::<2>("vectors", &device).require_grad();
     let corrected = corrected_transforms(&body, &pose, rodrigues(vectors.clone()));

@@ -5,7 +5,7 @@ use crate::parity::check::{Check, GRADIENTS, VALUES};
 use crate::parity::small;
 use burn::optim::GradientsParams;
 use yoto_avatar::config::MotionForm;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::motion::prior::{canonical_grid, prior};
 use yoto_ops::warp::{WarpGrid, reference, warp};
 
@@ -27,7 +27,7 @@ fn weight_volume() {
     let case = Case::read("volume");
     let config = small::config(small::FOURIER);
     let avatar = small::avatar(&config);
-    let body = Body::new(case.skeleton(), &config, &small::device());
+    let body = CanonicalBody::new(case.skeleton(), &config, &small::device());
     let volume = avatar.motion.volume(1, body.log_prior.clone());
     let grads = case.towards("volume", volume.clone()).backward();
     let mut check = Check::new(&case);
@@ -48,7 +48,7 @@ fn weight_volume_of_the_decoder() {
         channels: vec![6, 5],
     };
     let avatar = small::avatar_with(&config, "model-deconv");
-    let body = Body::new(case.skeleton(), &config, &small::device());
+    let body = CanonicalBody::new(case.skeleton(), &config, &small::device());
     let volume = avatar.motion.volume(1, body.log_prior);
     let grads = case.towards("volume", volume.clone()).backward();
     let mut check = Check::new(&case);

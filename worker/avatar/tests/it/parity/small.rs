@@ -75,13 +75,7 @@ pub fn config(encoding: Encoding) -> ModelConfig {
 
 /// The model with the reference's weights, read like those of a checkpoint.
 pub fn avatar(config: &ModelConfig) -> Avatar {
-    let file = match config
-        .appearance
-        .field()
-        .expect("a field")
-        .canonical
-        .encoding
-    {
+    let file = match config.appearance.encoding().expect("a field") {
         Encoding::Fourier { .. } => "model-fourier",
         Encoding::Hash { .. } => "model-hash",
     };

@@ -8,7 +8,7 @@ use burn::optim::GradientsParams;
 use rand_chacha::ChaCha8Rng;
 use yoto_avatar::config::{Encoding, OptimiseConfig};
 use yoto_avatar::loss::PatchObjective;
-use yoto_avatar::motion::body::Body;
+use yoto_avatar::motion::body::CanonicalBody;
 use yoto_avatar::train::batch::{Batch, Scene, outcome};
 use yoto_avatar::train::optimiser;
 use yoto_capture::body_box::BodyView;
@@ -44,12 +44,12 @@ fn step(case: Case, encoding: Encoding) {
     let device = small::device();
     let config = small::config(encoding);
     let avatar = small::avatar(&config);
-    let body = Body::new(case.skeleton(), &config, &device);
+    let body = CanonicalBody::new(case.skeleton(), &config, &device);
     let pose = case.pose();
-    let sight = BodyView::new(&body.skeleton, &pose, &camera(&case));
+    let body_view = BodyView::new(&body.skeleton, &pose, &camera(&case));
     let pixels = case.numbers("pixels").chunks_exact(2);
     let batch = Batch {
-        rays: pixels.map(|p| sight.ray(p[0], p[1])).collect(),
+        rays: pixels.map(|p| body_view.ray(p[0], p[1])).collect(),
         patch_size: case.shape("truth")[1].isqrt(),
         truth: case.singles("truth"),
         coverage: vec![1.0; case.numbers("pixels").len() / 2],
@@ -61,7 +61,7 @@ fn step(case: Case, encoding: Encoding) {
         body: &body,
         slot: 0,
         pose: &pose,
-        progress: small::PROGRESS,
+        schedule_progress: small::PROGRESS,
         step: 0,
         occupancy: None,
     };

@@ -6,7 +6,7 @@ use safetensors::SafeTensors;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use yoto_avatar::train::{Budget, Person, TrainOptions, Trainer};
+use yoto_avatar::train::{Budget, TrainOptions, TrainPerson, Trainer};
 use yoto_capture::{Shard, ShardBuilder};
 use yoto_proto::manifest::files;
 use yoto_synthetic::SyntheticPerson;
@@ -22,8 +22,8 @@ pub fn shard(made_up: &SyntheticPerson, frames: usize, size: u32) -> Shard {
 }
 
 /// [`shard`] in a slot of a model.
-pub fn person(slot: usize, made_up: &SyntheticPerson, frames: usize, size: u32) -> Person {
-    Person {
+pub fn person(slot: usize, made_up: &SyntheticPerson, frames: usize, size: u32) -> TrainPerson {
+    TrainPerson {
         slot,
         name: made_up.name().into(),
         shard: Arc::new(shard(made_up, frames, size)),
@@ -31,7 +31,7 @@ pub fn person(slot: usize, made_up: &SyntheticPerson, frames: usize, size: u32) 
 }
 
 /// The people of these slots, who are others in every slot and the same in every call.
-pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<Person> {
+pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<TrainPerson> {
     let needed = slots.iter().max().map_or(0, |slot| slot + 1);
     let cast = SyntheticPerson::cast(needed, 7);
     let slots = slots.iter();

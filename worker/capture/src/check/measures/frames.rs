@@ -4,7 +4,7 @@ use super::super::agreement::duplicates;
 use super::super::motion::Motion;
 use super::super::observe::Observation;
 use super::super::precision::{NOISE, PRECISE};
-use super::super::report::{Grade, Kind, Measure};
+use super::super::report::{Grade, Measure, MeasureKind};
 use super::NAMED;
 use super::grading::{at_least, at_most, measure, median, percent};
 use crate::skeleton::Skeleton;
@@ -37,7 +37,7 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
     ];
     let meaning = "masks show one whole person";
     let mut found = measure(
-        Kind::Masks,
+        MeasureKind::Masks,
         Grade::Pass,
         Some(0.0),
         "whole".to_owned(),
@@ -48,7 +48,7 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
         let grade = at_most(value, pass, fail);
         if grade > found.grade {
             found = measure(
-                Kind::Masks,
+                MeasureKind::Masks,
                 grade,
                 Some(value),
                 format!("{} {shown}", percent(value)),
@@ -60,7 +60,7 @@ pub(super) fn masks(track: &PoseTrack, seen: &[Observation], inverted: bool) -> 
     if inverted {
         let meaning = "masks cover the background";
         found = measure(
-            Kind::Masks,
+            MeasureKind::Masks,
             Grade::Fail,
             Some(1.0),
             "inverted".to_owned(),
@@ -75,7 +75,7 @@ pub(super) fn views(motion: &Motion) -> Measure {
     let seen = motion.headings.iter().filter(|&&n| n > 0).count();
     let meaning = "sides that no camera saw are guessed";
     let mut it = measure(
-        Kind::Views,
+        MeasureKind::Views,
         at_least(seen as f64, 10.0, 1.0),
         Some(seen as f64),
         format!("{seen} of 12"),
@@ -94,7 +94,7 @@ pub(super) fn views(motion: &Motion) -> Measure {
     it
 }
 
-/// Jumps per second from which a film fails.
+/// A film with this number of jumps per second fails.
 const JUMPS: f64 = 0.75;
 
 pub(super) fn jumps(motion: &Motion) -> Measure {
@@ -102,7 +102,7 @@ pub(super) fn jumps(motion: &Motion) -> Measure {
     let a_second = count as f64 / motion.seconds.max(1e-9);
     let meaning = "frames before which a joint jumps as no body can";
     let mut it = measure(
-        Kind::Jumps,
+        MeasureKind::Jumps,
         at_most(a_second, 0.0, JUMPS),
         Some(count as f64),
         format!("{count} in {:.1} s", motion.seconds),
@@ -119,10 +119,10 @@ pub(super) fn jitter(motion: &Motion) -> Measure {
     let meaning = "how far joints tremble from frame to frame; it blurs what is learnt";
     let Some(value) = motion.jitter else {
         let shown = "too few frames".to_owned();
-        return measure(Kind::Jitter, Grade::Pass, None, shown, meaning);
+        return measure(MeasureKind::Jitter, Grade::Pass, None, shown, meaning);
     };
     let mut it = measure(
-        Kind::Jitter,
+        MeasureKind::Jitter,
         at_most(value, 0.015, 0.05),
         Some(value),
         format!("{:.1} mm", 1000.0 * value),
@@ -138,10 +138,10 @@ pub(super) fn wander(value: Option<f64>) -> Measure {
     let meaning = "how far bodies wander off their masks beyond what their shape explains; detail smaller than that is lost";
     let Some(value) = value else {
         let shown = "too few frames".to_owned();
-        return measure(Kind::Precision, Grade::Pass, None, shown, meaning);
+        return measure(MeasureKind::Precision, Grade::Pass, None, shown, meaning);
     };
     let mut it = measure(
-        Kind::Precision,
+        MeasureKind::Precision,
         at_most(value, PRECISE, 0.1),
         Some(value),
         format!("{:.1} mm", 1000.0 * value),
@@ -150,7 +150,7 @@ pub(super) fn wander(value: Option<f64>) -> Measure {
     if it.grade != Grade::Pass {
         it.cause = Some(match value > NOISE {
             false => "poses are noisy, as estimators give them".to_owned(),
-            true => "so much is no noise: left and right may be exchanged (`--mirror poses`, `limbs` or `images`, none of which \
+            true => "noise is not that large: left and right may be exchanged (`--mirror poses`, `limbs` or `images`, none of which \
                      fits decisively better here), or poses and masks are of other frames or people"
                 .to_owned(),
         });
@@ -163,7 +163,7 @@ pub(super) fn repeats(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observatio
     let value = frames.len() as f64 / compared.max(1) as f64;
     let meaning = "frames that repeat the one before although the pose moved";
     let mut it = measure(
-        Kind::Duplicates,
+        MeasureKind::Duplicates,
         at_most(value, 0.01, 0.3),
         Some(value),
         percent(value),
@@ -180,10 +180,10 @@ pub(super) fn blur(track: &PoseTrack, seen: &[Observation]) -> Measure {
     let meaning = "width of the person's edges (sigma of a blur); finer detail can't be learnt";
     let Some(value) = median(seen.iter().filter_map(|it| it.blur)) else {
         let shown = "no texture".to_owned();
-        return measure(Kind::Blur, Grade::Pass, None, shown, meaning);
+        return measure(MeasureKind::Blur, Grade::Pass, None, shown, meaning);
     };
     let mut it = measure(
-        Kind::Blur,
+        MeasureKind::Blur,
         at_most(value, 2.0, 5.0),
         Some(value),
         format!("{value:.2} px"),
@@ -223,7 +223,7 @@ pub(super) fn exposure(seen: &[Observation]) -> Measure {
     let meaning = "colours at either end are lost";
     let grade = at_most(burnt, 0.05, 0.5).max(at_least(lights, LIGHTS[0], LIGHTS[1]));
     let mut it = measure(
-        Kind::Exposure,
+        MeasureKind::Exposure,
         grade,
         Some(burnt.max(black)),
         shown,

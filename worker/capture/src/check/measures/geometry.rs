@@ -1,7 +1,7 @@
 //! Measures of the agreement of cameras, poses and masks on the body's position.
 
 use super::super::agreement::Agreement;
-use super::super::report::{Cause, Grade, Kind, Measure};
+use super::super::report::{Cause, Grade, Measure, MeasureKind};
 use super::super::timing::Shifts;
 use super::grading::{measure, share};
 
@@ -9,7 +9,7 @@ pub(super) fn reading_of(cause: Option<&Cause>) -> Measure {
     let Some(cause) = cause else {
         let meaning = "no other reading of poses and cameras fits the masks decisively better";
         return measure(
-            Kind::Reading,
+            MeasureKind::Reading,
             Grade::Pass,
             Some(0.0),
             "as given".to_owned(),
@@ -21,7 +21,13 @@ pub(super) fn reading_of(cause: Option<&Cause>) -> Measure {
     let meaning = "the numbers mean something else than they should";
     Measure {
         cause: Some(cause.sentence()),
-        ..measure(Kind::Reading, Grade::Fail, Some(gain), shown, meaning)
+        ..measure(
+            MeasureKind::Reading,
+            Grade::Fail,
+            Some(gain),
+            shown,
+            meaning,
+        )
     }
 }
 
@@ -34,7 +40,7 @@ pub(super) fn timing_of(cause: Option<&Cause>, bodies: &Shifts, images: &Shifts)
     let Some(cause) = cause else {
         let meaning = "masks and poses are of the same frames, as far as outlines tell";
         return measure(
-            Kind::Timing,
+            MeasureKind::Timing,
             Grade::Pass,
             Some(0.0),
             "0 frames".to_owned(),
@@ -46,7 +52,7 @@ pub(super) fn timing_of(cause: Option<&Cause>, bodies: &Shifts, images: &Shifts)
     Measure {
         cause: Some(cause.sentence()),
         ..measure(
-            Kind::Timing,
+            MeasureKind::Timing,
             Grade::Fail,
             Some(f64::from(shift)),
             shown,
@@ -71,7 +77,7 @@ pub(super) fn body_size(span: f64) -> Measure {
     Measure {
         cause,
         ..measure(
-            Kind::BodySize,
+            MeasureKind::BodySize,
             grade,
             Some(span),
             format!("{span:.2} m"),
@@ -83,7 +89,7 @@ pub(super) fn body_size(span: f64) -> Measure {
 pub(super) fn joints(agreement: &Agreement) -> Measure {
     let meaning = "joints outside are learnt as empty space";
     let mut it = share(
-        Kind::JointsInMask,
+        MeasureKind::JointsInMask,
         agreement.joints_in_mask,
         [0.9, 0.6],
         meaning,
@@ -97,7 +103,12 @@ pub(super) fn joints(agreement: &Agreement) -> Measure {
 
 pub(super) fn boxed(agreement: &Agreement) -> Measure {
     let meaning = "what is outside the box gets no rays";
-    let mut it = share(Kind::MaskInBox, agreement.mask_in_box, [0.98, 0.9], meaning);
+    let mut it = share(
+        MeasureKind::MaskInBox,
+        agreement.mask_in_box,
+        [0.98, 0.9],
+        meaning,
+    );
     if it.grade != Grade::Pass {
         it.cause = Some("the mask holds more than the person, or poses are off".to_owned());
         it.frames.clone_from(&agreement.mask_out);
@@ -107,7 +118,7 @@ pub(super) fn boxed(agreement: &Agreement) -> Measure {
 
 pub(super) fn silhouette(fit: Option<f64>) -> Measure {
     let meaning = "overlap of a rough body around the bones with the mask";
-    let mut it = share(Kind::Silhouette, fit, [0.65, 0.45], meaning);
+    let mut it = share(MeasureKind::Silhouette, fit, [0.65, 0.45], meaning);
     if it.grade != Grade::Pass {
         it.cause = Some("poses are imprecise, or clothes hide the body".to_owned());
     }
@@ -121,7 +132,7 @@ pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {
     let Some(value) = agreement.image_in_mask else {
         let meaning = "images are not over black, so they can't be compared with masks";
         return measure(
-            Kind::ImageInMask,
+            MeasureKind::ImageInMask,
             Grade::Pass,
             None,
             "not over black".to_owned(),
@@ -129,7 +140,12 @@ pub(super) fn image_in_mask(agreement: &Agreement) -> Measure {
         );
     };
     let meaning = "share of what images show that is in masks; the rest is learnt as haze";
-    let mut it = share(Kind::ImageInMask, Some(value), IMAGE_IN_MASK, meaning);
+    let mut it = share(
+        MeasureKind::ImageInMask,
+        Some(value),
+        IMAGE_IN_MASK,
+        meaning,
+    );
     if it.grade != Grade::Pass {
         it.cause = Some("masks are of other frames, or rough".to_owned());
         it.frames.clone_from(&agreement.image_out);

@@ -1,9 +1,9 @@
 //! Grades of measured values.
 
-use super::super::report::{Grade, Kind, Measure};
+use super::super::report::{Grade, Measure, MeasureKind};
 
 pub(super) fn measure(
-    kind: Kind,
+    kind: MeasureKind,
     grade: Grade,
     value: Option<f64>,
     shown: String,
@@ -41,7 +41,12 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 /// The measure of a share; `None` if no frame shows a person.
-pub(super) fn share(kind: Kind, value: Option<f64>, bounds: [f64; 2], meaning: &str) -> Measure {
+pub(super) fn share(
+    kind: MeasureKind,
+    value: Option<f64>,
+    bounds: [f64; 2],
+    meaning: &str,
+) -> Measure {
     match value {
         Some(value) => measure(
             kind,

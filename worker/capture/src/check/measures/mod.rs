@@ -18,7 +18,7 @@ use super::motion::Motion;
 use super::observe::Observation;
 use super::plan::spread;
 use super::precision;
-use super::report::{Cause, Grade, Kind, Report};
+use super::report::{Cause, CheckReport, Grade, MeasureKind};
 use super::timing::{self, Shifts};
 use crate::skeleton::Skeleton;
 use frames::{blur, exposure, jitter, jumps, masks, repeats, views, wander};
@@ -29,7 +29,7 @@ use grading::median;
 use yoto_proto::correction::{Correction, Unit, Units};
 use yoto_proto::pose_track::PoseTrack;
 
-/// Frames on which readings are tried, at most.
+/// Readings are tried on at most this number of frames.
 const SAMPLE: usize = 32;
 /// Largest span of rest joints in metres; a larger one is in another unit.
 const GIANT: f64 = 10.0;
@@ -37,7 +37,7 @@ const GIANT: f64 = 10.0;
 const NAMED: usize = 8;
 
 /// The report on `track` and the observed frames.
-pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> Report {
+pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation]) -> CheckReport {
     let people: Vec<&Observation> = seen.iter().filter(|it| it.shows_person()).collect();
     let agreement = Agreement::of(track, skeleton, seen);
     let motion = Motion::of(track, skeleton);
@@ -127,13 +127,16 @@ pub(super) fn report(track: &PoseTrack, skeleton: &Skeleton, seen: &[Observation
     for measure in &mut measures {
         let geometric = matches!(
             measure.kind,
-            Kind::JointsInMask | Kind::MaskInBox | Kind::Silhouette | Kind::ImageInMask
+            MeasureKind::JointsInMask
+                | MeasureKind::MaskInBox
+                | MeasureKind::Silhouette
+                | MeasureKind::ImageInMask
         );
         if geometric && measure.grade != Grade::Pass {
             measure.cause = explained.clone().or_else(|| measure.cause.take());
         }
     }
-    Report {
+    CheckReport {
         frames: track.frames.len(),
         looked_at: seen.len(),
         grade: measures

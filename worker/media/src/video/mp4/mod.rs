@@ -4,7 +4,7 @@ mod samples;
 mod tree;
 
 use super::signal::Signal;
-use crate::{Fault, Limits, MediaError, Orientation};
+use crate::{Limits, MediaError, MediaFault, Orientation};
 use re_mp4::{MdhdBox, TkhdBox};
 use samples::Samples;
 use std::path::Path;
@@ -12,7 +12,7 @@ use tree::{Atom, broken, children, headers};
 
 /// The video track of a file.
 #[derive(Debug)]
-pub(super) struct Track {
+pub(super) struct VideoTrack {
     /// Coding.
     pub(super) codec: Codec,
     /// Orientation by the display matrix.
@@ -53,10 +53,10 @@ pub(super) enum Codec {
 ///
 /// # Errors
 /// If the file is cut short, has no video, or has more frames than allowed.
-pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
+pub(super) fn open(path: &Path, limits: &Limits) -> Result<VideoTrack, MediaError> {
     let headers = headers(path)?;
     let moov = Atom::bare(*b"moov", &headers.moov);
-    let mut best: Option<Track> = None;
+    let mut best: Option<VideoTrack> = None;
     for trak in moov.children()?.iter().filter(|it| &it.name == b"trak") {
         if handler(trak)? != *b"vide" {
             continue;
@@ -72,21 +72,21 @@ pub(super) fn open(path: &Path, limits: &Limits) -> Result<Track, MediaError> {
             best = Some(track);
         }
     }
-    let track = best.ok_or_else(|| Fault::undecodable("the file has no video track"))?;
+    let track = best.ok_or_else(|| MediaFault::undecodable("the file has no video track"))?;
     if track.packets.is_empty() {
-        return Err(Fault::new("EMPTY", "the video has no frames").into());
+        return Err(MediaFault::new("EMPTY", "the video has no frames").into());
     }
     Ok(track)
 }
 
 /// The four letters of a track's kind, e.g. `vide`.
-fn handler(trak: &Atom<'_>) -> Result<[u8; 4], Fault> {
+fn handler(trak: &Atom<'_>) -> Result<[u8; 4], MediaFault> {
     let hdlr = trak.child(b"mdia")?.child(b"hdlr")?;
     let kind = hdlr.content().get(8..12).and_then(|it| it.try_into().ok());
     kind.ok_or_else(|| broken("its 'hdlr' box is cut short"))
 }
 
-fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &Samples) -> Result<Track, Fault> {
+fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &Samples) -> Result<VideoTrack, MediaFault> {
     let mdia = trak.child(b"mdia")?;
     let mdhd: MdhdBox = mdia.child(b"mdhd")?.read()?;
     let scale = f64::from(mdhd.timescale.max(1));
@@ -95,7 +95,7 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &Samples) -> Result<Track, Fa
     let orientation =
         Orientation::from_matrix(matrix.a, matrix.b, matrix.c, matrix.d).ok_or_else(|| {
             let message = "the display matrix mirrors or skews the picture, which cameras never do";
-            Fault::new("UNSUPPORTED", message)
+            MediaFault::new("UNSUPPORTED", message)
         })?;
     let (name, boxes) = entry(&stsd)?;
     let content = |name: &[u8; 4]| Some(boxes.iter().find(|it| &it.name == name)?.content());
@@ -130,9 +130,9 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &Samples) -> Result<Track, Fa
         .collect();
     if times.is_empty() && missing.is_some() {
         let message = "the file is cut short before the end of the first frame that is shown";
-        return Err(Fault::new("TRUNCATED", message));
+        return Err(MediaFault::new("TRUNCATED", message));
     }
-    Ok(Track {
+    Ok(VideoTrack {
         codec: codec(&name, &boxes)?,
         orientation,
         packets: samples.iter().map(|it| (it.offset, it.size)).collect(),
@@ -148,7 +148,7 @@ fn track(trak: &Atom<'_>, tkhd: &TkhdBox, samples: &Samples) -> Result<Track, Fa
 }
 
 /// The first sample entry: its four letters and its own boxes.
-fn entry<'a>(stsd: &Atom<'a>) -> Result<([u8; 4], Vec<Atom<'a>>), Fault> {
+fn entry<'a>(stsd: &Atom<'a>) -> Result<([u8; 4], Vec<Atom<'a>>), MediaFault> {
     // Eight bytes of version, flags and count come before the entries.
     let entries = children(stsd.content().get(8..).unwrap_or_default())?;
     let entry = entries
@@ -167,7 +167,7 @@ fn is_h264(name: &[u8; 4]) -> bool {
 }
 
 /// The codec of a sample entry.
-fn codec(name: &[u8; 4], boxes: &[Atom<'_>]) -> Result<Codec, Fault> {
+fn codec(name: &[u8; 4], boxes: &[Atom<'_>]) -> Result<Codec, MediaFault> {
     let content = |name: &[u8; 4]| Some(boxes.iter().find(|it| &it.name == name)?.content());
     // Version, then seven bits of the profile; the last four bits of the fifth byte say what a player without Dolby Vision sees.
     let vision = content(b"dvcC").or_else(|| content(b"dvvC"));
@@ -176,7 +176,7 @@ fn codec(name: &[u8; 4], boxes: &[Atom<'_>]) -> Result<Codec, Fault> {
         .is_some_and(|it| it >> 1 == 5)
     {
         let message = "Dolby Vision of profile 5 has colours that only its own decoders read: export it as HLG, HDR10 or SDR";
-        return Err(Fault::new("UNSUPPORTED", message));
+        return Err(MediaFault::new("UNSUPPORTED", message));
     }
     if !is_h264(name) {
         return Ok(Codec::Other(

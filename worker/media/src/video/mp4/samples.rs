@@ -1,7 +1,7 @@
 //! Position and time of each frame, expanded from MP4's tables.
 
 use super::tree::{Atom, Headers, broken, children};
-use crate::{Fault, Limits};
+use crate::{Limits, MediaFault};
 use re_mp4::{
     Co64Box, CttsBox, ElstBox, StcoBox, StscBox, StszBox, SttsBox, TfdtBox, TfhdBox, TrexBox,
     TrunBox,
@@ -30,7 +30,7 @@ pub(super) struct Missing {
 /// The frames of a track.
 #[derive(Debug)]
 pub(super) struct Samples {
-    /// Those in the file, in the order in which they are decoded, up to the first that is not.
+    /// The samples in the file, in decoding order, up to the first that is not in it.
     pub(super) samples: Vec<Sample>,
     /// The others, if the file is cut short.
     pub(super) missing: Option<Missing>,
@@ -46,7 +46,7 @@ pub(super) fn samples(
     moov: &Atom<'_>,
     headers: &Headers,
     limits: &Limits,
-) -> Result<Samples, Fault> {
+) -> Result<Samples, MediaFault> {
     let stbl = trak.child(b"mdia")?.child(b"minf")?.child(b"stbl")?;
     let mut samples = table(&stbl, limits)?;
     let defaults = defaults(moov, track)?;
@@ -82,7 +82,7 @@ pub(super) fn samples(
             "the file is cut short: its first frame's {} bytes start at byte {}, the file has {}",
             sample.size, sample.offset, headers.size
         );
-        return Err(Fault::new("TRUNCATED", message).in_frame(0));
+        return Err(MediaFault::new("TRUNCATED", message).in_frame(0));
     }
     let lost = samples.split_off(first);
     let missing = Missing {
@@ -96,7 +96,7 @@ pub(super) fn samples(
 }
 
 /// The media time at which the track's edit list starts, in the track's units.
-pub(super) fn start_of_edit(trak: &Atom<'_>) -> Result<i64, Fault> {
+pub(super) fn start_of_edit(trak: &Atom<'_>) -> Result<i64, MediaFault> {
     let Some(edits) = trak.maybe(b"edts")? else {
         return Ok(0);
     };
@@ -110,13 +110,13 @@ pub(super) fn start_of_edit(trak: &Atom<'_>) -> Result<i64, Fault> {
     Ok(first.map_or(0, |it| i64::try_from(it.media_time).unwrap_or(0)))
 }
 
-fn too_many(limits: &Limits) -> Fault {
+fn too_many(limits: &Limits) -> MediaFault {
     let message = format!("the video has more than {} frames", limits.frames);
-    Fault::new("TOO_LARGE", message)
+    MediaFault::new("TOO_LARGE", message)
 }
 
 /// The frames that `stbl` lists.
-fn table(stbl: &Atom<'_>, limits: &Limits) -> Result<Vec<Sample>, Fault> {
+fn table(stbl: &Atom<'_>, limits: &Limits) -> Result<Vec<Sample>, MediaFault> {
     let sizes: StszBox = stbl.child(b"stsz")?.read()?;
     // With one size for all frames, the count is not bounded by the box's length: a few bytes may declare
     // four billion frames.
@@ -185,7 +185,7 @@ fn table(stbl: &Atom<'_>, limits: &Limits) -> Result<Vec<Sample>, Fault> {
 }
 
 /// `stsc`: first chunk (from 1) and frames per chunk, of each run of chunks.
-fn runs(stsc: &Atom<'_>) -> Result<Vec<(u64, u32)>, Fault> {
+fn runs(stsc: &Atom<'_>) -> Result<Vec<(u64, u32)>, MediaFault> {
     let table: StscBox = stsc.read()?;
     let runs: Vec<(u64, u32)> = table
         .entries
@@ -201,7 +201,7 @@ fn runs(stsc: &Atom<'_>) -> Result<Vec<(u64, u32)>, Fault> {
 }
 
 /// Defaults for fragments of the track: duration and size.
-fn defaults(moov: &Atom<'_>, track: u32) -> Result<(u32, u32), Fault> {
+fn defaults(moov: &Atom<'_>, track: u32) -> Result<(u32, u32), MediaFault> {
     let Some(mvex) = moov.maybe(b"mvex")? else {
         return Ok((0, 0));
     };
@@ -223,7 +223,7 @@ fn fragment(
     decoded: &mut i64,
     samples: &mut Vec<Sample>,
     limits: &Limits,
-) -> Result<(), Fault> {
+) -> Result<(), MediaFault> {
     let tfhd: TfhdBox = traf.child(b"tfhd")?.read()?;
     if tfhd.track_id != track {
         return Ok(());

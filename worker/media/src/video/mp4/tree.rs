@@ -4,7 +4,7 @@
 //! boxes, from a slice that holds nothing but the box. There is no recursion: callers ask for children by
 //! name, so nested boxes can't exhaust the stack.
 
-use crate::{Fault, MediaError};
+use crate::{MediaError, MediaFault};
 use re_mp4::ReadBox;
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
@@ -40,12 +40,12 @@ impl<'a> Atom<'a> {
     }
 
     /// The children of a container.
-    pub(super) fn children(&self) -> Result<Vec<Atom<'a>>, Fault> {
+    pub(super) fn children(&self) -> Result<Vec<Atom<'a>>, MediaFault> {
         children(self.content())
     }
 
     /// The first child of this name.
-    pub(super) fn child(&self, name: &[u8; 4]) -> Result<Atom<'a>, Fault> {
+    pub(super) fn child(&self, name: &[u8; 4]) -> Result<Atom<'a>, MediaFault> {
         self.maybe(name)?.ok_or_else(|| {
             let name = String::from_utf8_lossy(name).into_owned();
             broken(format!("has no '{name}' box"))
@@ -53,12 +53,12 @@ impl<'a> Atom<'a> {
     }
 
     /// The first child of this name, if there is one.
-    pub(super) fn maybe(&self, name: &[u8; 4]) -> Result<Option<Atom<'a>>, Fault> {
+    pub(super) fn maybe(&self, name: &[u8; 4]) -> Result<Option<Atom<'a>>, MediaFault> {
         Ok(self.children()?.into_iter().find(|it| &it.name == name))
     }
 
     /// The box's table, read by `re_mp4`.
-    pub(super) fn read<T>(&self) -> Result<T, Fault>
+    pub(super) fn read<T>(&self) -> Result<T, MediaFault>
     where
         T: for<'r> ReadBox<&'r mut Cursor<Vec<u8>>>,
     {
@@ -76,7 +76,7 @@ impl<'a> Atom<'a> {
 }
 
 /// The boxes in `bytes`, one after the other.
-pub(super) fn children(mut bytes: &[u8]) -> Result<Vec<Atom<'_>>, Fault> {
+pub(super) fn children(mut bytes: &[u8]) -> Result<Vec<Atom<'_>>, MediaFault> {
     let mut found = Vec::new();
     // Fewer than eight bytes are no box: QuickTime ends some containers with four zero bytes.
     while bytes.len() >= 8 {
@@ -169,7 +169,7 @@ pub(super) fn headers(path: &Path) -> Result<Headers, MediaError> {
             taken += length;
             if taken > MAX_HEADERS {
                 let message = format!("its headers take more than {MAX_HEADERS} bytes");
-                return Err(Fault::new("TOO_LARGE", message).into());
+                return Err(MediaFault::new("TOO_LARGE", message).into());
             }
             file.seek(SeekFrom::Start(at + header as u64))
                 .map_err(MediaError::io(path))?;
@@ -195,6 +195,6 @@ pub(super) fn headers(path: &Path) -> Result<Headers, MediaError> {
     Ok(found)
 }
 
-pub(super) fn broken(message: impl Into<String>) -> Fault {
-    Fault::undecodable(format!("MP4: {}", message.into()))
+pub(super) fn broken(message: impl Into<String>) -> MediaFault {
+    MediaFault::undecodable(format!("MP4: {}", message.into()))
 }

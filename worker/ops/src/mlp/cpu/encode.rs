@@ -46,7 +46,7 @@ impl Angles {
         }
     }
 
-    /// For each column, its index in the plain order: the point, then sines and cosines band by
+    /// Index of each column in the plain order: the point, then sines and cosines band by
     /// band.
     pub fn order(&self) -> Vec<usize> {
         let first = if self.raw { 3 } else { 0 };

@@ -5,25 +5,28 @@ use super::encode::{self, Angles};
 use super::product::{self, Fill, Gradient, Product};
 use super::vector::Portable;
 use crate::Precision;
-use crate::form::{Form, Kind};
+use crate::form::{Form, InstructionSet};
 
 /// The products of `form` in `precision`. Instructions for bf16 do not change the products of f32.
 pub(super) fn kernels(form: Form, precision: Precision) -> &'static Kernels {
     match (form.kind(), precision) {
         #[cfg(target_arch = "x86_64")]
-        (Kind::Amx, Precision::Bf16) => &x86::AMX,
+        (InstructionSet::Amx, Precision::Bf16) => &x86::AMX,
         #[cfg(target_arch = "x86_64")]
-        (Kind::Avx512Bf16, Precision::Bf16) => &x86::bf16::KERNELS,
+        (InstructionSet::Avx512Bf16, Precision::Bf16) => &x86::bf16::KERNELS,
         #[cfg(target_arch = "x86_64")]
-        (Kind::Avx512 | Kind::Avx512Bf16 | Kind::Amx, Precision::F32) => &x86::avx512::KERNELS,
+        (
+            InstructionSet::Avx512 | InstructionSet::Avx512Bf16 | InstructionSet::Amx,
+            Precision::F32,
+        ) => &x86::avx512::KERNELS,
         #[cfg(target_arch = "x86_64")]
-        (Kind::Avx512, Precision::Bf16) => &x86::avx512_rounded::KERNELS,
+        (InstructionSet::Avx512, Precision::Bf16) => &x86::avx512_rounded::KERNELS,
         #[cfg(target_arch = "x86_64")]
-        (Kind::Avx2, Precision::F32) => &x86::avx2::KERNELS,
+        (InstructionSet::Avx2, Precision::F32) => &x86::avx2::KERNELS,
         #[cfg(target_arch = "x86_64")]
-        (Kind::Avx2, Precision::Bf16) => &x86::avx2_rounded::KERNELS,
-        (Kind::Portable, Precision::F32) => &portable::KERNELS,
-        (Kind::Portable, Precision::Bf16) => &portable_rounded::KERNELS,
+        (InstructionSet::Avx2, Precision::Bf16) => &x86::avx2_rounded::KERNELS,
+        (InstructionSet::Portable, Precision::F32) => &portable::KERNELS,
+        (InstructionSet::Portable, Precision::Bf16) => &portable_rounded::KERNELS,
     }
 }
 

@@ -54,7 +54,7 @@ pub struct Layout {
     pub output: usize,
     /// The encoding, if the input is points.
     pub angles: Option<Angles>,
-    /// For each column, its index in the plain input ([`Angles::order`]).
+    /// Index of each column in the plain input ([`Angles::order`]).
     order: Vec<usize>,
     /// Numbers of the gradients.
     pub gradients: usize,

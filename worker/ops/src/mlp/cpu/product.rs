@@ -28,11 +28,11 @@ pub struct Product<'a> {
     pub weights: *const u32,
     /// Columns of the result.
     pub columns: usize,
-    /// What is done with the sums.
+    /// The use of the sums.
     pub end: End,
 }
 
-/// What is done with the sums of a product.
+/// The use of the sums of a product.
 #[derive(Clone, Copy)]
 pub enum End {
     /// A bias `[columns]`, padded to panels, is added; the ReLU of the sums is written to the cell

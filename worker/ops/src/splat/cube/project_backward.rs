@@ -2,9 +2,9 @@
 //! the light, with a thread per splat. The counterpart of `project_backward` in `splat/projected_backward.rs`, with the
 //! same equations.
 
-use super::super::ROW;
 use super::super::light::LIGHTS;
 use super::super::projected_backward::SHORTEST;
+use super::super::row::{COLOUR, MEAN, OPACITY, ROTATION, ROW, SCALES};
 use super::projection::{Camera, Projection, camera, light_terms, projection, shade};
 use super::rasterize_backward::SUMS;
 use super::vectors::{
@@ -106,7 +106,7 @@ fn light_backward(
         y: shade(light, 1usize, &terms),
         z: shade(light, 2usize, &terms),
     };
-    write(to_rows, ROW * i + 11, &elementwise(to_colour, &shades));
+    write(to_rows, ROW * i + COLOUR, &elementwise(to_colour, &shades));
     // Of the lit colour c (1 + Σ lᵢ bᵢ): ∂L/∂bᵢ and ∂L/∂lᵢ
     let mut to = Array::<f32>::new(LIGHTS);
     #[unroll]
@@ -152,7 +152,7 @@ fn shape_backward(
     let to_xy = -0.5f32 * to_splats[sums + 7];
     let to_yy = -0.5f32 * to_splats[sums + 8];
     // With o = logistic(x), ∂α/∂x = α (1 − o).
-    to_rows[ROW * i + 10] = to_power * (1.0 - projection.opacity);
+    to_rows[ROW * i + OPACITY] = to_power * (1.0 - projection.opacity);
 
     // Of the conic Q = (P Pᵀ + low-pass)⁻¹ with P = J W R S: ∂L/∂Σ' = −Q ∂L/∂Q Q, ∂L/∂P = 2 ∂L/∂Σ' P
     let across_x = xx * to_xx + xy * to_xy;
@@ -201,7 +201,7 @@ fn shape_backward(
     // ∂L/∂μ = Wᵀ ∂L/∂μ', ∂L/∂(R S) = Wᵀ ∂L/∂M, ∂L/∂s = S diag(Rᵀ ∂L/∂(R S)), and
     // ∂L/∂R = ∂L/∂(R S) S, to whose third column the normal adds Aᵀ ∂L/∂n
     let back = transpose(&projection.linear);
-    write(to_rows, ROW * i, &mul_vec(&back, &to_camera_mean));
+    write(to_rows, ROW * i + MEAN, &mul_vec(&back, &to_camera_mean));
     let to_scaled = product(&back, &to_axes);
     let rotation = &projection.rotation;
     let along = plus(
@@ -213,7 +213,7 @@ fn shape_backward(
     );
     write(
         to_rows,
-        ROW * i + 7,
+        ROW * i + SCALES,
         &elementwise(&along, &projection.deviations),
     );
     let outward = transposed_mul_vec(&projection.own, to_normal);
@@ -282,7 +282,11 @@ fn rotation_backward(projection: &Projection, to: &Mat3, to_rows: &mut [f32], i:
     // Of q̂ = q / |q|: (I − q̂ q̂ᵀ) ∂L/∂q̂ / |q|
     let along = to_w * w + dot(&to_q, &q);
     let inverse = 1.0 / max(projection.length, SHORTEST);
-    to_rows[ROW * i + 3] = (to_w - along * w) * inverse;
+    to_rows[ROW * i + ROTATION] = (to_w - along * w) * inverse;
     let to_imaginary = plus(&to_q, &scaled(&q, -along));
-    write(to_rows, ROW * i + 4, &scaled(&to_imaginary, inverse));
+    write(
+        to_rows,
+        ROW * i + ROTATION + 1,
+        &scaled(&to_imaginary, inverse),
+    );
 }

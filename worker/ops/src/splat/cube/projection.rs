@@ -2,6 +2,7 @@
 //! counterpart of `projection` in `splat/projected.rs`, with the same equations.
 
 use super::super::light::LIGHTS;
+use super::super::row::{COLOUR, MEAN, OPACITY, ROTATION, SCALES};
 use super::super::{LOW_PASS, MIN_ALPHA, NEAR, ROW, View};
 use super::vectors::{
     Mat3, Vec3, dot, mul_vec, plus, product, read, read_rows, scale_columns, scaled,
@@ -137,7 +138,7 @@ pub(super) fn projection(
         y: transforms[at_transform + 7],
         z: transforms[at_transform + 11],
     };
-    let mean = read(rows, at_row);
+    let mean = read(rows, at_row + MEAN);
     // [W, s] = E [A, t], μ' = W μ + s
     let linear = product(&camera.rotation, &own);
     let shift = plus(&mul_vec(&camera.rotation, &own_shift), &camera.shift);
@@ -145,7 +146,7 @@ pub(super) fn projection(
     let depth = max(camera_mean.z, NEAR);
 
     // R = R(q / |q|), S = diag(exp s)
-    let (real, imaginary) = (rows[at_row + 3], read(rows, at_row + 4));
+    let (real, imaginary) = (rows[at_row + ROTATION], read(rows, at_row + ROTATION + 1));
     // Squares of shares of the largest number neither overflow nor vanish.
     let first = max(f32::abs(real), f32::abs(imaginary.x));
     let second = max(f32::abs(imaginary.y), f32::abs(imaginary.z));
@@ -162,7 +163,7 @@ pub(super) fn projection(
     let w = share * inverse;
     let xyz = scaled(&shares, inverse);
     let rotation = rotation_matrix(w, &xyz);
-    let scales = read(rows, at_row + 7);
+    let scales = read(rows, at_row + SCALES);
     let deviations = Vec3 {
         x: f32::exp(scales.x),
         y: f32::exp(scales.y),
@@ -211,10 +212,10 @@ pub(super) fn projection(
     let normal = scaled(&long, 1.0 / normal_length);
     let world_normal = mul_vec(&camera.world, &normal);
 
-    let opacity = 1.0 / (1.0 + f32::exp(-rows[at_row + 10]));
+    let opacity = 1.0 / (1.0 + f32::exp(-rows[at_row + OPACITY]));
     let opaque = is_finite(opacity) && opacity > MIN_ALPHA;
     let ahead = is_finite(camera_mean.z) && camera_mean.z > NEAR;
-    let colour = read(rows, at_row + 11);
+    let colour = read(rows, at_row + COLOUR);
     let shown = is_finite(colour.x) && is_finite(colour.y) && is_finite(colour.z);
     let sound = is_finite(xx) && is_finite(xy) && is_finite(yy) && shown;
     Projection {

@@ -75,7 +75,7 @@ pub(super) fn max_transmittance(transmittance: &Array<f32>) -> f32 {
 pub(super) struct LoadedSplat {
     /// Whether its extent covers any of the segment's pixels.
     pub reaches: bool,
-    /// From its centre to the first pixel's, pixels.
+    /// Offset from its centre to the first pixel's, pixels.
     pub dx: f32,
     pub dy: f32,
     /// Inverse covariance, the conic.

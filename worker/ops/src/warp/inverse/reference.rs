@@ -18,7 +18,7 @@ pub fn unpose(
     if n == 0 {
         return fallback;
     }
-    let body = Body::new(weights, transforms, grid);
+    let body = PosedBody::new(weights, transforms, grid);
     let still = body.detached();
     let device = points.device();
     let mut at = near.detach();
@@ -72,7 +72,7 @@ fn sound_inverse(m: Tensor<3>, instead: Option<Tensor<3>>) -> (Tensor<3>, Tensor
 }
 
 /// A posed body: bones from canonical to posed.
-pub(in crate::warp) struct Body<'a> {
+pub(in crate::warp) struct PosedBody<'a> {
     weights: Tensor<2>,
     /// `[K, 9]`.
     rotations: Tensor<2>,
@@ -91,7 +91,7 @@ pub(in crate::warp) struct Blend {
     pub empty: Tensor<1, Bool>,
 }
 
-impl<'a> Body<'a> {
+impl<'a> PosedBody<'a> {
     pub fn new(weights: Tensor<2>, transforms: Tensor<2>, grid: &'a WarpGrid) -> Self {
         let [bones, _] = transforms.dims();
         let transforms = transforms.reshape([bones, 3, 4]);

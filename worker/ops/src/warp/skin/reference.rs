@@ -1,6 +1,6 @@
 //! Forward skinning in Burn's own tensor operations.
 
-use super::super::inverse::reference::Body;
+use super::super::inverse::reference::PosedBody;
 use super::WarpGrid;
 use burn::tensor::Tensor;
 
@@ -13,7 +13,7 @@ pub fn skin(
 ) -> Tensor<2> {
     let [n, _] = points.dims();
     let first = first_bone(transforms.clone().narrow(0, 0, 1)).repeat_dim(0, n);
-    let blend = Body::new(weights, transforms, grid).blend(points);
+    let blend = PosedBody::new(weights, transforms, grid).blend(points);
     let shift = blend.shift.reshape([n, 3, 1]);
     let blended = Tensor::cat(vec![blend.rotation, shift], 2).reshape([n, 12]);
     let empty = blend.empty.reshape([n, 1]).repeat_dim(1, 12);

@@ -1,6 +1,6 @@
 //! Rounds of people: everybody once per round, in a shuffled order.
 
-use super::{FrameIndex, Practice, series};
+use super::{FrameIndex, PersonSteps, series};
 use rand::seq::SliceRandom;
 
 /// Series of the rounds' orders.
@@ -29,10 +29,10 @@ impl ByPerson {
     /// The frame of a step: the next of the next person.
     ///
     /// # Panics
-    /// If there are no people, or `practice` has another number of them.
-    pub fn at(&mut self, step: u64, practice: &[Practice]) -> FrameIndex {
+    /// If there are no people, or `steps_per_person` has another number of them.
+    pub fn at(&mut self, step: u64, steps_per_person: &[PersonSteps]) -> FrameIndex {
         let subject = self.people.at(step);
-        let frame = self.frames[subject].at(practice[subject].steps);
+        let frame = self.frames[subject].at(steps_per_person[subject].steps);
         FrameIndex { subject, frame }
     }
 }
@@ -80,10 +80,10 @@ mod tests {
 
     /// The frames of `steps` steps with `people` people.
     fn frames(order: &mut ByPerson, people: usize, steps: u64) -> Vec<FrameIndex> {
-        let mut practice = vec![Practice::default(); people];
+        let mut steps_per_person = vec![PersonSteps::default(); people];
         let step = |step| {
-            let index = order.at(step, &practice);
-            practice[index.subject].steps += 1;
+            let index = order.at(step, &steps_per_person);
+            steps_per_person[index.subject].steps += 1;
             index
         };
         (0..steps).map(step).collect()
@@ -122,15 +122,15 @@ mod tests {
     #[test]
     fn a_resumed_order_is_that_of_an_uninterrupted_one() {
         let whole = frames(&mut ByPerson::new(3, &[5, 2]), 2, 40);
-        let mut practice = [Practice::default(); 2];
+        let mut steps_per_person = [PersonSteps::default(); 2];
         let mut order = ByPerson::new(3, &[5, 2]);
         for (step, expected) in (0..).zip(whole) {
             if step % 7 == 0 {
                 order = ByPerson::new(3, &[5, 2]);
             }
-            let index = order.at(step, &practice);
+            let index = order.at(step, &steps_per_person);
             assert_eq!(index, expected);
-            practice[index.subject].steps += 1;
+            steps_per_person[index.subject].steps += 1;
         }
     }
 }

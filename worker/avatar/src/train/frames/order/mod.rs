@@ -2,11 +2,11 @@
 
 mod by_frame;
 mod by_person;
-mod practice;
+mod steps_per_person;
 
-pub use practice::Practice;
+pub use steps_per_person::PersonSteps;
 
-use crate::config::{SamplingConfig, Turns};
+use crate::config::{SamplingConfig, SamplingStrategy};
 use by_frame::ByFrame;
 use by_person::ByPerson;
 use rand::SeedableRng;
@@ -29,20 +29,20 @@ pub(crate) enum FrameOrder {
 impl FrameOrder {
     /// The order for subjects with `counts[i]` frames, at least one each.
     pub fn new(sampling: SamplingConfig, seed: u64, counts: &[usize]) -> Self {
-        match sampling.turns {
-            Turns::Frame => Self::ByFrame(ByFrame::new(seed, counts)),
-            Turns::Person => Self::ByPerson(ByPerson::new(seed, counts)),
+        match sampling.strategy {
+            SamplingStrategy::Frame => Self::ByFrame(ByFrame::new(seed, counts)),
+            SamplingStrategy::Person => Self::ByPerson(ByPerson::new(seed, counts)),
         }
     }
 
-    /// The frame of a step. `practice` has what is known of earlier steps with each subject.
+    /// The frame of a step. `steps_per_person` has what is known of earlier steps with each subject.
     ///
     /// # Panics
-    /// If there are no subjects, or `practice` has another number of them.
-    pub fn at(&mut self, step: u64, practice: &[Practice]) -> FrameIndex {
+    /// If there are no subjects, or `steps_per_person` has another number of them.
+    pub fn at(&mut self, step: u64, steps_per_person: &[PersonSteps]) -> FrameIndex {
         match self {
             Self::ByFrame(order) => order.at(step),
-            Self::ByPerson(order) => order.at(step, practice),
+            Self::ByPerson(order) => order.at(step, steps_per_person),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a removal says about itself.
+//! The certificate of a removal.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +14,9 @@ pub struct Certificate {
     pub slot: usize,
     /// Steps of the checkpoint that they were removed from.
     pub step: u64,
-    /// Whether anything of them can be in the parameters that all share.
-    pub trunk: Trunk,
+    /// Whether the shared weights have learned from them. The file calls it `trunk`.
+    #[serde(rename = "trunk")]
+    pub shared_weights: SharedWeights,
     /// What was removed.
     pub removed: Removed,
     /// Number of traces of theirs that were searched for in the new files, and not found.
@@ -24,15 +25,15 @@ pub struct Certificate {
     pub weights: String,
 }
 
-/// What the parameters that all share have learned from a person.
+/// What the shared weights have learned from a person.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Trunk {
-    /// Nothing: they joined when it was frozen, and nothing of them was ever in it.
+pub enum SharedWeights {
+    /// Nothing: they joined when the weights were frozen, and nothing of them was ever in them.
     #[serde(rename = "private_only")]
     NeverSawThem,
-    /// It was trained on their frames, and what it learned stays in it. Only a training of the others from
-    /// the start has nothing of them.
+    /// The weights were trained on their frames, and keep what they learned. Only a training of the others
+    /// from the start has nothing of them.
     #[serde(rename = "trunk_saw_them")]
     SawThem,
 }
@@ -55,21 +56,21 @@ pub struct Removed {
 }
 
 impl Certificate {
-    /// What it means, for people.
+    /// Its meaning in words.
     pub fn says(&self) -> String {
         let Self { slot, searched, .. } = self;
-        let trunk = match self.trunk {
-            Trunk::NeverSawThem => {
+        let shared = match self.shared_weights {
+            SharedWeights::NeverSawThem => {
                 "the shared part never saw them: nothing of them is left in this checkpoint"
             }
-            Trunk::SawThem => {
+            SharedWeights::SawThem => {
                 "the shared part was trained on them, and what it learned stays: only a training of the \
                  others from the start has nothing of them"
             }
         };
         format!(
             "slot {slot}: {} tensors, {} moments, {} files and what the state knew of them are gone, {searched} \
-             traces were searched for and not found; {trunk}",
+             traces were searched for and not found; {shared}",
             self.removed.tensors.len(),
             self.removed.moments,
             self.removed.files.len()

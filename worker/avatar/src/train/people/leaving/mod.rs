@@ -1,7 +1,7 @@
 //! Somebody leaves a model: a checkpoint is written anew without what is theirs.
 //!
 //! Their own parameters go, with the moments of the optimiser, occupancy, refined poses, exposures, skeleton
-//! and pictures. What the shared trunk has learned from them can't be taken out of it: the [`Certificate`] says
+//! and pictures. What the shared weights have learned from them can't be taken out of them: the [`Certificate`] says
 //! whether there is anything.
 
 mod certificate;
@@ -9,11 +9,11 @@ mod own_part;
 mod residue;
 mod rewrite;
 
-pub use certificate::{Certificate, Removed, Trunk};
+pub use certificate::{Certificate, Removed, SharedWeights};
 pub use own_part::own_part;
 pub use residue::{Finding, Residue};
 
-use crate::train::frames::order::Practice;
+use crate::train::frames::order::PersonSteps;
 use crate::train::poses::refinement_file;
 use crate::train::run::checkpoint::{ModelState, save_state};
 use crate::train::{TrainError, exposure};
@@ -51,9 +51,9 @@ pub fn remove_person(from: &Path, to: &Path, slot: usize) -> Result<Certificate,
             ),
         ));
     }
-    let trunk = match state.own_only.contains(&slot) {
-        true => Trunk::NeverSawThem,
-        false => Trunk::SawThem,
+    let shared_weights = match state.own_only.contains(&slot) {
+        true => SharedWeights::NeverSawThem,
+        false => SharedWeights::SawThem,
     };
     let residue = Residue::of(from, &state, slot)?;
     if to.exists() {
@@ -81,7 +81,7 @@ pub fn remove_person(from: &Path, to: &Path, slot: usize) -> Result<Certificate,
         version: certificate::VERSION,
         slot,
         step: state.step,
-        trunk,
+        shared_weights,
         removed,
         searched: residue.len(),
         weights: weights.iter().map(|byte| format!("{byte:02x}")).collect(),
@@ -121,8 +121,8 @@ fn written(
     state.slots[slot] = None;
     state.own_only.remove(&slot);
     state.priors.remove(&slot);
-    if let Some(practice) = state.practice.get_mut(slot) {
-        *practice = Practice::default();
+    if let Some(steps) = state.steps_per_person.get_mut(slot) {
+        *steps = PersonSteps::default();
     }
     state.erased.insert(slot);
     save_state(to, state)?;

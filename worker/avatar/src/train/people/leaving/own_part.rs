@@ -1,4 +1,4 @@
-//! What is one person's own in a checkpoint, to hand it to them.
+//! The part of a checkpoint that one person owns, to hand it to them.
 
 use crate::identity::own::owner;
 use crate::train::TrainError;

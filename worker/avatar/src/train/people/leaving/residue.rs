@@ -26,7 +26,7 @@ const CANDIDATES: usize = 8;
 /// Leading characters of a number's text that tell a body: the last digits may be written otherwise.
 const DIGITS: usize = 12;
 
-/// What a person left in a checkpoint, to be searched for in others.
+/// Traces of a person in a checkpoint, to be searched for in others.
 pub struct Residue {
     whats: Vec<String>,
     pieces: Vec<Vec<u8>>,
@@ -42,7 +42,7 @@ pub struct Finding {
 }
 
 impl Residue {
-    /// What is of the person in `slot` in the checkpoint in `from` with this `state`.
+    /// The traces of the person in `slot` in the checkpoint in `from` with this `state`.
     ///
     /// # Errors
     /// If a file can't be read.

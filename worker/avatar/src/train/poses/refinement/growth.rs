@@ -1,4 +1,4 @@
-//! How many splats a person has while their poses are refined: few while poses are wrong, since many small ones learn
+//! The number of splats of a person while their poses are refined: few while poses are wrong, since many small ones learn
 //! the mean of wrong poses by heart (docs/research/splats.md).
 
 use super::PoseRefinement;
@@ -18,11 +18,16 @@ impl PoseRefinement {
 
     /// Number of the splats that a training starts with that refines these poses. The call counts as
     /// their placement.
-    pub fn places_first(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> usize {
+    pub fn initial_splat_count(
+        &mut self,
+        config: &SplatConfig,
+        schedule_progress: f64,
+        fraction: f64,
+    ) -> usize {
         self.placed = 1;
-        self.placed_at = self.progress(opened, fraction) as f32;
+        self.placed_at = self.progress(schedule_progress, fraction) as f32;
         match self.extent {
-            Extent::Wide => config.first_count(),
+            Extent::Wide => config.initial_count(),
             Extent::Fine => config.count,
         }
     }
@@ -30,8 +35,13 @@ impl PoseRefinement {
     /// The number that splats are due to become: when frames were fitted a few times, and enough of the run is left
     /// for them to learn, first the geometric mean of few and all, and later all. The call counts as their
     /// growth.
-    pub fn grows(&mut self, config: &SplatConfig, opened: f64, fraction: f64) -> Option<usize> {
-        let progress = self.progress(opened, fraction);
+    pub fn due_splat_count(
+        &mut self,
+        config: &SplatConfig,
+        schedule_progress: f64,
+        fraction: f64,
+    ) -> Option<usize> {
+        let progress = self.progress(schedule_progress, fraction);
         // Somebody who came in the middle of a run has what was left of it.
         let from = f64::from(self.placed_at);
         let passed = (progress - from) / (1.0 - from).max(f64::MIN_POSITIVE);
@@ -42,7 +52,7 @@ impl PoseRefinement {
         match self.placed {
             1 if passed >= config.grow => {
                 self.placed = 2;
-                let product = (config.first_count() * config.count) as f64;
+                let product = (config.initial_count() * config.count) as f64;
                 Some(product.sqrt() as usize)
             }
             2 if passed >= config.grow_all => {

@@ -1,8 +1,8 @@
-//! How deep trunk and head are where no frame bounds them. The hull of a person filmed from the front reaches far before
+//! The depth of trunk and head where no frame bounds it. The hull of a person filmed from the front reaches far before
 //! and behind them: two lines of sight at 40 degrees to either side of a ring meet at 1.6 times its radius. Bodies' own measures
 //! say how deep a part is that looks so wide from there (docs/research/splats.md, "Sides that no frame shows").
 
-use super::Film;
+use super::HullFrames;
 use crate::host::read;
 use crate::motion::posed;
 use crate::motion::prior::is_torso;
@@ -62,7 +62,7 @@ struct Part {
 /// A ring around a part, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Ring {
-    /// Of its middle across the view.
+    /// Position of its middle across the view.
     middle: f32,
     /// Half of its width.
     half: f32,
@@ -70,7 +70,7 @@ struct Ring {
     depth: f32,
 }
 
-impl Film<'_> {
+impl HullFrames<'_> {
     /// How deep the body is, whose hull has these canonical `points`, metres.
     pub(super) fn depth(&self, points: Vec<[f32; 3]>) -> Result<BodyDepth, RenderError> {
         let skeleton = &self.subject.body.skeleton;

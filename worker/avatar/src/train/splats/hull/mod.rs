@@ -10,7 +10,7 @@ use crate::host::read;
 use crate::motion::posed;
 use crate::motion::prior::Halo;
 use crate::render::RenderError;
-use crate::render::splats::sight;
+use crate::render::splats::body_view;
 use crate::train::people::{TrainFrame, TrainSubject};
 use body_depth::BodyDepth;
 use cells::Cells;
@@ -22,7 +22,7 @@ use yoto_ops::warp::skin::cpu::forward;
 
 /// Most frames that are looked at, evenly over the capture.
 const FRAMES: usize = 50;
-/// Sum of the bones' Gaussians above which a point may belong to the body (docs/research/splats.md).
+/// Sum of the bones' Gaussians above which a point may belong to the body (docs/research/splats-experiments.md).
 const HALO: f64 = 0.05;
 /// Share of the frames that must show a point on the person. In the others, it may be outside the
 /// picture.
@@ -44,7 +44,7 @@ const BONES_INSIDE: f64 = 0.9;
 const MOST_FORGIVEN: f64 = 0.3;
 
 /// A frame, ready to be asked for canonical points.
-pub(crate) struct Seen {
+pub(crate) struct HullFrame {
     /// `[K, 12]` posed body to canonical.
     transforms: Vec<f32>,
     /// Body frame to homogeneous pixels.
@@ -55,11 +55,11 @@ pub(crate) struct Seen {
 }
 
 /// A person's frames, and what forward skinning needs.
-pub(crate) struct Film<'a> {
+pub(crate) struct HullFrames<'a> {
     subject: &'a TrainSubject,
     /// `[K, V]`, the prior.
     weights: Vec<f32>,
-    pub frames: Vec<Seen>,
+    pub frames: Vec<HullFrame>,
 }
 
 /// A canonical point in a frame.
@@ -71,7 +71,7 @@ pub(crate) struct Sighting {
     pub transform: [f32; 12],
 }
 
-impl<'a> Film<'a> {
+impl<'a> HullFrames<'a> {
     /// The film of a subject: its frames that have a `pose`.
     pub fn new(
         subject: &'a TrainSubject,
@@ -80,15 +80,15 @@ impl<'a> Film<'a> {
         let body = &subject.body;
         let weights = read(body.log_prior.clone().inner().exp())?;
         let seen = |(frame, pose): (&'a TrainFrame, Pose)| {
-            let sight = sight(&body.skeleton, &pose, &frame.camera);
-            let [across, down] = sight.k;
+            let body_view = body_view(&body.skeleton, &pose, &frame.camera);
+            let [across, down] = body_view.k;
             let row = |k: [f32; 3]| -> [f32; 4] {
-                std::array::from_fn(|c| (0..3).map(|r| k[r] * sight.e[r][c]).sum())
+                std::array::from_fn(|c| (0..3).map(|r| k[r] * body_view.e[r][c]).sum())
             };
-            Ok(Seen {
+            Ok(HullFrame {
                 transforms: read(posed::transforms(body, &pose).inner())?,
                 projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
-                camera: sight.e,
+                camera: body_view.e,
                 image: subject.image(frame),
             })
         };
@@ -104,8 +104,8 @@ impl<'a> Film<'a> {
         })
     }
 
-    /// Where `points` are in a frame.
-    pub fn sightings(&self, points: &[[f32; 3]], frame: &Seen) -> Vec<Sighting> {
+    /// Finds `points` in a frame.
+    pub fn sightings(&self, points: &[[f32; 3]], frame: &HullFrame) -> Vec<Sighting> {
         let grid = &self.subject.body.grid;
         let numbers = points.as_flattened();
         let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
@@ -270,7 +270,7 @@ struct Votes {
 
 impl Votes {
     /// Counts a frame. One that does not contain the point says nothing.
-    fn add(&mut self, frame: &Seen, sighting: Sighting) {
+    fn add(&mut self, frame: &HullFrame, sighting: Sighting) {
         let coverage = sighting.pixel.map(|pixel| frame.image.mask[pixel]);
         match coverage {
             Some(COVERED..) => self.on += 1,

@@ -172,7 +172,7 @@ impl Surface {
         })
     }
 
-    /// What the decoder says of a splat; black without one.
+    /// The colour of a splat by the decoder; black without one.
     fn expected(&self, index: usize) -> [f32; 3] {
         self.expected.as_ref().map_or([0.0; 3], |all| all[index])
     }

@@ -1,11 +1,11 @@
 //! Sides of a person that no frame shows. Nothing teaches the splats there, which keep what chance gave them. Late in a run
-//! ([`settle`]) and at its end they take colours from where the person was seen ([`guess`]), and a note says so.
+//! ([`update_frozen_colours`]) and at its end they take colours from where the person was seen ([`guess`]), and a note says so.
 
+mod freeze;
 mod guess;
-mod settle;
-mod sighted;
+mod visibility;
 
-use crate::avatar::{Avatar, AvatarAppearance, AvatarSplats};
+use crate::avatar::{AvatarAppearance, AvatarSplats};
 use crate::decoder::Decoder;
 use crate::decoder::parts::Parts;
 use crate::field::splats::{SOLID, opaque_area};
@@ -16,14 +16,14 @@ use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
 use burn::module::Module;
+pub(crate) use freeze::update_frozen_colours;
 use guess::{Guessed, Surface};
-pub(crate) use settle::{release, settle};
-use sighted::{Sight, sighted};
 use std::cmp::Ordering;
 use tracing::trace_span;
+use visibility::{SplatVisibility, splat_visibility};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_ops::splat::{MIN_ALPHA, ROW};
+use yoto_ops::splat::{MIN_ALPHA, SplatRow, splat_rows};
 use yoto_ops::warp::inverse::solve::Skinning;
 use yoto_proto::correction::other_sides;
 
@@ -31,12 +31,12 @@ use yoto_proto::correction::other_sides;
 const NOTED: f64 = 2.0;
 
 /// Guesses the colours of each person's splats that no training frame shows, in a model after the completed
-/// fraction `opened` of its run, and holds them. Returns notes for people.
+/// fraction `schedule_progress` of its run, and freezes them. Returns notes for people.
 pub(crate) fn guess_unseen(
     model: &mut Model,
     subjects: &[TrainSubject],
     prior: Option<&Decoder>,
-    opened: f64,
+    schedule_progress: f64,
 ) -> Result<Vec<String>, TrainError> {
     let _span = trace_span!("unseen").entered();
     let mut notes = Vec::new();
@@ -44,61 +44,61 @@ pub(crate) fn guess_unseen(
         let avatar = model.state.avatar().clone().no_grad();
         let splats = match avatar.appearance(&model.config) {
             AvatarAppearance::Splats(splats) if splats.config.guess_unseen => splats,
-            _ => return Ok(notes),
+            AvatarAppearance::Splats(_) | AvatarAppearance::Field(_) => return Ok(notes),
         };
-        let own = Avatar::own_slot(&model.config, subject.slot);
-        // What was held did not learn: it is a guess still, even where a frame shows it by now.
-        let held = avatar.held_splats(own)?;
-        let guessed = guess(model, subject, splats, prior, opened, held)?;
+        let own = subject.own_slot;
+        // What was frozen did not learn: it is a guess still, even where a frame shows it by now.
+        let frozen = avatar.frozen_colours(own)?;
+        let guessed = guess(model, subject, splats, prior, schedule_progress, frozen)?;
         let avatar = model.state.avatar_mut();
         avatar.paint_splats(own, &guessed.colours, &guessed.anew)?;
-        avatar.hold_splats(own, Some(&guessed.anew))?;
+        avatar.freeze_colours(own, Some(&guessed.anew))?;
         notes.extend(guessed.note(&subject.name, avatar.guessed_share(own)?));
     }
     Ok(notes)
 }
 
-/// The colours of a person's splats, with guesses where no frame shows them, or of the splats that are `held`, and with what
+/// The colours of a person's splats, with guesses where no frame shows them, or of the splats that are `frozen`, and with what
 /// is likely where frames hardly show them.
 fn guess(
     model: &Model,
     subject: &TrainSubject,
     avatar: AvatarSplats<'_>,
     prior: Option<&Decoder>,
-    opened: f64,
-    held: Option<Vec<bool>>,
+    schedule_progress: f64,
+    frozen: Option<Vec<bool>>,
 ) -> Result<Guessed, TrainError> {
     let pose = |frame: &TrainFrame| match &model.state.poses[subject.slot] {
         Some(poses) => poses.refined(frame.position, &frame.pose),
         None => frame.pose.clone(),
     };
-    let Sight { seen, evidence } = sighted(subject, avatar, opened, pose)?;
+    let SplatVisibility { seen, evidence } =
+        splat_visibility(subject, avatar, schedule_progress, pose)?;
     // What frames hardly show learns again after the first guess, and what it has at the end is right for those frames.
-    let first = held.is_none();
-    let seen = match held {
-        Some(held) => held.into_iter().map(|held| !held).collect(),
+    let first = frozen.is_none();
+    let seen = match frozen {
+        Some(frozen) => frozen.into_iter().map(|frozen| !frozen).collect(),
         None => seen,
     };
     let skeleton = &subject.body.skeleton;
     let rest = Pose::rest(skeleton.joints());
-    let posed = avatar.pose(&subject.body, subject.slot, &rest, opened);
-    let rows = read(avatar.posed(&subject.body, &posed)?.rows())?;
+    let posed = avatar.pose(&subject.body, subject.slot, &rest, schedule_progress);
+    let rows = read(avatar.posed_splats(&subject.body, &posed)?.rows())?;
     let (weights, transforms) = (
         read(posed.weights)?,
         read(posed::transforms(&subject.body, &rest))?,
     );
     let skinning = Skinning::new(&weights, &transforms, &subject.body.grid);
-    let rows = rows.as_chunks::<ROW>().0;
-    let opacity = |row: &[f32; ROW]| 1.0 / (1.0 + (-row[10]).exp());
-    let area = |row: &[f32; ROW]| opaque_area(opacity(row), [row[7], row[8], row[9]].map(f32::exp));
-    let points: Vec<[f32; 3]> = rows.iter().map(|row| [row[0], row[1], row[2]]).collect();
+    let rows: Vec<SplatRow> = splat_rows(&rows).collect();
+    let area = |row: &SplatRow| opaque_area(row.alpha(), row.deviations());
+    let points: Vec<[f32; 3]> = rows.iter().map(|row| row.mean).collect();
     let bones: Vec<usize> = points.iter().map(|at| strongest(&skinning, *at)).collect();
     let other = other_sides(&subject.track.skeleton).ok();
     let mut surface = Surface {
-        colours: rows.iter().map(|row| [row[11], row[12], row[13]]).collect(),
-        shown: rows.iter().map(|row| opacity(row) > MIN_ALPHA).collect(),
+        colours: rows.iter().map(|row| row.colour).collect(),
+        shown: rows.iter().map(|row| row.alpha() > MIN_ALPHA).collect(),
         opaque: rows.iter().map(area).collect(),
-        solid: rows.iter().map(|row| opacity(row) > SOLID).collect(),
+        solid: rows.iter().map(|row| row.alpha() > SOLID).collect(),
         seen,
         drawn: first,
         evidence,
@@ -118,7 +118,7 @@ fn guess(
 }
 
 impl Guessed {
-    /// What is guessed, which is the share `all` of the surface, for people; `None` if it is hardly anything.
+    /// A note on the guesses, which are the share `all` of the surface, for people; `None` if they are hardly any.
     fn note(&self, name: &str, all: f64) -> Option<String> {
         let all = 100.0 * all;
         let mirrored = 100.0 * self.mirrored as f64 / self.shown.max(1) as f64;

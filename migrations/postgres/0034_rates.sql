@@ -1,2 +1,0 @@
--- Calls per second of a tenant; NULL: no limit.
-ALTER TABLE quotas ADD COLUMN calls_per_second DOUBLE PRECISION CHECK (calls_per_second >= 0);

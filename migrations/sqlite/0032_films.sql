@@ -1,3 +1,0 @@
--- Films without poses, which only workers with a pose model ingest.
-ALTER TABLE workers ADD COLUMN reads_films INTEGER NOT NULL DEFAULT 0;
-ALTER TABLE jobs ADD COLUMN film INTEGER NOT NULL DEFAULT 0;
