@@ -13,6 +13,8 @@ import sys
 
 # A statement with everything up to its semicolon, at any depth of modules.
 USE = re.compile(r"^([ \t]*)((?:pub(?:\([^)]*\))?\s+)?)use\s+([^;]+);[ \t]*\n", re.M)
+# The attributes in lines of their own at the end of a text.
+ATTRIBUTES = re.compile(r"(?:^[ \t]*#\[[^\n]*\]\n)*\Z", re.M)
 
 
 def parts(text):
@@ -64,9 +66,9 @@ def styled(text):
     found = list(USE.finditer(text))
     while found:
         block = [found.pop(0)]
-        # An attribute belongs to the one statement behind it.
-        has_attribute = text[: block[0].start()].rstrip().endswith("]")
-        while not has_attribute and found and found[0].start() == block[-1].end():
+        # Attributes belong to the one statement behind them, and to each that it becomes.
+        attributes = ATTRIBUTES.search(text[: block[0].start()]).group()
+        while not attributes and found and found[0].start() == block[-1].end():
             block.append(found.pop(0))
         out.append(text[at : block[0].start()])
         by_kind = {}
@@ -74,7 +76,8 @@ def styled(text):
             if "//" in it.group(3):
                 raise ValueError(f"a comment inside of an import: {it.group(3)}")
             by_kind.setdefault((it.group(1), it.group(2)), []).extend(leaves(re.sub(r"\s+", " ", it.group(3))))
-        out.extend(written(*kind, imports) for kind, imports in by_kind.items())
+        statements = "".join(written(*kind, imports) for kind, imports in by_kind.items())
+        out.append(statements.replace(";\n", f";\n{attributes}").removesuffix(attributes) if attributes else statements)
         at = block[-1].end()
     return "".join(out) + text[at:]
 

@@ -1,22 +1,17 @@
 //! A coordinator: its parts are opened in order, and closed in order.
 
 use crate::access::{Admission, Callers};
-use crate::audit;
 use crate::config::ServerConfig;
 use crate::context::{Alone, Context};
 use crate::data_dir::{self, DataDirLock, OwnDataDir, create_dir, objects_url, open_store};
-use crate::erasure;
 use crate::error::ServerError;
 use crate::health::HealthCheck;
 use crate::jobs::reaper;
 use crate::notify::{Notifier, hints};
 use crate::objects::place::ObjectsPlace;
 use crate::objects::{Storage, collect};
-use crate::otlp;
-use crate::serve;
-use crate::sign_in;
 use crate::uploads::UploadLocks;
-use crate::webhooks;
+use crate::{audit, erasure, otlp, serve, sign_in, webhooks};
 use futures::Stream;
 use std::future::Future;
 use std::sync::Arc;

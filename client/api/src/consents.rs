@@ -1,9 +1,7 @@
 //! What people have agreed to.
 
-use super::{
-    ClientError, YotoClient, request_id,
-    retry::{read, repeat},
-};
+use super::retry::{read, repeat};
+use super::{ClientError, YotoClient, request_id};
 use prost_types::Timestamp;
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::v1::{

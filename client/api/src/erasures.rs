@@ -1,9 +1,7 @@
 //! Removals of people from everything that a service has.
 
-use super::{
-    ClientError, YotoClient,
-    retry::{read, repeat},
-};
+use super::retry::{read, repeat};
+use super::{ClientError, YotoClient};
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::v1::{EraseSubjectRequest, Erasure, GetErasureRequest, ListErasuresRequest};
 

@@ -1,9 +1,7 @@
 //! Jobs: creation, progress and results.
 
-use super::{
-    ClientError, JobWatch, YotoClient, request_id,
-    retry::{read, repeat},
-};
+use super::retry::{read, repeat};
+use super::{ClientError, JobWatch, YotoClient, request_id};
 use yoto_proto::key::Connection;
 use yoto_proto::limits::ANSWER_BYTES;
 use yoto_proto::v1::job_service_client::JobServiceClient;

@@ -1,9 +1,7 @@
 //! Models: shared networks, and the identity slots of the people in them.
 
-use super::{
-    ClientError, YotoClient, request_id,
-    retry::{read, repeat},
-};
+use super::retry::{read, repeat};
+use super::{ClientError, YotoClient, request_id};
 use prost_types::FieldMask;
 use yoto_proto::key::Connection;
 use yoto_proto::pose_track::{PoseTrack, describe};

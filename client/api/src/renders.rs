@@ -1,6 +1,7 @@
 //! Renders: requests for pictures.
 
-use super::{ClientError, YotoClient, request_id, retry::repeat};
+use super::retry::repeat;
+use super::{ClientError, YotoClient, request_id};
 use yoto_proto::key::Connection;
 use yoto_proto::limits::{ANSWER_BYTES, MESSAGE_BYTES};
 use yoto_proto::v1::render_service_client::RenderServiceClient;

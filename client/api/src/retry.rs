@@ -122,7 +122,8 @@ fn is_transport(status: &Status) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{cell::Cell, collections::HashMap};
+    use std::cell::Cell;
+    use std::collections::HashMap;
     use tonic_types::{ErrorDetails, StatusExt};
 
     #[test]

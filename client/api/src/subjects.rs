@@ -1,9 +1,7 @@
 //! Subjects: the people of a service.
 
-use super::{
-    ClientError, YotoClient, request_id,
-    retry::{read, repeat},
-};
+use super::retry::{read, repeat};
+use super::{ClientError, YotoClient, request_id};
 use prost_types::FieldMask;
 use yoto_proto::key::Connection;
 use yoto_proto::limits::{ANSWER_BYTES, LONGEST_PAGE_ENTRIES};

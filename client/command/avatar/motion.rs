@@ -4,7 +4,8 @@
 use anyhow::{Context, ensure};
 use yoto_capture::skeleton::timing::{mean_fps, seconds};
 use yoto_import::motion::{Motion, MotionFrame};
-use yoto_proto::v1::{MotionClip, MotionTransfer, Subject, render_spec::What};
+use yoto_proto::v1::render_spec::What;
+use yoto_proto::v1::{MotionClip, MotionTransfer, Subject};
 use yoto_synthetic::SyntheticPerson;
 
 /// Frames of the program's own motion, and their rate.

@@ -1,8 +1,7 @@
 //! `yoto demo`: the whole service in one command.
 
-use crate::args;
 use crate::demo::{DemoOptions, run};
-use crate::show;
+use crate::{args, show};
 use clap::Args;
 use std::path::PathBuf;
 use yoto_avatar::loss::lpips::LpipsWeights;

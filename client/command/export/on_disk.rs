@@ -1,15 +1,15 @@
 //! An export from the folder of a checkpoint, on this machine.
 
-use crate::export::ChosenMotions;
-use crate::export::Export;
 use crate::export::written::Written;
+use crate::export::{ChosenMotions, Export};
 use crate::studio::trained;
 use anyhow::{Context, ensure};
 use std::path::PathBuf;
 use yoto_export::mesh::MeshOptions;
 use yoto_export::order::Order;
 use yoto_export::source::Source;
-use yoto_proto::v1::{ExportForm, ExportMotion, ExportResult, export_motion::Motion};
+use yoto_proto::v1::export_motion::Motion;
+use yoto_proto::v1::{ExportForm, ExportMotion, ExportResult};
 
 impl Export {
     /// Writes the person in a slot of the model in `folder`.

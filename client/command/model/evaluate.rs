@@ -1,10 +1,9 @@
 //! `yoto evaluate`: quality of a trained model on held-out pictures.
 
-use crate::args;
 use crate::args::version::Version;
 use crate::args::{QueueArgs, Server};
-use crate::show;
 use crate::waiting::wait_for_new;
+use crate::{args, show};
 use clap::Args;
 use yoto_proto::protocols::{HELD_OUT, PROTOCOLS};
 use yoto_proto::v1::{EvaluateSpec, job_result};

@@ -2,11 +2,10 @@
 
 use super::create::{Shape, create_with};
 use super::preview::Previews;
-use crate::args;
 use crate::args::train::TrainArgs;
 use crate::args::{QueueArgs, Server, tier_help, variant_help};
-use crate::show;
 use crate::waiting::follow_new;
+use crate::{args, show};
 use anyhow::{Context, bail};
 use clap::Args;
 use std::path::PathBuf;

@@ -8,9 +8,10 @@ use crate::show::note_capture_end;
 use anyhow::Context;
 use std::path::Path;
 use yoto_client::YotoClient;
+use yoto_proto::v1::render_quality::Want;
 use yoto_proto::v1::{
     Between, Layer, Light, Model, MotionClip, MotionTransfer, Orbit, RenderQuality, RenderSpec,
-    light, render_quality::Want, render_spec,
+    light, render_spec,
 };
 use yoto_terminal::progress::count;
 

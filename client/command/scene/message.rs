@@ -9,9 +9,10 @@ use anyhow::{Context, anyhow, ensure};
 use std::collections::HashMap;
 use std::path::Path;
 use yoto_proto::checks::scene::LARGEST_BACKDROP;
+use yoto_proto::v1::actor::Motion;
+use yoto_proto::v1::render_quality::Want;
 use yoto_proto::v1::{
-    Actor, CaptureMotion, Light, MotionClip, RenderQuality, Scene, SceneCamera, actor::Motion,
-    light, render_quality::Want,
+    Actor, CaptureMotion, Light, MotionClip, RenderQuality, Scene, SceneCamera, light,
 };
 
 /// Resource names of the people and the models that a scene names.

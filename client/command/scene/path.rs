@@ -5,9 +5,9 @@ use crate::scene::file::SceneFile;
 use anyhow::{Context, ensure};
 use std::path::Path;
 use yoto_capture::CaptureFolder;
+use yoto_proto::v1::scene_camera::Path as Track;
 use yoto_proto::v1::{
     Camera, CameraKey, CameraKeys, CameraList, CaptureCamera, HeldOutCamera, SceneOrbit,
-    scene_camera::Path as Track,
 };
 
 /// Default height of a dolly's target above the ground, metres: an adult's waist.

@@ -2,7 +2,8 @@
 
 use crate::args::frame_range::FrameRange;
 use yoto_client::YotoClient;
-use yoto_proto::v1::{Subject, capture::State};
+use yoto_proto::v1::Subject;
+use yoto_proto::v1::capture::State;
 
 /// Prints a note if `range` goes beyond the last frame of the capture of `driver` that a job reads. Prints nothing if
 /// that capture can't be found: the job then reports the fault.

@@ -1,12 +1,9 @@
 //! Jobs, their attempts and their results, in one line each.
 
-use super::size_of;
-use super::span;
+use super::{size_of, span};
 use yoto_proto::pose_track;
-use yoto_proto::v1::{
-    EvaluateResult, ExportResult, Job, JobAttempt, TrainResult, job, job_attempt::Outcome,
-    job_result,
-};
+use yoto_proto::v1::job_attempt::Outcome;
+use yoto_proto::v1::{EvaluateResult, ExportResult, Job, JobAttempt, TrainResult, job, job_result};
 use yoto_terminal::output::others;
 use yoto_terminal::progress::{count, describe, duration};
 

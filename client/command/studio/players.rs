@@ -3,9 +3,9 @@
 use anyhow::{Context, bail};
 use std::path::Path;
 use yoto_client::YotoClient;
+use yoto_proto::v1::export_motion::Motion;
 use yoto_proto::v1::{
-    CaptureMotion, ExportForm, ExportMotion, ExportSpec, Model, Subject, export_motion::Motion,
-    job_result,
+    CaptureMotion, ExportForm, ExportMotion, ExportSpec, Model, Subject, job_result,
 };
 use yoto_terminal::progress::ProgressDisplay;
 

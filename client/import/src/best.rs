@@ -9,8 +9,7 @@ mod pose;
 mod select;
 mod sharpness;
 
-use crate::ImportError;
-use crate::{Imported, Pictures};
+use crate::{ImportError, Imported, Pictures};
 use std::num::NonZeroUsize;
 use std::path::Path;
 

@@ -1,8 +1,7 @@
 //! Errors of builds that lack a feature of the crate.
 
-use crate::ImportError;
 use crate::clip::fault;
-use crate::{MattingModel, Options};
+use crate::{ImportError, MattingModel, Options};
 
 /// How a user gets a client with `feature`.
 pub(crate) fn how_to_get(feature: &str) -> String {

@@ -1,8 +1,7 @@
 //! Reads motions, with a hint where a file has no motion but another program's data.
 
-use crate::ImportError;
 use crate::motion::{self, Motion, MotionOptions};
-use crate::{keypoints, misplaced, tools};
+use crate::{ImportError, keypoints, misplaced, tools};
 use std::path::Path;
 
 /// The use of a file of poses.

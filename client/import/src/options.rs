@@ -1,9 +1,7 @@
 //! Inputs that an importer can't find in the files, and which frames are taken.
 
-use crate::ImportError;
 use crate::source::Source;
-use crate::{MattingModel, Progress};
-use crate::{PointRotation, PointSet};
+use crate::{ImportError, MattingModel, PointRotation, PointSet, Progress};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use yoto_media::video::Hdr;

@@ -1,9 +1,8 @@
 //! Finds frames that are useless or doubtful, in imports of any program.
 
-use crate::ImportError;
 use crate::clip::left_out;
 use crate::pictures::{Mask, read_masks};
-use crate::{Imported, Pictures};
+use crate::{ImportError, Imported, Pictures};
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
 /// Fewest pixels of a person.

@@ -1,10 +1,9 @@
 //! Sources of rest joints: a body model with shape parameters, or a file of rest joints.
 
-use crate::ImportError;
-use crate::Options;
 use crate::body_model::BodyModel;
 use crate::geometry::Vec3;
 use crate::source::Source;
+use crate::{ImportError, Options};
 use std::path::Path;
 use yoto_proto::pose_track::violation;
 use yoto_proto::smpl::JOINTS;

@@ -1,7 +1,6 @@
 //! Imports a film that a service got without poses, as `yoto import` does, in the process that reads uploads.
 
-use crate::ImportError;
-use crate::{Options, Progress, ProgressEvent, TrackForm, film, write};
+use crate::{ImportError, Options, Progress, ProgressEvent, TrackForm, film, write};
 use std::path::Path;
 use yoto_ingest::{Files, Film, FilmCapture, ReadFailure, Tell};
 use yoto_landmarks::PoseModel;

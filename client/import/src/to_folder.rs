@@ -1,7 +1,6 @@
 //! An import as commands do it: from files to a capture folder, with progress and notes.
 
-use crate::ImportError;
-use crate::{Format, Imported, Options, Stage, TrackForm, best, read, write};
+use crate::{Format, ImportError, Imported, Options, Stage, TrackForm, best, read, write};
 use std::path::Path;
 use yoto_media::picture_file;
 use yoto_proto::text::count;

@@ -4,10 +4,9 @@
 //! can use any background; distorted ones stay distorted, for ingest to correct with the coefficients
 //! in the pose track. The pose track is written last: a folder with one is complete.
 
-use crate::ImportError;
-use crate::Imported;
 use crate::clip::{Clip, for_each};
 use crate::pictures::{Mask, PictureFiles, Pictures, read_image, read_masks};
+use crate::{ImportError, Imported};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, GrayImage, ImageEncoder, RgbImage};
 use std::borrow::Borrow;

@@ -14,8 +14,7 @@ use tonic::metadata::MetadataMap;
 use tonic::{Request, Status};
 use tower::ServiceExt;
 use uuid::Uuid;
-use yoto_request::Caller;
-use yoto_request::tenant_of;
+use yoto_request::{Caller, tenant_of};
 use yoto_store::Tenant;
 
 /// What all pages share.

@@ -3,9 +3,8 @@
 
 use super::fault::Fault;
 use axum::extract::Path;
-use axum::http::HeaderName;
-use axum::http::StatusCode;
 use axum::http::header::{ACCESS_CONTROL_ALLOW_ORIGIN, CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::{HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 use std::sync::LazyLock;
 use yoto_proto::sha256_hex;

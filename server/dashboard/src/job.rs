@@ -2,15 +2,12 @@
 
 use super::actions::form;
 use super::asker::Asker;
-use super::curves;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::jobs::took;
 use super::names::{Names, about};
-use super::outcome;
-use super::progress;
-use super::shares;
 use super::words::{ago, badge, bytes, job_state, kind, page_of, seconds, short, told};
+use super::{curves, outcome, progress, shares};
 use axum::extract::Path;
 use maud::{Markup, html};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};

@@ -1,17 +1,13 @@
 //! One model: people, curves, pictures, checkpoints, the measured trade-off, and jobs.
 
 use super::asker::Asker;
-use super::curves;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::job::{file_path, frame};
-use super::jobs;
 use super::names::Names;
-use super::orders;
 use super::people::{portrait, portrayed};
-use super::progress;
-use super::tradeoff;
 use super::words::{ago, badge, bytes, name, page_of, told, whole};
+use super::{curves, jobs, orders, progress, tradeoff};
 use axum::extract::Path;
 use maud::{Markup, html};
 use tonic::Status;

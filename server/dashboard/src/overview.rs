@@ -3,13 +3,11 @@
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::jobs;
 use super::model::split;
-use super::models;
 use super::names::{Names, about};
-use super::progress;
 use super::service::notices;
 use super::words::{count, job_state, page_of};
+use super::{jobs, models, progress};
 use maud::html;
 use tonic::Status;
 use yoto_proto::v1::{GetStatusRequest, Job, ListModelsRequest, job};

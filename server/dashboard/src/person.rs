@@ -1,15 +1,14 @@
 //! One person: captures with what the check has found, and the models that have them.
 
 use super::asker::Asker;
-use super::avatar;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::findings;
 use super::people::portrait;
 use super::upload::{self, Whose};
 use super::words::{
     ago, badge, bytes, capture_state, count, name, page_of, short, subject_state, told,
 };
+use super::{avatar, findings};
 use axum::extract::Path;
 use maud::{Markup, html};
 use tonic::Status;

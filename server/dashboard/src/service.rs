@@ -1,11 +1,10 @@
 //! The service itself: version, health, queue, storage, usage and limits.
 
-use super::actions;
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::usage;
 use super::words::{ago, badge, bytes, kind_word, name, span, told, whole};
+use super::{actions, usage};
 use maud::{Markup, html};
 use yoto_proto::v1::{
     GetLimitsRequest, GetStatusRequest, GetUsageRequest, ServiceLimits, ServiceStatus,

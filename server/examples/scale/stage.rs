@@ -8,7 +8,6 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tonic::transport::Channel;
 use yoto_objects::Objects;
-use yoto_proto::keys;
 use yoto_proto::names::Collection;
 use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::job_service_client::JobServiceClient;
@@ -23,7 +22,7 @@ use yoto_proto::v1::{
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_proto::worker::v1::{Claim, EndJobRequest, Lease, LeaseJobRequest, RegisterWorkerRequest};
-use yoto_proto::{crc32c, sha256_hex};
+use yoto_proto::{crc32c, keys, sha256_hex};
 use yoto_server::clock::ManualClock;
 use yoto_server::{Coordinator, ServerConfig, in_memory};
 use yoto_test_postgres::Database;

@@ -1,7 +1,6 @@
 //! Ends the streams of a caller who may no longer call.
 
-use super::Admission;
-use super::Callers;
+use super::{Admission, Callers};
 use crate::access::keys::FRESH;
 use bytes::Bytes;
 use http_body::{Frame, SizeHint};

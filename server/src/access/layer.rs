@@ -1,11 +1,10 @@
 //! The layer that authorizes each call of a listener.
 
-use super::Callers;
 use super::credentials::CallHead;
 use super::guard::{self, Ended, Guarded};
 use super::keys::Keys;
 use super::rules::{self, Rule};
-use super::{Admission, browser};
+use super::{Admission, Callers, browser};
 use futures::future::BoxFuture;
 use std::sync::Arc;
 use std::task::{self, Poll};
@@ -16,11 +15,9 @@ use tower::{Layer, Service};
 use yoto_http::{is_grpc, transcoding};
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ErrorReason, Scope};
-use yoto_request::Caller;
-use yoto_request::RequestError;
 use yoto_request::methods::is_unary;
-use yoto_store::KeyRow;
-use yoto_store::Tenant;
+use yoto_request::{Caller, RequestError};
+use yoto_store::{KeyRow, Tenant};
 
 /// What a caller without a key is told.
 const KEY_MISSING: &str =

@@ -15,8 +15,7 @@ use yoto_proto::v1::{
 };
 use yoto_request::RequestError;
 use yoto_request::validation::{all, both};
-use yoto_store::Tenant;
-use yoto_store::{NewConsent, NewEvidence};
+use yoto_store::{NewConsent, NewEvidence, Tenant};
 
 /// All purposes.
 const PURPOSES: [ConsentPurpose; 4] = [

@@ -19,9 +19,8 @@ use yoto_proto::v1::{
     PauseJobsResponse, ResumeJobsRequest, ResumeJobsResponse, RetryJobRequest, WatchJobRequest,
     WatchJobResponse, WatchJobsRequest, WatchJobsResponse, job,
 };
-use yoto_request::RequestError;
 use yoto_request::validation::{all, both};
-use yoto_request::{tenant_of, trace_parent_of};
+use yoto_request::{RequestError, tenant_of, trace_parent_of};
 use yoto_store::Tenant;
 
 use yoto_store::{JobFilter, Target};

@@ -11,9 +11,8 @@ use yoto_proto::v1::{
     CreateKeyRequest, CreateKeyResponse, Key, ListKeysRequest, ListKeysResponse, RevokeKeyRequest,
     Scope,
 };
-use yoto_request::Caller;
-use yoto_request::RequestError;
 use yoto_request::validation::both;
+use yoto_request::{Caller, RequestError};
 use yoto_store::NewKey;
 
 /// Keys of callers.

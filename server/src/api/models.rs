@@ -20,12 +20,10 @@ use yoto_proto::v1::{
     ObjectRef, RemoveAliasRequest, RemoveAliasResponse, RemoveIdentityRequest, Retention,
     SetAliasRequest, Tradeoff, UpdateModelRequest,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
 use yoto_request::validation::both;
-use yoto_store::Tenant;
+use yoto_request::{RequestError, tenant_of};
 use yoto_store::rules::best::best_first;
-use yoto_store::{NewModel, Target};
+use yoto_store::{NewModel, Target, Tenant};
 
 /// The field of a model that can be changed.
 const RETENTION: &str = "retention";

@@ -17,8 +17,7 @@ use yoto_proto::v1::{
     ListObjectsResponse, NamedObject, ObjectRef, SignDownloadRequest, SignDownloadResponse,
     Unsigned, job,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
+use yoto_request::{RequestError, tenant_of};
 use yoto_store::Tenant;
 
 /// Files per page if the request does not say.

@@ -6,9 +6,7 @@ use crate::jobs::queue;
 use yoto_proto::v1::{Job, JobSpec};
 use yoto_request::RequestError;
 use yoto_request::validation::both;
-use yoto_store::Tenant;
-use yoto_store::TraceParent;
-use yoto_store::{NewJob, RequestKey};
+use yoto_store::{NewJob, RequestKey, Tenant, TraceParent};
 
 /// A job as a call orders it.
 pub struct Order {

@@ -6,18 +6,16 @@ use std::sync::Arc;
 use tonic::{Request, Response, Status};
 use yoto_proto::checks::SPEC_BYTES;
 use yoto_proto::checks::scene::MAX_PICTURES;
-use yoto_proto::limits as contract;
 use yoto_proto::limits::REASON_CHARACTERS;
-use yoto_proto::orders;
 use yoto_proto::v1::status_service_server::StatusService;
 use yoto_proto::v1::{
     CordonWorkerRequest, CordonWorkerResponse, DrainRequest, DrainResponse, EndDrainRequest,
     EndDrainResponse, GetLimitsRequest, GetStatusRequest, ListWorkersRequest, ListWorkersResponse,
     ServiceLimits, ServiceStatus, UncordonWorkerRequest, UncordonWorkerResponse, UploadLimits,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
+use yoto_proto::{limits as contract, orders};
 use yoto_request::validation::both;
+use yoto_request::{RequestError, tenant_of};
 
 /// The state of the service as a whole.
 pub struct StatusApi {

@@ -14,9 +14,8 @@ use yoto_proto::v1::{
     CreateShareRequest, CreateShareResponse, ErrorReason, Job, ListSharesRequest,
     ListSharesResponse, RevokeShareRequest, Share, job, job_spec,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
 use yoto_request::validation::both;
+use yoto_request::{RequestError, tenant_of};
 use yoto_store::{NewShare, ShareFilter};
 
 /// Links to pages of exports.

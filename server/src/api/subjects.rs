@@ -17,9 +17,8 @@ use yoto_proto::v1::{
     ListSubjectsResponse, RevokeConsentRequest, RevokeConsentResponse, Subject,
     UpdateSubjectRequest,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
 use yoto_request::validation::{all, both};
+use yoto_request::{RequestError, tenant_of};
 use yoto_store::{NewSubject, SubjectChange, Target};
 
 /// People, and the captures of them.

@@ -7,8 +7,7 @@ use yoto_proto::v1::tenant_service_server::TenantService;
 use yoto_proto::v1::{
     GetUsageRequest, ListUsageRequest, ListUsageResponse, Quota, SetQuotaRequest, Usage,
 };
-use yoto_request::Caller;
-use yoto_request::RequestError;
+use yoto_request::{Caller, RequestError};
 
 /// Usage and quotas of tenants.
 pub struct TenantApi {

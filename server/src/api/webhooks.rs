@@ -12,9 +12,8 @@ use yoto_proto::v1::{
     CreateWebhookRequest, CreateWebhookResponse, DeleteWebhookRequest, DeleteWebhookResponse,
     ListWebhooksRequest, ListWebhooksResponse,
 };
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
 use yoto_request::validation::both;
+use yoto_request::{RequestError, tenant_of};
 use yoto_store::NewWebhook;
 
 /// Addresses that are told when jobs end.

@@ -21,12 +21,9 @@ use yoto_proto::worker::v1::{
     RegisterWorkerResponse, TakeRangeRequest, TakeRangeResponse, WaitForJobRequest,
     WaitForJobResponse,
 };
-use yoto_request::Caller;
-use yoto_request::RequestError;
-use yoto_request::tenant_of;
 use yoto_request::validation::both;
-use yoto_store::Tenant;
-use yoto_store::{Ending, LeaseKey, NewWorker};
+use yoto_request::{Caller, RequestError, tenant_of};
+use yoto_store::{Ending, LeaseKey, NewWorker, Tenant};
 
 /// Longest wait for a job.
 const LONGEST_WAIT: Duration = Duration::from_secs(10);

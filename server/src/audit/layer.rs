@@ -1,7 +1,6 @@
 //! The middleware that records calls: behind the one that authorizes them, since it needs to know who calls.
 
-use super::Audit;
-use super::names;
+use super::{Audit, names};
 use crate::access;
 use axum::extract::{Request, State};
 use axum::http::Method;
@@ -12,8 +11,7 @@ use tonic::{Code, Status};
 use yoto_http::{is_grpc, refusal};
 use yoto_proto::names::{Collection, is_name};
 use yoto_proto::reasons;
-use yoto_request::Caller;
-use yoto_request::methods;
+use yoto_request::{Caller, methods};
 use yoto_store::NewAuditEntry;
 
 /// Calls for each part of an upload: its begin and its end are recorded.

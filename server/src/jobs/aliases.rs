@@ -1,9 +1,8 @@
 //! Aliases of checkpoints in orders: `models/{id}/checkpoints/prod`.
 
 use crate::context::Context;
-use yoto_proto::alias;
-use yoto_proto::names;
 use yoto_proto::v1::{JobSpec, job_spec};
+use yoto_proto::{alias, names};
 use yoto_request::RequestError;
 use yoto_store::Tenant;
 

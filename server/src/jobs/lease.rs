@@ -9,8 +9,7 @@ use yoto_proto::orders;
 use yoto_proto::v1::JobError;
 use yoto_proto::worker::v1::Lease;
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{Ending, JobKind, LeaseKey, LeasedJob, NewWorker, StoreError};
+use yoto_store::{Ending, JobKind, LeaseKey, LeasedJob, NewWorker, StoreError, Tenant};
 
 /// Bytes of an answer besides its lease.
 const MARGIN: usize = 64;

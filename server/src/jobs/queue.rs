@@ -13,8 +13,7 @@ use yoto_proto::text::one_line;
 use yoto_proto::v1::{Job, JobSpec, job};
 use yoto_request::RequestError;
 use yoto_request::validation::all;
-use yoto_store::Tenant;
-use yoto_store::{JobKind, NewJob, RequestKey};
+use yoto_store::{JobKind, NewJob, RequestKey, Tenant};
 
 /// Checks a job, whose order is well-formed, and queues it.
 ///

@@ -11,8 +11,7 @@ use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Checkpoint, Progress, RenderedFile, job_spec};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{Ending, LeaseKey, StoreError, TakenRange};
+use yoto_store::{Ending, LeaseKey, StoreError, TakenRange, Tenant};
 
 /// Extends the lease and records progress. Returns whether the job is to be cancelled.
 ///

@@ -6,9 +6,7 @@ use crate::uploads;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Capture, ErrorReason, Job, JobKind, job};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::TraceParent;
-use yoto_store::{NewJob, RequestKey, StoreError};
+use yoto_store::{NewJob, RequestKey, StoreError, Tenant, TraceParent};
 
 /// Queues the order of a job that FAILED or was CANCELLED as a new job. An ingest job belongs to its capture, whose files are
 /// read again.

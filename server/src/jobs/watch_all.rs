@@ -14,8 +14,7 @@ use yoto_proto::limits::{LONGEST_PAGE_ENTRIES, PAGE_BYTES};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Job, WatchJobsResponse, job};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{JobFilter, Page, StoreError};
+use yoto_store::{JobFilter, Page, StoreError, Tenant};
 
 /// Most jobs of one response.
 const BATCH: usize = 100;

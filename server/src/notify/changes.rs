@@ -9,8 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{Notify, watch};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::Job;
-use yoto_store::StoreError;
-use yoto_store::Tenant;
+use yoto_store::{StoreError, Tenant};
 
 /// What is known of a watched job.
 #[derive(Debug, Clone)]

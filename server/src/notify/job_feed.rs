@@ -6,8 +6,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use tokio::sync::{Mutex, broadcast};
 use yoto_proto::v1::Job;
-use yoto_store::Tenant;
-use yoto_store::{JobVersion, JobVersions, StoreError};
+use yoto_store::{JobVersion, JobVersions, StoreError, Tenant};
 
 /// Changes that a slow watcher may lag behind; one that lags further reads all open jobs again.
 const CHANGES: usize = 1024;

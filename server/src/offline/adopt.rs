@@ -1,7 +1,6 @@
 //! Binds a store of objects to a database by hand.
 
-use crate::data_dir::DataDirLock;
-use crate::data_dir::{DATABASE_FILE, create_dir, objects_url, open_store};
+use crate::data_dir::{DATABASE_FILE, DataDirLock, create_dir, objects_url, open_store};
 use crate::objects::place::ObjectsPlace;
 use crate::{ServerConfig, ServerError};
 use url::Url;

@@ -7,8 +7,7 @@ use std::path::Path;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{CreateKeyRequest, CreateKeyResponse, Key};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{NewAuditEntry, Page, PostgresUrl, Store};
+use yoto_store::{NewAuditEntry, Page, PostgresUrl, Store, Tenant};
 
 /// What the audit log has as the calls of this module, which are made on the service's own host.
 const CREATE: &str = "yoto key create";

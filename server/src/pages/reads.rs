@@ -1,8 +1,7 @@
 //! Reads of many rows at once for pages, from the store and the objects.
 
 use super::backend::Coordinated;
-use crate::api::explained;
-use crate::api::fields;
+use crate::api::{explained, fields};
 use crate::objects::manifest;
 use futures::TryStreamExt;
 use std::collections::HashMap;

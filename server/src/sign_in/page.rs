@@ -1,8 +1,7 @@
 //! The page where people sign in. It stands at its own address, and in place of every page that asks for a key.
 
 use super::{BY_KEY, START};
-use crate::access::cookies;
-use crate::access::page_of;
+use crate::access::{cookies, page_of};
 use crate::config::OidcConfig;
 use axum::http::header::{LOCATION, SET_COOKIE, WWW_AUTHENTICATE};
 use axum::http::{HeaderValue, StatusCode};

@@ -9,8 +9,7 @@ use yoto_proto::sha256_hex;
 use yoto_proto::text::is_hidden;
 use yoto_proto::v1::Scope;
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{NewAuditEntry, NewKey};
+use yoto_store::{NewAuditEntry, NewKey, Tenant};
 
 /// What the audit log has as the call by which a session begins.
 const SIGN_IN: &str = "sign-in";

@@ -4,8 +4,7 @@ use super::answered;
 use crate::context::Context;
 use yoto_proto::v1::{Capture, capture};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{JobKind, RequestKey, StoreError, StoredPart};
+use yoto_store::{JobKind, RequestKey, StoreError, StoredPart, Tenant};
 
 /// Queues another ingest job for a capture whose last one failed.
 ///

@@ -13,8 +13,7 @@ use yoto_proto::worker::v1::InputFile;
 use yoto_proto::{limits, pose_track};
 use yoto_request::RequestError;
 use yoto_request::validation::{all, both};
-use yoto_store::Tenant;
-use yoto_store::{NewUpload, RequestKey, Upload, UploadedFile};
+use yoto_store::{NewUpload, RequestKey, Tenant, Upload, UploadedFile};
 
 /// Opens an upload of `files` for a subject, or finds the one that `request` opened.
 ///

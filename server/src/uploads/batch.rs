@@ -10,8 +10,7 @@ use std::sync::Arc;
 use tokio::task::JoinHandle;
 use yoto_proto::{keys, limits};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{NewPart, NewPiece, PartId, StoreError, UploadPart};
+use yoto_store::{NewPart, NewPiece, PartId, StoreError, Tenant, UploadPart};
 
 /// Checked chunks that follow the committed bytes, grouped by file in the order of arrival.
 #[derive(Debug, Default)]

@@ -6,8 +6,7 @@ use crate::context::Context;
 use yoto_proto::v1::{Capture, ErrorReason};
 use yoto_request::RequestError;
 use yoto_request::validation::all;
-use yoto_store::Tenant;
-use yoto_store::{JobKind, RequestKey, UploadFile};
+use yoto_store::{JobKind, RequestKey, Tenant, UploadFile};
 
 /// Checks the SHA-256 of every file in the store, and queues the ingest job. A finished upload gets the first answer
 /// again.

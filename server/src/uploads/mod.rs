@@ -27,8 +27,7 @@ use crate::context::Context;
 use std::collections::BTreeSet;
 use yoto_proto::v1::{Capture, ErrorReason};
 use yoto_request::RequestError;
-use yoto_store::Tenant;
-use yoto_store::{RequestKey, StoreError, Upload};
+use yoto_store::{RequestKey, StoreError, Tenant, Upload};
 
 /// Restarts the files at `paths`, whose acknowledged bytes the store has lost, and returns the error for the call that found
 /// this. Otherwise each later write would fail until the upload expires.

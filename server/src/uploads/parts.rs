@@ -16,8 +16,7 @@ use yoto_proto::v1::{
 };
 use yoto_request::RequestError;
 use yoto_request::validation::all;
-use yoto_store::Tenant;
-use yoto_store::{NewPart, NewPiece, PartId};
+use yoto_store::{NewPart, NewPiece, PartId, Tenant};
 
 /// Longest time for which a part can be written: its client has the bytes and begins at once.
 const LIFE: Duration = Duration::from_secs(120);

@@ -14,8 +14,7 @@ use yoto_proto::limits::UPLOAD_PIECES;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{ErrorReason, WriteUploadRequest, WriteUploadResponse};
 use yoto_request::RequestError;
-use yoto_store::StoreError;
-use yoto_store::Tenant;
+use yoto_store::{StoreError, Tenant};
 
 /// Receives chunks until the stream ends, and commits all valid ones, however it ends.
 ///

@@ -1,9 +1,8 @@
 //! Stores for tests, each in a database of its own of either kind.
 
 use super::Store;
-use crate::Tenant;
 use crate::rules::retention::Retention;
-use crate::{Ending, LeaseKey};
+use crate::{Ending, LeaseKey, Tenant};
 use std::sync::Arc;
 use tempfile::TempDir;
 use yoto_process::clock::Clock;

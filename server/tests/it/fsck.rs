@@ -6,11 +6,10 @@ use std::path::Path;
 use tempfile::TempDir;
 use tokio::runtime::Handle;
 use tokio::task::block_in_place;
-use yoto_proto::keys;
 use yoto_proto::manifest::files;
-use yoto_proto::names;
 use yoto_proto::v1::{Checkpoint, DeleteJobRequest};
 use yoto_proto::worker::v1::{Lease, PublishCheckpointRequest};
+use yoto_proto::{keys, names};
 use yoto_server::Environment;
 use yoto_server::fsck::{Fault, FsckError, Place, Report, fsck};
 

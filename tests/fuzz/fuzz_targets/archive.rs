@@ -2,7 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use yoto_media::{Limits, archive::Unpacker};
+use yoto_media::Limits;
+use yoto_media::archive::Unpacker;
 
 fuzz_target!(|bytes: &[u8]| {
     let limits = Limits {

@@ -2,10 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use yoto_media::{
-    Limits,
-    video::{Ffmpeg, Video},
-};
+use yoto_media::Limits;
+use yoto_media::video::{Ffmpeg, Video};
 
 fuzz_target!(|bytes: &[u8]| {
     let limits = Limits {

@@ -3,7 +3,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use prost::Message;
-use yoto_proto::v1::{JobSpec, job_spec::Kind};
+use yoto_proto::v1::JobSpec;
+use yoto_proto::v1::job_spec::Kind;
 use yoto_proto::{checks, exports, orders, render_needs};
 
 fuzz_target!(|bytes: &[u8]| {

@@ -2,7 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use yoto_formats::{rle::RunLengths, torch};
+use yoto_formats::rle::RunLengths;
+use yoto_formats::torch;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(value) = torch::read(bytes, 1 << 24) {

@@ -4,8 +4,7 @@ use super::CaptureError;
 use super::files::{at_fault, read_file};
 use super::held_out::HeldOut;
 use crate::camera::Camera;
-use crate::skeleton::Pose;
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Pose, Skeleton};
 use std::path::Path;
 use yoto_proto::pose_track::{self, PoseTrack};
 

@@ -1,7 +1,8 @@
 //! GPUs over Vulkan, with Burn's wgpu backend.
 
 use super::PickedDevice;
-use burn::tensor::{Device, DeviceKind, DeviceType, wgpu::WgpuBackend};
+use burn::tensor::wgpu::WgpuBackend;
+use burn::tensor::{Device, DeviceKind, DeviceType};
 use yoto_proto::v1::WorkerDevice;
 
 /// The first real GPU that opens: discrete before integrated before virtual.

@@ -1,6 +1,7 @@
 //! A hint for the user on why the CPU is in use.
 
-use std::{fs, path::Path};
+use std::fs;
+use std::path::Path;
 
 /// One line if the CPU is in use where a GPU may be expected: how to build with GPU support, if this
 /// build has none and a GPU is visible; or that no GPU can be opened, if it has.

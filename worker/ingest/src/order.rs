@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use yoto_media::{Limits, archive::Files};
+use yoto_media::Limits;
+use yoto_media::archive::Files;
 use yoto_proto::v1::Violation;
 
 /// The task of a child: the data that it reads.

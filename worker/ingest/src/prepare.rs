@@ -1,11 +1,10 @@
 //! The child's work: files in, shard and the check's report out.
 
-use super::MAX_VIOLATIONS;
 use super::capture::Capture;
-use super::edges;
 use super::failure::ReadFailure;
 use super::order::{Order, Prepared, Progress, Stage};
 use super::reader::Reader;
+use super::{MAX_VIOLATIONS, edges};
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
 use std::time::{Duration, Instant};

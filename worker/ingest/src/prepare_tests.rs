@@ -1,7 +1,8 @@
 //! The child's work on small captures, whole and broken, in this process.
 
 use super::*;
-use yoto_capture::{Shard, check::CheckReport};
+use yoto_capture::Shard;
+use yoto_capture::check::CheckReport;
 use yoto_media::Limits;
 use yoto_proto::pose_track::{self, FILE, Frame, PoseTrack, describe};
 

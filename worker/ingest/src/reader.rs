@@ -6,11 +6,10 @@ use super::edges::Edges;
 use super::failure::ReadFailure;
 use super::order::Progress;
 use yoto_capture::FrameImage;
-use yoto_media::edge;
 use yoto_media::lens::Undistortion;
 use yoto_media::source::{Source, WantedFrames, read_still};
 use yoto_media::video::Ffmpeg;
-use yoto_media::{MediaFault, Picture, compose, mask};
+use yoto_media::{MediaFault, Picture, compose, edge, mask};
 use yoto_proto::media_plan::{
     Background, BackgroundSetting, MaskKind, MaskSource, MediaPlan, Pictures,
 };

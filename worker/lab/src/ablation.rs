@@ -6,11 +6,10 @@
 //! a fair comparison for a given machine and time.
 
 use crate::captures::{self, Recording};
-use crate::cast;
 use crate::displacement::{self, DisplacementError};
 use crate::display::Screen;
-use crate::measure;
 use crate::training::{self, lpips, pick_device};
+use crate::{cast, measure};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

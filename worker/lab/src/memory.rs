@@ -1,7 +1,6 @@
 //! Peak memory of a piece of work, as counted by Linux.
 
-use std::fs;
-use std::io;
+use std::{fs, io};
 
 /// Resets the process's peak (Linux: `5` to `clear_refs`).
 ///

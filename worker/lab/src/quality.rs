@@ -7,14 +7,12 @@
 use crate::alignment::Alignment;
 use crate::captures::{self, CaptureSource, HeldOutPicture, Recording, Split};
 use crate::display::Screen;
-use crate::limits;
-use crate::measure;
 use crate::one_camera::HeldOut;
-use crate::other_poses;
 use crate::pose_error::PoseErrors;
 use crate::report::{Curve, CurvePoint, QualityReport, Settings};
 use crate::split_regions::SplitRegions;
 use crate::training::{self, checkpoint_bytes, lpips, pick_device, shown};
+use crate::{limits, measure, other_poses};
 use anyhow::{Context, ensure};
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::{LearnExposure, ModelConfig, Refine, Setting};

@@ -1,10 +1,8 @@
 //! The pose model's files.
 
-use crate::detector;
-use crate::landmarks;
 use crate::network::Network;
 use crate::region::{Beyond, Region, View};
-use crate::{LandmarkError, Outline};
+use crate::{LandmarkError, Outline, detector, landmarks};
 use std::path::{Path, PathBuf};
 
 /// Name of the detector's file.

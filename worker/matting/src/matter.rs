@@ -1,10 +1,9 @@
 //! A matting model that is applied to pictures.
 
 use crate::form::{Axes, Signature, name};
-use crate::load;
 use crate::output::{Coverage, coverage};
 use crate::person::{one, stretched};
-use crate::{Levels, MattingError, ModelForm};
+use crate::{Levels, MattingError, ModelForm, load};
 use image::{RgbImage, imageops};
 use rten::{Model, NodeId, Value, ValueOrView};
 use std::path::{Path, PathBuf};

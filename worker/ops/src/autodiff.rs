@@ -1,15 +1,12 @@
 //! The part of automatic differentiation that all operations share: their nodes in Burn's graph. Each operation
 //! adds what its backward pass needs, and the mathematics.
 
-use burn::backend::{
-    Autodiff, AutodiffBackend, Backend,
-    autodiff::{
-        checkpoint::{base::Checkpointer, strategy::CheckpointStrategy},
-        grads::Gradients,
-        ops::{Backward, Ops, OpsKind},
-    },
-    tensor::FloatTensor,
-};
+use burn::backend::autodiff::checkpoint::base::Checkpointer;
+use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
+use burn::backend::autodiff::grads::Gradients;
+use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Autodiff, AutodiffBackend, Backend};
 use std::fmt::Debug;
 use std::marker::PhantomData;
 

@@ -1,13 +1,12 @@
 //! The fit itself: from key points to a pose track.
 
 use crate::check::check;
-use crate::colours;
 use crate::options::FitOptions;
 use crate::parameters::{Shared, Stance};
 use crate::problem::Problem;
 use crate::report::Fitted;
 use crate::solve::{Guess, improve};
-use crate::{KeyPoints, PoseError, hands, initial, report};
+use crate::{KeyPoints, PoseError, colours, hands, initial, report};
 
 /// Most steps of the search.
 const STEPS: usize = 60;

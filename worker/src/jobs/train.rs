@@ -14,16 +14,12 @@ use super::{JobContext, JobFailure, checkpoint};
 pub(in crate::jobs) use plan::HOLDOUT_EVERY;
 use plan::Plan;
 use session::Session;
-use yoto_avatar::{
-    config::ModelConfig,
-    train::{TrainError, Trainer},
-};
+use yoto_avatar::config::ModelConfig;
+use yoto_avatar::train::{TrainError, Trainer};
 use yoto_capture::CaptureError;
-use yoto_proto::{
-    manifest::files,
-    v1::{Progress, TrainResult, TrainSpec},
-    worker::v1::Inputs,
-};
+use yoto_proto::manifest::files;
+use yoto_proto::v1::{Progress, TrainResult, TrainSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// Trains until the budget is used up, and publishes the last checkpoint.
 ///

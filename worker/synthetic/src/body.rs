@@ -3,11 +3,10 @@
 use super::build::{Capsule, share_along};
 use super::drape::{Drape, Fall, Garment};
 use super::outfit::{Colour, Outfit};
-use yoto_capture::skeleton::Pose;
 use yoto_capture::skeleton::transform::{
     add, apply, compose, inverse, length, normalised, scale, sub,
 };
-use yoto_capture::skeleton::{Mat34, Skeleton, Vec3};
+use yoto_capture::skeleton::{Mat34, Pose, Skeleton, Vec3};
 
 /// Capsules closer than this are blended, metres.
 pub(crate) const BLEND: f64 = 0.03;

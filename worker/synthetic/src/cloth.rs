@@ -6,11 +6,10 @@ use super::drape::Garment;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
-use yoto_capture::skeleton::Pose;
-use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{
     add, apply, compose, cross, inverse, length, normalised, scale, sub,
 };
+use yoto_capture::skeleton::{Pose, Vec3};
 
 /// Largest distance from a garment's surface with a defined offset, metres.
 const MARGIN: f64 = 0.02;

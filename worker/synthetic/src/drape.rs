@@ -13,9 +13,8 @@
 use super::build::joint;
 use super::outfit::smooth_step;
 use std::f64::consts::TAU;
-use yoto_capture::skeleton::Pose;
 use yoto_capture::skeleton::transform::{dot, length};
-use yoto_capture::skeleton::{Skeleton, Vec3};
+use yoto_capture::skeleton::{Pose, Skeleton, Vec3};
 
 /// Forward and backward displacement of a hem at a right angle of the thigh, metres.
 const SWING: f64 = 0.2;

@@ -23,8 +23,7 @@ use drape::Drape;
 use outfit::Outfit;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Camera;
-use yoto_capture::skeleton::Pose;
-use yoto_capture::skeleton::{Skeleton, Vec3};
+use yoto_capture::skeleton::{Pose, Skeleton, Vec3};
 use yoto_proto::pose_track::{self, PoseTrack};
 
 /// Frames per second of a synthetic capture.

@@ -2,9 +2,8 @@
 
 use super::build::joint;
 use std::f64::consts::{PI, TAU};
-use yoto_capture::skeleton::Pose;
 use yoto_capture::skeleton::transform::compose_axis_angle;
-use yoto_capture::skeleton::{Skeleton, Vec3};
+use yoto_capture::skeleton::{Pose, Skeleton, Vec3};
 
 /// The individual parameters of a person's motion.
 #[derive(Clone, Debug)]

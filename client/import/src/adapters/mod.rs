@@ -11,9 +11,8 @@ mod unread;
 pub use format::{Format, pose_tools};
 pub use help::options_by_format;
 
-use crate::ImportError;
 use crate::source::Source;
-use crate::{Imported, Options, features, plausibility, tools};
+use crate::{ImportError, Imported, Options, features, plausibility, tools};
 use recognise::{Recognised, recognise};
 use std::path::Path;
 use table::{Adapter, Reader, adapters};

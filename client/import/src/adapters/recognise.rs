@@ -1,9 +1,8 @@
 //! Recognises the format of a file or folder.
 
 use super::table::{Adapter, RecognisedBy, adapters};
-use crate::ImportError;
 use crate::clip::{PICTURES, fault, is_video, listed};
-use crate::{Options, keypoints, tools};
+use crate::{ImportError, Options, keypoints, tools};
 use std::path::Path;
 use yoto_proto::pose_track::violation;
 

@@ -2,11 +2,10 @@
 
 use super::flags::Flag;
 use super::format::Format;
-use crate::ImportError;
 use crate::datasets::{folder, humannerf, instant_avatar, people_snapshot, zju};
 use crate::source::Source;
 use crate::tools::{self, Tool, bvh_clip};
-use crate::{Imported, Options, film, keypoints};
+use crate::{ImportError, Imported, Options, film, keypoints};
 use std::path::Path;
 use std::sync::LazyLock;
 use yoto_proto::pose_track::{BINARY_FILE, FILE};

@@ -6,8 +6,7 @@
 use super::flags::{FLAGS, Flag};
 use super::format::Format;
 use super::table::{Adapter, readers};
-use crate::ImportError;
-use crate::Options;
+use crate::{ImportError, Options};
 use std::path::Path;
 use yoto_proto::pose_track::violation;
 

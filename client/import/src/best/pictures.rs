@@ -1,10 +1,9 @@
 //! The pictures of a clip, one at a time, and their sharpness.
 
 use super::sharpness;
-use crate::ImportError;
 use crate::clip::{Clip, for_each};
 use crate::pictures::{Mask, read_image, read_masks};
-use crate::{Imported, Pictures};
+use crate::{ImportError, Imported, Pictures};
 use image::{GrayImage, RgbImage};
 use std::collections::BTreeMap;
 use std::path::Path;

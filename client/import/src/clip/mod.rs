@@ -10,9 +10,8 @@ pub(crate) use frame_numbering::FrameNumbering;
 pub(crate) use frames::for_each;
 pub(crate) use numbers::{left_out, number_in};
 
-use crate::ImportError;
-use crate::Options;
 use crate::pictures::{DecodedClip, Mask, PictureFiles, Pictures, image_size};
+use crate::{ImportError, Options};
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

@@ -1,11 +1,10 @@
 //! This project's own capture folder: PNG pictures are copied, everything else is decoded.
 
-use crate::ImportError;
 use crate::capture_dir::{CaptureDir, FileSource};
 use crate::capture_frames::CaptureFrames;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::source::Source;
-use crate::{Findings, Imported, Options};
+use crate::{Findings, ImportError, Imported, Options};
 use std::collections::HashMap;
 use yoto_proto::media_plan::{self, BackgroundSetting, Planned};
 use yoto_proto::pose_track::NO_DISTORTION;

@@ -8,13 +8,12 @@
 //!   older files have `thetas` `[F, 72]`.
 //! - `images/*.png`, and `masks/*.npy` (0 to 1) or `masks/*.png` (coverage), in the same order.
 
-use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures};
 use crate::rest_joints::RestJoints;
 use crate::source::{Faulty, FileData, Source, not_finite};
 use crate::track::{Camera, SmplPose, WorldPose, empty_track, smpl_skeleton};
-use crate::{Findings, Imported, Options};
+use crate::{Findings, ImportError, Imported, Options};
 
 const CAMERAS: &str = "cameras.npz";
 

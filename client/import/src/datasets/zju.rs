@@ -9,13 +9,12 @@
 //! `mask/` and `mask_cihp/`: label images at the image's path; what is not 0 in either is the
 //! person. Pixel coordinates count from the first pixel's centre.
 
-use crate::ImportError;
 use crate::geometry::{Vec3, extrinsics};
 use crate::pictures::{Mask, MaskKind, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::{Faulty, FileData, Part, Source};
 use crate::track::{Camera, WorldPose, empty_track, mean, smpl_skeleton};
-use crate::{Findings, Imported, Options};
+use crate::{Findings, ImportError, Imported, Options};
 use std::path::{Component, Path};
 
 const ANNOTS: &str = "annots.npy";

@@ -1,12 +1,11 @@
 //! Masks of a clip alone: the pose model's, a matting model's, or those given. Of several people's masks, the person's are taken.
 
 use super::watch::Watched;
-use crate::ImportError;
-use crate::Options;
 use crate::clip::{Clip, fault};
 use crate::matting::MaskRequest;
 use crate::pictures::{Mask, read_masks};
 use crate::proof::{Masks, MasksByFrame};
+use crate::{ImportError, Options};
 use std::collections::BTreeMap;
 use std::path::Path;
 use yoto_proto::text::count;

@@ -16,9 +16,8 @@ mod people;
 mod sheet;
 mod watch;
 
-use crate::ImportError;
 use crate::clip::{Clip, fault};
-use crate::{Findings, Imported, Options, PoseFit, Stage};
+use crate::{Findings, ImportError, Imported, Options, PoseFit, Stage};
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;

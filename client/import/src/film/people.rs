@@ -2,9 +2,8 @@
 
 use super::sheet;
 use super::watch::{self, Watched};
-use crate::ImportError;
-use crate::Options;
 use crate::clip::{Clip, fault, for_each};
+use crate::{ImportError, Options};
 use image::RgbImage;
 use yoto_landmarks::{BodySquare, PersonTrack, Sighting, Target, Watcher, people};
 use yoto_proto::text::count;

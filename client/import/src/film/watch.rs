@@ -1,9 +1,8 @@
 //! Runs the pose model on the frames of a clip.
 
-use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
-use crate::{Progress, Stage};
+use crate::{ImportError, Progress, Stage};
 use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};

@@ -3,10 +3,9 @@
 use super::detections::{Detection, Detections};
 use super::people::{self, DetectedPerson};
 use super::{mask, own_skeleton, timing};
-use crate::ImportError;
 use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
-use crate::{Findings, Imported, Options, PoseFit};
+use crate::{Findings, ImportError, Imported, Options, PoseFit};
 use std::path::Path;
 use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
 

@@ -3,11 +3,10 @@
 use super::detections::Detection;
 use super::misfit;
 use super::picture_transform::PictureTransform;
-use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
 use crate::proof::Masks;
-use crate::{MattingModel, Options};
+use crate::{ImportError, MattingModel, Options};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 

@@ -43,9 +43,8 @@ pub use point_set::PointSet;
 pub use recognise::key_point_detectors;
 pub(crate) use recognise::{has_files, help, looked_for};
 
-use crate::ImportError;
 use crate::clip::{Clip, fault};
-use crate::{Imported, Options};
+use crate::{ImportError, Imported, Options};
 use picture_transform::PictureTransform;
 use std::path::Path;
 

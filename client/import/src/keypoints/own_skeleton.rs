@@ -2,12 +2,11 @@
 
 use super::detections::{Detection, Detections, OwnPose};
 use super::mhr::TO_CAMERA;
-use crate::ImportError;
-use crate::Options;
 use crate::clip::fault;
 use crate::geometry::{IDENTITY_ROTATION, extrinsics, matmul, sub};
 use crate::hierarchy::{GlobalPose, JointHierarchy, Measured, measure};
 use crate::track::{Camera, empty_track};
+use crate::{ImportError, Options};
 use std::path::Path;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 

@@ -4,10 +4,9 @@ use super::capture::of_clip;
 use super::detections::Detections;
 use super::picture_transform::PictureTransform;
 use super::{misfit, people};
-use crate::ImportError;
-use crate::Options;
 use crate::clip::{Clip, StoredPicture};
 use crate::proof::Masks;
+use crate::{ImportError, Options};
 use std::path::Path;
 use yoto_media::Orientation;
 

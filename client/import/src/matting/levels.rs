@@ -2,9 +2,8 @@
 
 use super::MaskRequest;
 use super::run::failed_at;
-use crate::ImportError;
-use crate::MattingModel;
 use crate::clip::{Clip, fault, for_each};
+use crate::{ImportError, MattingModel};
 use yoto_matting::{Levels, Matter};
 
 /// Number of frames that are tried with each.

@@ -9,10 +9,9 @@ mod levels;
 #[cfg(feature = "matting")]
 mod run;
 
-use crate::ImportError;
 use crate::clip::{Clip, fault};
 use crate::pictures::Mask;
-use crate::{MattingModel, Progress};
+use crate::{ImportError, MattingModel, Progress};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::BTreeMap;

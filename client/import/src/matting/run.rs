@@ -1,10 +1,9 @@
 //! A matting model given the frames in order.
 
 use super::{MaskRequest, levels, png};
-use crate::ImportError;
 use crate::clip::{Clip, fault, for_each};
 use crate::pictures::Mask;
-use crate::{MattingModel, Progress, Stage};
+use crate::{ImportError, MattingModel, Progress, Stage};
 use std::collections::BTreeMap;
 use std::time::Instant;
 use yoto_matting::{Levels, Matter, MattingError, ModelForm};

@@ -6,13 +6,11 @@
 //! file's rest pose is arbitrary, while a person's is a T-pose facing +z: rotations are converted
 //! ([`hierarchy`]) by means of a pose that stands ([`standing`]).
 
-use super::gaps;
 use super::kept::{self, Kept};
 use super::standing::{self, Fallen, Reference};
-use super::{JointMap, Motion, MotionFrame, MotionOptions, Up};
-use crate::ImportError;
-use crate::hierarchy;
+use super::{JointMap, Motion, MotionFrame, MotionOptions, Up, gaps};
 use crate::source::Source;
+use crate::{ImportError, hierarchy};
 use yoto_formats::bvh;
 
 pub(super) fn read(

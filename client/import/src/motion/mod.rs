@@ -18,10 +18,9 @@ pub(super) use bvh::read_up as read_bvh;
 pub use joint_map::{DEFAULT as DEFAULT_JOINT_MAP, JointMap};
 pub use up::Up;
 
-use crate::BodyModel;
-use crate::ImportError;
 use crate::geometry::{Vec3, sub};
 use crate::source::Source;
+use crate::{BodyModel, ImportError};
 use std::path::{Path, PathBuf};
 use yoto_proto::pose_track::{MAX_FRAMES, Skeleton, describe};
 use yoto_proto::v1;

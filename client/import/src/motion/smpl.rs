@@ -6,9 +6,8 @@
 //! and `trans`. InstantAvatar's names for the same fields are supported as well. Hands and faces do not move.
 
 use super::gaps::{self, MotionRow};
-use super::posture;
 use super::up::{self, Up, Usual};
-use super::{Motion, MotionFrame, MotionOptions};
+use super::{Motion, MotionFrame, MotionOptions, posture};
 use crate::ImportError;
 use crate::datasets::instant_avatar;
 use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues, sub};

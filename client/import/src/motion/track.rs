@@ -1,9 +1,8 @@
 //! Motions of captures: pose tracks. Their world is anyone's, such as the camera's, whose y points down: which axis is
 //! up is found from the motion, and compared with how the cameras are held.
 
-use super::posture;
 use super::up::{self, Up, Usual};
-use super::{Motion, MotionFrame, MotionOptions};
+use super::{Motion, MotionFrame, MotionOptions, posture};
 use crate::ImportError;
 use crate::geometry::{add, log_map, matmul, matvec, rodrigues};
 use crate::source::Source;

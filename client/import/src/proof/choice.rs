@@ -7,9 +7,8 @@ use super::reading::{Documented, Reading};
 use super::rest::Rest;
 use super::score::{Proof, Proven};
 use super::silhouette::LEAST;
-use crate::ImportError;
-use crate::Options;
 use crate::clip::{Clip, fault};
+use crate::{ImportError, Options};
 use std::path::Path;
 
 /// Most people that are compared with masks, those seen most often first.

@@ -5,11 +5,10 @@
 //! poses: see [`score`](super::score).
 
 use super::found::{PoseEstimate, ToolOutput, TrackedPerson};
-use crate::ImportError;
 use crate::clip::{Clip, PICTURES, fault, is_video, listed, number_in, unusable};
 use crate::matting::MaskRequest;
 use crate::pictures::{Mask, MaskKind, are_alike, image_size, is_cut_out, read_image};
-use crate::{MattingModel, Options};
+use crate::{ImportError, MattingModel, Options};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::collections::{BTreeMap, BTreeSet};

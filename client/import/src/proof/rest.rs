@@ -5,12 +5,11 @@
 
 use super::found::{PoseEstimate, TrackedPerson};
 use super::reading::{Documented, SmplVariant};
-use crate::ImportError;
-use crate::Options;
 use crate::clip::fault;
 use crate::geometry::{Mat3, Vec3, add, dot, matmul, matvec, rodrigues, scale, sub, transpose};
 use crate::rest_joints::RestJoints;
 use crate::track::{SmplPose, median_rows};
+use crate::{ImportError, Options};
 use std::path::Path;
 use yoto_capture::skeleton::smpl::{ASSUMED_HEIGHT, AVERAGE_HEIGHT, AVERAGE_REST};
 use yoto_proto::smpl::JOINTS;

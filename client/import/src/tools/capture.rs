@@ -1,12 +1,11 @@
 //! The capture of a person that a tool found in a clip.
 
 use super::tool::Tool;
-use crate::ImportError;
 use crate::clip::{Clip, fault, left_out, listed};
 use crate::geometry::{Mat3, Vec3, add, matvec, sub, transpose};
 use crate::proof::{ImportChoice, Masks, Numbers, ToolOutput, ratio};
 use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
-use crate::{Imported, Options};
+use crate::{ImportError, Imported, Options};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

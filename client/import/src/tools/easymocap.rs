@@ -9,12 +9,11 @@
 use super::opencv::calibration;
 use super::parts::push;
 use super::tool::Tool;
-use crate::ImportError;
-use crate::Options;
 use crate::clip::number_in;
 use crate::proof::{Documented, Focal, PoseEstimate, SmplVariant, ToolOutput, Translation};
 use crate::source::{Faulty, Part, Source};
 use crate::track::SmplPose;
+use crate::{ImportError, Options};
 use yoto_proto::pose_track::NO_DISTORTION;
 
 pub(crate) static TOOL: Tool = Tool {

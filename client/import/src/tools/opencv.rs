@@ -3,11 +3,10 @@
 //! `K_<name>` `[3, 3]`, and the lens's `dist_<name>` or `D_<name>`; `Rot_<name>` `[3, 3]` and `T_<name>`
 //! `[3]`, world to camera, metres.
 
-use crate::ImportError;
-use crate::Options;
 use crate::geometry::extrinsics;
 use crate::proof::Intrinsics;
 use crate::source::Source;
+use crate::{ImportError, Options};
 use yoto_proto::pose_track::NO_DISTORTION;
 
 /// A camera of OpenCV's files.

@@ -3,12 +3,10 @@
 use super::ALL;
 use super::sieve::sieve;
 use super::tool::{Location, Tool, ToolFile};
-use crate::ImportError;
-use crate::Options;
 use crate::clip::fault;
 use crate::proof::ToolOutput;
 use crate::source::Source;
-use crate::{keypoints, misplaced};
+use crate::{ImportError, Options, keypoints, misplaced};
 use std::path::Path;
 
 /// Endings of the containers in which tools write.

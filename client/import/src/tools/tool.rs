@@ -1,9 +1,8 @@
 //! The description of a tool, from which all lists of tools are made.
 
-use crate::ImportError;
-use crate::Options;
 use crate::proof::{Documented, ToolOutput};
 use crate::source::{Part, Source};
+use crate::{ImportError, Options};
 
 /// A folder below the given one, and the beginning and the ending of a file's name in it.
 pub(crate) type Location = (&'static str, &'static str, &'static str);

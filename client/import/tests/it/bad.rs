@@ -1,7 +1,6 @@
 //! What is wrong is said by file, frame and field.
 
-use crate::captures;
-use crate::format;
+use crate::{captures, format};
 use std::path::Path;
 use yoto_import::{Format, Options, TrackForm, read, write};
 

@@ -1,8 +1,7 @@
 //! Every format's joints land where they should.
 
-use crate::format;
 use crate::projected::assert_lands;
-use crate::{captures, expected};
+use crate::{captures, expected, format};
 use yoto_import::{BodyModel, Options, Pictures, read};
 
 fn smpl() -> Options {

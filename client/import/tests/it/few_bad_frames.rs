@@ -1,9 +1,8 @@
 //! A few frames that can't be used, of datasets and of pose tools, are left out by name; many refuse the file.
 
-use crate::format;
 use crate::pose_tools::{self, import};
 use crate::pose_tools_made::{all, lands, lhm, wham};
-use crate::{captures, npz, pickled};
+use crate::{captures, format, npz, pickled};
 use serde_json::{Value, json};
 use std::path::Path;
 use yoto_import::{Format, Imported, Options, Pictures, read};

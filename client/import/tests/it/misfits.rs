@@ -6,8 +6,7 @@ use crate::key_points::off;
 use image::{GrayImage, Luma, Rgba, RgbaImage};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use yoto_import::ImportError;
-use yoto_import::{Imported, Options, PointRotation, read};
+use yoto_import::{ImportError, Imported, Options, PointRotation, read};
 
 /// Width and height of the clip.
 const SIZE: [u32; 2] = [64, 96];

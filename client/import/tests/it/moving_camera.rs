@@ -1,8 +1,7 @@
 //! Cameras that move: bodies and cameras stand in the tool's world, and bodies are seen where they were.
 
-use crate::format;
-use crate::pickled;
 use crate::pose_tools::{ToWorld, files, import, off, options, truth};
+use crate::{format, pickled};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_capture::skeleton::Skeleton;

@@ -2,8 +2,7 @@
 //! the joints that the script knows.
 
 use crate::key_points::{files, import, indices, off, options};
-use crate::npz;
-use crate::pickled;
+use crate::{npz, pickled};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_import::{Format, Options, PointSet, read};

@@ -1,7 +1,6 @@
 //! Which axis of a motion is up, in files that don't say: made-up people who stand or walk, in each axis.
 
-use crate::npz;
-use crate::pose_tools;
+use crate::{npz, pose_tools};
 use std::path::{Path, PathBuf};
 use yoto_capture::skeleton::transform::{
     Mat3, Vec3, log_map, matmul, matvec, rodrigues, transpose,

@@ -1,8 +1,7 @@
 //! Refusals name what the user gave, say what it is, and are short.
 
-use crate::npz;
-use crate::pickled;
 use crate::pose_tools::files;
+use crate::{npz, pickled};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use yoto_import::motion::MotionOptions;

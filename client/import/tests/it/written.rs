@@ -1,10 +1,9 @@
 //! What an import writes: a capture folder of our own.
 
-use crate::captures;
-use crate::format;
 use crate::pose_tools::{options, truth};
 #[cfg(feature = "hdf5")]
 use crate::projected::assert_lands;
+use crate::{captures, format};
 use serde_json::json;
 use yoto_import::capture_dir::{CaptureDir, DecodedCapture};
 use yoto_import::{Format, Options, TrackForm, VIDEO, read, write};

@@ -8,9 +8,8 @@ use yoto_proto::v1::{Checkpoint, ErrorReason, Model};
 use yoto_proto::worker::v1::SubjectShard;
 use yoto_request::RequestError;
 use yoto_request::validation::{all, both};
-use yoto_store::StoreError;
-use yoto_store::Tenant;
 use yoto_store::rules::best::best_first;
+use yoto_store::{StoreError, Tenant};
 
 /// A person who must have a slot in a model.
 pub(super) struct RequiredSlot {

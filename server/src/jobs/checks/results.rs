@@ -16,8 +16,7 @@ use yoto_proto::v1::{
 };
 use yoto_proto::{keys, tiers};
 use yoto_request::RequestError;
-use yoto_store::LeaseKey;
-use yoto_store::Tenant;
+use yoto_store::{LeaseKey, Tenant};
 
 /// Largest stored trade-off, bytes: it must fit into one message.
 const MAX_TRADEOFF_BYTES: u64 = 1 << 20;

@@ -1,8 +1,7 @@
 //! Hints as texts that the database passes on.
 
 use std::collections::BTreeMap;
-use yoto_store::JobKind;
-use yoto_store::Tenant;
+use yoto_store::{JobKind, Tenant};
 
 /// Bytes of a text: PostgreSQL takes less than 8000 (<https://www.postgresql.org/docs/current/sql-notify.html>).
 const TEXT_BYTES: usize = 7900;

@@ -4,8 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
-use yoto_store::JobKind;
-use yoto_store::Tenant;
+use yoto_store::{JobKind, Tenant};
 
 /// Most workers that wait at one coordinator. Others ask by the clock.
 const WORKERS: usize = 1024;

@@ -11,8 +11,7 @@ mod folders;
 pub use database::PROGRAMS;
 
 use crate::ServerError;
-use crate::data_dir::DataDirLock;
-use crate::data_dir::{DATABASE_FILE, OBJECTS_FOLDER};
+use crate::data_dir::{DATABASE_FILE, DataDirLock, OBJECTS_FOLDER};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;

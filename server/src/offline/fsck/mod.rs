@@ -19,8 +19,7 @@ use yoto_objects::{Environment, Listed, Objects, ObjectsError};
 use yoto_process::clock::SystemClock;
 use yoto_proto::keys;
 use yoto_proto::v1::ObjectRef;
-use yoto_store::binding;
-use yoto_store::{PostgresUrl, References, Store};
+use yoto_store::{PostgresUrl, References, Store, binding};
 
 /// Where a service has its state.
 #[derive(Debug, Clone)]

@@ -1,11 +1,10 @@
 //! The catalogue: people, captures, models, checkpoints, and their deletion.
 
-use crate::Tenant;
 use crate::rules::retention::Retention;
 use crate::scripts::{aliases, capture_objects, captures, checkpoints, deletion, models, subjects};
 use crate::transaction::transaction;
 use crate::{
-    Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, SubjectChange, Target,
+    Entry, NewModel, NewSubject, Page, RequestKey, Store, StoreError, SubjectChange, Target, Tenant,
 };
 use yoto_proto::v1::{
     self, Capture, Checkpoint, Deleted, IdentitySlot, Model, RenderedFile, Subject,

@@ -1,9 +1,10 @@
 //! What people have agreed to, and the jobs that end without it.
 
-use crate::Tenant;
 use crate::scripts::{consent_rule, consents};
 use crate::transaction::transaction;
-use crate::{Entry, NewConsent, NewEvidence, Page, RequestKey, StoppedJob, Store, StoreError};
+use crate::{
+    Entry, NewConsent, NewEvidence, Page, RequestKey, StoppedJob, Store, StoreError, Tenant,
+};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Consent, ConsentPurpose, JobSpec};
 

@@ -1,9 +1,10 @@
 //! Removals of people, step by step.
 
-use crate::Tenant;
 use crate::scripts::{audit, erasures, leaving, removal, retraining, traces};
 use crate::transaction::transaction;
-use crate::{Entry, Leaving, OpenErasure, Page, SignedReport, Store, StoreError, Trace, Work};
+use crate::{
+    Entry, Leaving, OpenErasure, Page, SignedReport, Store, StoreError, Tenant, Trace, Work,
+};
 use yoto_proto::v1::Erasure;
 
 impl Store {

@@ -1,13 +1,12 @@
 //! Jobs for their owners, and answers to repeated requests.
 
-use crate::Tenant;
 use crate::scripts::{
     ended, jobs, metrics, outputs, pauses, requests, service_state, versions, workers,
 };
 use crate::transaction::transaction;
 use crate::{
     EndedJob, Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey,
-    ServiceState, Store, StoreError,
+    ServiceState, Store, StoreError, Tenant,
 };
 use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
 

@@ -1,9 +1,8 @@
 //! Keys of callers.
 
-use crate::Tenant;
 use crate::scripts::keys;
 use crate::transaction::transaction;
-use crate::{Entry, KeyRow, NewKey, Page, Store, StoreError};
+use crate::{Entry, KeyRow, NewKey, Page, Store, StoreError, Tenant};
 use yoto_proto::v1::Key;
 
 impl Store {

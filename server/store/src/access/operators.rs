@@ -1,9 +1,8 @@
 //! Drains and cordons.
 
-use crate::Tenant;
 use crate::scripts::operators;
 use crate::transaction::transaction;
-use crate::{Store, StoreError};
+use crate::{Store, StoreError, Tenant};
 use yoto_proto::v1::Draining;
 
 impl Store {

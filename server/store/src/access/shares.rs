@@ -1,9 +1,8 @@
 //! Links to pages of exports.
 
-use crate::Tenant;
 use crate::scripts::shares;
 use crate::transaction::transaction;
-use crate::{Entry, NewShare, Page, ShareFilter, Shared, Store, StoreError};
+use crate::{Entry, NewShare, Page, ShareFilter, Shared, Store, StoreError, Tenant};
 use yoto_proto::v1::Share;
 
 impl Store {

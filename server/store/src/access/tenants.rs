@@ -1,9 +1,8 @@
 //! Usage and quotas of tenants.
 
-use crate::Tenant;
 use crate::scripts::{quotas, usage};
 use crate::transaction::transaction;
-use crate::{JobKind, Store, StoreError};
+use crate::{JobKind, Store, StoreError, Tenant};
 use yoto_proto::v1::{Quota, Usage};
 
 impl Store {

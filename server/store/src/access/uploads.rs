@@ -1,9 +1,10 @@
 //! Uploads, and ingest jobs of captures.
 
-use crate::Tenant;
 use crate::scripts::{signed_parts, upload_parts, uploads};
 use crate::transaction::transaction;
-use crate::{NewPart, NewUpload, PartId, RequestKey, Store, StoreError, StoredPart, Upload};
+use crate::{
+    NewPart, NewUpload, PartId, RequestKey, Store, StoreError, StoredPart, Tenant, Upload,
+};
 use yoto_proto::v1::Capture;
 
 impl Store {

@@ -1,9 +1,8 @@
 //! Addresses that are told when jobs end.
 
-use crate::Tenant;
 use crate::scripts::webhooks;
 use crate::transaction::transaction;
-use crate::{DueDelivery, NewWebhook, Store, StoreError};
+use crate::{DueDelivery, NewWebhook, Store, StoreError, Tenant};
 use yoto_proto::v1::Webhook;
 
 impl Store {

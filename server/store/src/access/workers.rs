@@ -1,12 +1,11 @@
 //! Workers, their leases, and their reports.
 
-use crate::Tenant;
 use crate::rules::retention::Retention;
 use crate::scripts::leases::{self, LeaseAnswer};
 use crate::scripts::{outcome, outputs, queue, ranges, workers};
 use crate::transaction::transaction;
 use crate::{
-    Ending, Entry, LeaseKey, LeaseOutcome, NewWorker, Page, Store, StoreError, TakenRange,
+    Ending, Entry, LeaseKey, LeaseOutcome, NewWorker, Page, Store, StoreError, TakenRange, Tenant,
 };
 use yoto_proto::v1::{Checkpoint, JobSpec, Progress, RenderedFile, WorkerStatus};
 

@@ -8,7 +8,6 @@ mod positions;
 mod renders;
 mod uploads;
 
-use crate::Tenant;
 use crate::db::sql;
 use crate::rules::retention::Retention;
 use crate::scripts::queue;
@@ -16,7 +15,8 @@ use crate::stage::{Kind, Pair};
 use crate::transaction::transaction;
 use crate::{
     Ending, JobKind, JobVersion, LeaseKey, NewJob, NewModel, NewPart, NewPiece, NewSubject,
-    NewUpload, NewWorker, Page, PartId, RequestKey, Store, StoreError, Target, UploadedFile,
+    NewUpload, NewWorker, Page, PartId, RequestKey, Store, StoreError, Target, Tenant,
+    UploadedFile,
 };
 use futures::future::join_all;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,9 +1,8 @@
 //! Names that people give checkpoints. A model has one checkpoint of each name, which is kept as long as it has one.
 
 use super::models;
-use crate::StoreError;
-use crate::Tenant;
 use crate::db::{Lock, Tx, integer, sql};
+use crate::{StoreError, Tenant};
 use yoto_proto::names::{self, Collection};
 
 /// Gives a checkpoint of the tenant's model an alias, which another one may lose.

@@ -1,10 +1,9 @@
 //! Captures, and the results of their ingest jobs.
 
 use super::{capture_objects, subjects};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, integer, sql, state};
 use crate::rules::etag;
-use crate::{CaptureFiles, Entry, Page, StoreError, UploadedFile};
+use crate::{CaptureFiles, Entry, Page, StoreError, Tenant, UploadedFile};
 use std::collections::HashMap;
 use yoto_proto::keys::{CHECK, THUMBNAIL};
 use yoto_proto::limits;

@@ -1,11 +1,10 @@
 //! Checkpoints of models: recorded, listed, thinned out.
 
 use super::{garbage, models, pins};
-use crate::StoreError;
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, integer, sql};
 use crate::rules::etag;
 use crate::rules::retention::{self, Published, Retention};
+use crate::{StoreError, Tenant};
 use std::collections::HashMap;
 use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};

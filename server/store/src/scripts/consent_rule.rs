@@ -5,9 +5,8 @@
 //! each revocation and as often as leases are checked. The people of a job are those whose captures are pinned to it.
 
 use super::{models, outcome, pins};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, sql};
-use crate::{JobKind, LeaseKey, StoreError};
+use crate::{JobKind, LeaseKey, StoreError, Tenant};
 use yoto_proto::names::{Collection, NameError};
 use yoto_proto::v1::{ConsentPurpose, ErrorReason, JobError, JobSpec, job_spec};
 

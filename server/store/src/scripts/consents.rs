@@ -1,10 +1,9 @@
 //! Records of what people have agreed to. [`super::consent_rule`] decides what follows from them.
 
 use super::{erasures, requests, subjects};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, integer, sql, timestamp};
 use crate::rules::rights;
-use crate::{Entry, NewConsent, NewEvidence, Page, RequestKey, StoreError, new_id};
+use crate::{Entry, NewConsent, NewEvidence, Page, RequestKey, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::consent_item::State;

@@ -7,10 +7,9 @@
 use super::{
     captures, checkpoints, erasures, garbage, jobs, models, pins, requests, subjects, uploads,
 };
-use crate::Tenant;
 use crate::db::{Lock, Tx, sql};
 use crate::rules::etag;
-use crate::{RequestKey, StoreError, Target};
+use crate::{RequestKey, StoreError, Target, Tenant};
 use yoto_proto::names::{self, Collection};
 use yoto_proto::render_needs::needs;
 use yoto_proto::v1::{Capture, Deleted, ErrorReason, JobSpec, capture, job, job_result, job_spec};

@@ -1,10 +1,8 @@
 //! Jobs that have ended, for those who tell about them.
 
 use super::{attempts, jobs};
-use crate::Tenant;
-use crate::TraceParent;
 use crate::db::{Tx, sql};
-use crate::{EndedJob, StoreError};
+use crate::{EndedJob, StoreError, Tenant, TraceParent};
 use std::collections::HashMap;
 use yoto_proto::v1::Job;
 

@@ -1,9 +1,8 @@
 //! Records of removals of people, and what a person who is being removed can't get any more.
 
 use super::{consents, page, subjects};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, sql, state};
-use crate::{Entry, OpenErasure, Page, SignedReport, StoreError, new_id};
+use crate::{Entry, OpenErasure, Page, SignedReport, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ConsentPurpose, Erasure, ErrorReason, erasure};

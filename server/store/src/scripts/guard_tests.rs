@@ -2,10 +2,9 @@
 //! several writers. Here the change comes between the two steps of one transaction.
 
 use super::{helpers, jobs, leases, queue, reaping, requests};
-use crate::Tenant;
 use crate::db::{Tx, sql};
 use crate::stage::{Kind, Staged, on_each_database};
-use crate::{JobKind, LeaseKey, NewModel, NewWorker, RequestKey, StoreError};
+use crate::{JobKind, LeaseKey, NewModel, NewWorker, RequestKey, StoreError, Tenant};
 use std::sync::Arc;
 use yoto_process::clock::{Clock, ManualClock};
 use yoto_proto::v1::{Retention, TrainSpec, WorkerDevice, job_spec};

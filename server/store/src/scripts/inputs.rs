@@ -4,10 +4,9 @@
 use super::{
     captures, checkpoints, consents, leaving, models, outputs, pins, subjects, upload_parts,
 };
-use crate::Tenant;
 use crate::db::Tx;
 use crate::rules::best::to_use;
-use crate::{StoreError, StoredPart, UploadedFile};
+use crate::{StoreError, StoredPart, Tenant, UploadedFile};
 use std::collections::HashMap;
 use yoto_proto::names::{Collection, NameError};
 use yoto_proto::tiers;

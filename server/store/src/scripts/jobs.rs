@@ -4,9 +4,10 @@ use super::positions::{self, JobToPlace};
 use super::{
     attempts, consent_rule, models, operators, outcome, page, pins, quotas, requests, uploads,
 };
-use crate::Tenant;
 use crate::db::{Lock, Row, Statement, Tx, sql, state};
-use crate::{Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, new_id};
+use crate::{
+    Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, Tenant, new_id,
+};
 use prost::Message;
 use yoto_proto::names::Collection;
 use yoto_proto::orders;

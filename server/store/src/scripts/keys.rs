@@ -1,9 +1,8 @@
 //! Keys of callers. What is stored of a key is its SHA-256: 244 random bits need no slow hash.
 
 use super::page;
-use crate::Tenant;
 use crate::db::{Row, Tx, sql, timestamp};
-use crate::{Entry, KeyRow, NewKey, Page, StoreError, new_id};
+use crate::{Entry, KeyRow, NewKey, Page, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Key, Scope};
 

@@ -8,10 +8,9 @@ use super::{
     attempts, checkpoints, consent_rule, helpers, inputs, jobs, metrics, outcome, outputs, pins,
     queue, ranges, workers,
 };
-use crate::Tenant;
 use crate::db::{Lock, Row, Statement, Tx, integer, sql};
 use crate::rules::retention::Retention;
-use crate::{LeaseKey, LeasedJob, StoreError};
+use crate::{LeaseKey, LeasedJob, StoreError, Tenant};
 use prost::Message;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Checkpoint, ErrorReason, JobError, JobSpec, Progress};

@@ -1,9 +1,8 @@
 //! A person leaves the models that they are in: a job of each model writes its checkpoints anew without them.
 
 use super::{checkpoints, consent_rule, erasures, jobs, models, outcome};
-use crate::Tenant;
 use crate::db::{Lock, Tx, sql};
-use crate::{LeaseKey, Leaving, NewJob, OpenErasure, StoreError};
+use crate::{LeaseKey, Leaving, NewJob, OpenErasure, StoreError, Tenant};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{
     Checkpoint, Job, JobError, JobPriority, JobSpec, Model, TrainSpec, job, job_spec,

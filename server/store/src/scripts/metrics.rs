@@ -1,9 +1,8 @@
 //! Figures of trainings over their steps, written with heartbeats and thinned to a bounded number per job.
 
-use crate::StoreError;
-use crate::Tenant;
 use crate::db::{Row, Tx, sql};
 use crate::rules::thinning::{MOST, is_worth};
+use crate::{StoreError, Tenant};
 use std::collections::HashMap;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{JobMetrics, MetricPoint, Progress};

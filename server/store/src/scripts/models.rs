@@ -1,11 +1,10 @@
 //! Models, and who gets a slot in them.
 
 use super::{checkpoints, erasures, pins, requests, slots, subjects};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, sql};
 use crate::rules::etag;
 use crate::rules::retention::Retention;
-use crate::{Entry, NewModel, Page, RequestKey, StoreError, new_id};
+use crate::{Entry, NewModel, Page, RequestKey, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{self, ErrorReason, IdentitySlot, Model, subject};
 

@@ -1,8 +1,7 @@
 //! What operators say of the service and of its workers: drains and cordons.
 
-use crate::StoreError;
-use crate::Tenant;
 use crate::db::{Tx, sql};
+use crate::{StoreError, Tenant};
 use yoto_proto::v1::{Draining, ErrorReason};
 
 /// The condition that worker `$1` may get leases.

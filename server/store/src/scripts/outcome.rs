@@ -5,10 +5,9 @@
 
 use super::leases::{bound, guarded};
 use super::{attempts, captures, checkpoints, helpers, jobs, webhooks};
-use crate::Tenant;
 use crate::db::{Row, Tx, sql};
 use crate::rules::retries;
-use crate::{Ending, LeaseKey, StoreError};
+use crate::{Ending, LeaseKey, StoreError, Tenant};
 use prost::Message;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{ErrorReason, JobError, JobResult, Progress, Violation, job, job_result};

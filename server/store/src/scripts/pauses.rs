@@ -1,8 +1,7 @@
 //! Kinds of jobs that are not leased at present.
 
-use crate::Tenant;
 use crate::db::{Tx, sql};
-use crate::{JobKind, StoreError};
+use crate::{JobKind, StoreError, Tenant};
 use yoto_proto::v1::PausedKind;
 
 /// Pauses a kind, or changes the reason of its pause.

@@ -9,11 +9,10 @@
 //! also uses the best checkpoint of each of them, which is chosen and kept in the same way.
 
 use super::checkpoints;
-use crate::StoreError;
-use crate::Tenant;
 use crate::db::{Lock, Tx, integer, sql};
 use crate::rules::best::to_use;
 use crate::rules::retention::Pins;
+use crate::{StoreError, Tenant};
 use yoto_proto::names::Collection;
 use yoto_proto::render_needs::{Need, needs, other_models};
 use yoto_proto::v1::{ErrorReason, JobSpec, Model, job_spec};

@@ -1,8 +1,7 @@
 //! Positions in the queue: how many jobs of the tenant come before another.
 
-use crate::StoreError;
-use crate::Tenant;
 use crate::db::{Tx, sql};
+use crate::{StoreError, Tenant};
 use yoto_proto::v1::{Job, job};
 
 /// A job that was read, and where it stands.

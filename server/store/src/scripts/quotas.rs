@@ -2,9 +2,8 @@
 //! without a quota has no row: nothing is locked, and nothing is counted.
 
 use super::usage;
-use crate::Tenant;
 use crate::db::{Lock, Tx, integer, sql};
-use crate::{JobKind, StoreError};
+use crate::{JobKind, StoreError, Tenant};
 use yoto_proto::v1::Quota;
 
 /// Replaces the quota of a tenant.

@@ -1,9 +1,8 @@
 //! Request ids: a repeated call gets the answer of the first.
 
 use super::steps::age;
-use crate::Tenant;
 use crate::db::{Tx, sql};
-use crate::{RequestKey, StoreError};
+use crate::{RequestKey, StoreError, Tenant};
 
 /// The id in the earlier answer to the same request, if there was one. A request that is being answered now has none.
 pub async fn answered(

@@ -2,9 +2,8 @@
 
 use super::leaving::{job_of, slot_of};
 use super::{jobs, models};
-use crate::Tenant;
 use crate::db::{Lock, Tx, sql};
-use crate::{NewJob, NewModel, OpenErasure, StoreError};
+use crate::{NewJob, NewModel, OpenErasure, StoreError, Tenant};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{JobPriority, JobSpec, TrainSpec, job_result, job_spec};
 

@@ -1,10 +1,10 @@
 //! Two coordinators on one database: what one has decided, the other one knows.
 
-use crate::Tenant;
 use crate::db::sql;
 use crate::stage::{Kind, Pair, on_each_database};
 use crate::{
-    JobKind, NewPart, NewPiece, NewSubject, NewUpload, NewWorker, PartId, StoreError, UploadedFile,
+    JobKind, NewPart, NewPiece, NewSubject, NewUpload, NewWorker, PartId, StoreError, Tenant,
+    UploadedFile,
 };
 use std::sync::{Arc, LazyLock};
 use yoto_process::clock::{Clock, ManualClock};

@@ -2,9 +2,8 @@
 
 use super::consent_rule::{self, lacks, recorded};
 use super::{erasures, jobs, page, subjects};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, sql};
-use crate::{Entry, NewShare, Page, ShareFilter, Shared, StoreError, new_id};
+use crate::{Entry, NewShare, Page, ShareFilter, Shared, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::share::State;
 use yoto_proto::v1::{ConsentPurpose, Share};

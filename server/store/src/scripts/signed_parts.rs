@@ -3,9 +3,8 @@
 
 use super::upload_parts::{self, find, newest, pieces};
 use super::uploads::require;
-use crate::Tenant;
 use crate::db::{Lock, Tx};
-use crate::{NewPart, StoreError};
+use crate::{NewPart, StoreError, Tenant};
 use yoto_proto::limits::UPLOAD_PIECES;
 use yoto_proto::v1::ErrorReason;
 

@@ -108,9 +108,8 @@ async fn move_waits(tx: &mut Tx, seconds: f64, latest: f64) -> Result<(), StoreE
 #[cfg(test)]
 mod tests {
     use super::STAMPS;
-    use crate::Tenant;
     use crate::stage::{Kind, on_each_database};
-    use crate::{Horizons, NewSubject, RequestKey};
+    use crate::{Horizons, NewSubject, RequestKey, Tenant};
     use std::sync::Arc;
     use yoto_process::clock::ManualClock;
 

@@ -1,10 +1,9 @@
 //! Subjects, and the shard of each.
 
 use super::{page, quotas, requests};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, sql, state};
 use crate::rules::etag;
-use crate::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, new_id};
+use crate::{Entry, NewSubject, Page, RequestKey, StoreError, SubjectChange, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{Subject, subject};
 use yoto_proto::worker::v1::SubjectShard;

@@ -4,9 +4,8 @@
 //! of writers only grow.
 
 use super::uploads::{get, not_found};
-use crate::Tenant;
 use crate::db::{Lock, Row, Tx, integer, sql};
-use crate::{NewPart, NewPiece, PartId, StoreError, StoredPart, UploadPart};
+use crate::{NewPart, NewPiece, PartId, StoreError, StoredPart, Tenant, UploadPart};
 use yoto_objects::{Part, Piece};
 use yoto_proto::v1::{ErrorReason, ObjectRef};
 

@@ -2,9 +2,8 @@
 
 use super::steps::age;
 use super::{captures, erasures, garbage, jobs, quotas, requests, upload_parts};
-use crate::Tenant;
 use crate::db::{Lock, Tx, integer, sql};
-use crate::{NewJob, NewUpload, RequestKey, StoreError, Upload, UploadFile, new_id};
+use crate::{NewJob, NewUpload, RequestKey, StoreError, Tenant, Upload, UploadFile, new_id};
 use yoto_proto::keys;
 use yoto_proto::media_plan::film_alone;
 use yoto_proto::names::Collection;

@@ -1,8 +1,7 @@
 //! What tenants use: what they have now, and what workers have done for them.
 
-use crate::Tenant;
 use crate::db::{Row, Tx, sql};
-use crate::{LeaseKey, StoreError};
+use crate::{LeaseKey, StoreError, Tenant};
 use yoto_proto::v1::{Quota, StoredBytes, Usage};
 
 /// Seconds of a day.

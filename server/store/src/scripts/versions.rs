@@ -1,8 +1,7 @@
 //! Sequence numbers of jobs, by which watchers find what has changed without reading the jobs.
 
-use crate::Tenant;
 use crate::db::{Tx, sql};
-use crate::{JobVersion, JobVersions, StoreError};
+use crate::{JobVersion, JobVersions, StoreError, Tenant};
 
 /// Positions before the newest one that a reading looks at once more. PostgreSQL gives a position when a row is inserted, so a
 /// job may be committed after a newer one was read: as many newer jobs would have to be queued between its INSERT and its

@@ -1,9 +1,8 @@
 //! Addresses that are told when jobs end, and what they are still to be told.
 
 use super::jobs;
-use crate::Tenant;
 use crate::db::{Row, Tx, sql};
-use crate::{DueDelivery, NewWebhook, StoreError, new_id};
+use crate::{DueDelivery, NewWebhook, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{ErrorReason, Webhook};
 

@@ -2,9 +2,8 @@
 
 use super::page;
 use super::steps::age;
-use crate::Tenant;
 use crate::db::{Row, Tx, sql, timestamp};
-use crate::{Entry, JobKind, NewWorker, Page, StoreError, new_id};
+use crate::{Entry, JobKind, NewWorker, Page, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{WorkerDevice, WorkerStatus};
 

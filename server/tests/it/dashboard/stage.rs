@@ -3,10 +3,9 @@
 use crate::support::{Service, claim, id, job_error, job_name};
 use yoto_proto::keys;
 use yoto_proto::orders::LEVEL;
-use yoto_proto::v1::JobKind;
 use yoto_proto::v1::{
-    ExportForm, ExportResult, ExportSpec, ExportedFile, IngestResult, Model, Progress, Subject,
-    WorkerDevice, job_result, job_spec,
+    ExportForm, ExportResult, ExportSpec, ExportedFile, IngestResult, JobKind, Model, Progress,
+    Subject, WorkerDevice, job_result, job_spec,
 };
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::{HeartbeatRequest, Lease, RegisterWorkerRequest};

@@ -2,8 +2,7 @@
 
 use super::{EvaluateError, psnr, psnr_in_box, ssim, ssim_inflated, ssim_uniform};
 use serde::{Deserialize, Serialize};
-use yoto_capture::FrameImage;
-use yoto_capture::mask_box;
+use yoto_capture::{FrameImage, mask_box};
 use yoto_proto::v1::Scores;
 
 /// PSNR of two equal pictures in a mean, dB. Their actual PSNR is infinite, and so would be every

@@ -10,9 +10,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_ops::splat::harmonics;
 use yoto_ops::splat::light::LIGHTS;
-use yoto_ops::splat::{SplatRow, means_of_rows, splat_rows};
+use yoto_ops::splat::{SplatRow, harmonics, means_of_rows, splat_rows};
 use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.

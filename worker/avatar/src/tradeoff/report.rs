@@ -1,7 +1,6 @@
 //! The measurements of training time and render time, as files and as text.
 
-use super::rows;
-use super::{Curve, Machine};
+use super::{Curve, Machine, rows};
 use crate::evaluate::SplitScores;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

@@ -3,7 +3,6 @@
 use crate::avatar::Avatar;
 use crate::motion::body::CanonicalBody;
 use crate::render::{FrameExposure, Renderer};
-use crate::train::exposure;
 use crate::train::poses::fit::{fitted_pose, refined_track};
 use crate::train::poses::refinement_file;
 use crate::train::poses::wrong_frames::doubts;
@@ -12,7 +11,7 @@ use crate::train::run::checkpoint::{self, ModelState};
 use crate::train::run::options::Validation;
 use crate::train::run::validate::validate;
 use crate::train::trainer::Trainer;
-use crate::train::{Preview, TrainError, TrainProgress};
+use crate::train::{Preview, TrainError, TrainProgress, exposure};
 use burn::module::Module;
 use std::path::Path;
 use yoto_capture::FrameImage;

@@ -9,7 +9,6 @@ use crate::identity::own;
 use crate::loss::{Objective, PatchObjective};
 use crate::render::occupancy::Occupancy;
 use crate::train::data::Data;
-use crate::train::exposure;
 use crate::train::frames::whole_picture::OBJECTIVE;
 use crate::train::known::Known;
 use crate::train::model::{Model, PatchLearning};
@@ -24,7 +23,7 @@ use crate::train::run::optimiser::optimiser;
 use crate::train::run::options::TrainOptions;
 use crate::train::splats::placing::place_initial_splats;
 use crate::train::trainer::Trainer;
-use crate::train::{TrainError, TrainProgress};
+use crate::train::{TrainError, TrainProgress, exposure};
 use burn::tensor::Device;
 use std::path::Path;
 

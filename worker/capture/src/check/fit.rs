@@ -4,8 +4,7 @@ use super::figure::CapsuleBody;
 use super::observe::Observation;
 use super::silhouette::{Canvas, Grid};
 use crate::camera::Camera;
-use crate::skeleton::Pose;
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Pose, Skeleton};
 use yoto_proto::correction::Correction;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 

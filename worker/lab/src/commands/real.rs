@@ -1,8 +1,7 @@
 //! `yoto-lab real`: clips as people have them, through the whole path.
 
-use super::args;
-use super::import_progress;
 use super::screen::Terminal;
+use super::{args, import_progress};
 use crate::one_camera::HeldOut;
 use crate::quality::QualityOptions;
 use crate::real::{RealOptions, run, table};

@@ -16,9 +16,8 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_capture::check::Grade;
-use yoto_import::capture_check;
 use yoto_import::capture_dir::CaptureOptions;
-use yoto_import::{Format, Options, TrackForm, to_folder};
+use yoto_import::{Format, Options, TrackForm, capture_check, to_folder};
 use yoto_proto::media_plan::{VIDEO_ENDINGS, has_ending};
 use yoto_proto::pose_track::FILES;
 

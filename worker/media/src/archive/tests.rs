@@ -1,7 +1,8 @@
 //! Good and hostile archives, made with writer libraries.
 
 use super::*;
-use ::zip::{ZipWriter, write::SimpleFileOptions};
+use ::zip::ZipWriter;
+use ::zip::write::SimpleFileOptions;
 use std::io::Cursor;
 
 fn zip(entries: &[(&str, &[u8])]) -> Vec<u8> {

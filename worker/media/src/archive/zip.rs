@@ -2,7 +2,8 @@
 
 use super::Sink;
 use crate::{MediaError, MediaFault};
-use ::zip::{ZipArchive, result::ZipError};
+use ::zip::ZipArchive;
+use ::zip::result::ZipError;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;

@@ -4,11 +4,10 @@
 //! make it read other files, and with the listed decoders, since those that no camera needs are attacked as well. It
 //! inherits the limits of this process.
 
-use super::Raw;
 use super::hdr::Hdr;
 use super::light::Levels;
-use super::ppm;
 use super::signal::Signal;
+use super::{Raw, ppm};
 use crate::{Limits, MEMORY_LIMIT, MediaError, MediaFault};
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::ExitStatusExt;

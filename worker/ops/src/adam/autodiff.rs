@@ -2,9 +2,9 @@
 
 use super::{AdamOps, AdamRates};
 use crate::autodiff::constants;
-use burn::backend::{
-    Autodiff, autodiff::checkpoint::strategy::CheckpointStrategy, tensor::FloatTensor,
-};
+use burn::backend::Autodiff;
+use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
+use burn::backend::tensor::FloatTensor;
 
 impl<B: AdamOps, C: CheckpointStrategy> AdamOps for Autodiff<B, C> {
     fn adam_update(

@@ -1,7 +1,8 @@
 //! The Adam update on CPU threads, in place.
 
 use super::{AdamOps, AdamRates};
-use burn::backend::{Flex, tensor::FloatTensor};
+use burn::backend::Flex;
+use burn::backend::tensor::FloatTensor;
 use rayon::prelude::*;
 
 /// Numbers per task: 4 arrays of 32 KiB stay in the second-level cache.

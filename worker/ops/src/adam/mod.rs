@@ -8,7 +8,8 @@ mod cube;
 pub mod reference;
 
 use super::has_own_form;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// The scalars of an update.

@@ -5,7 +5,8 @@ use super::BoneSoftmaxOps;
 use crate::exponential::exp_of_negative;
 use crate::flex::tensor;
 use crate::form::{Form, Work, multiply_add};
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 use rayon::prelude::*;
 
 /// Nodes per block: their columns of 25 rows stay in the second-level cache.

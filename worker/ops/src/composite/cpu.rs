@@ -7,7 +7,8 @@
 use super::accumulator::{RayAccumulator, opacity, transmitted};
 use super::{CompositeOps, RaySamples};
 use crate::flex::tensor;
-use burn::backend::{Flex, tensor::FloatTensor};
+use burn::backend::Flex;
+use burn::backend::tensor::FloatTensor;
 use rayon::prelude::*;
 
 /// Rays per task: enough that starting tasks takes no noticeable time.

@@ -17,7 +17,8 @@ pub use accumulator::{RayAccumulator, opacity};
 pub use subsampling::GradientSubsampling;
 
 use super::has_own_form;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 use std::sync::Arc;
 

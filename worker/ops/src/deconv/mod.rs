@@ -7,7 +7,8 @@ pub mod cpu;
 pub mod reference;
 
 use super::on_cpu;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// Kernel size per axis, nodes.

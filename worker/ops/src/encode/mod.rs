@@ -7,7 +7,9 @@ mod cube;
 pub mod reference;
 
 #[cfg(feature = "gpu")]
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+#[cfg(feature = "gpu")]
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// The bands that points are encoded in.

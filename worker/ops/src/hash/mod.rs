@@ -9,7 +9,8 @@ mod cube;
 pub mod reference;
 
 use super::has_own_form;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// Factors π₂ and π₃ of y and z in the hash of a node (Instant NGP, eq. 4; π₁ = 1).

@@ -11,7 +11,8 @@ pub use plan::{Hidden, Input, LayerShape, MlpPlan, Part};
 
 use super::on_cpu;
 use crate::Precision;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::{Device, Tensor};
 
 /// Whether networks can run in `precision` on `device`. Elsewhere, they would silently run slower than configured,

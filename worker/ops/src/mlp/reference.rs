@@ -3,7 +3,8 @@
 use super::{Input, MlpPlan, Part};
 use crate::Precision;
 use crate::encode::frequencies;
-use burn::tensor::{DType, Tensor, activation::relu};
+use burn::tensor::activation::relu;
+use burn::tensor::{DType, Tensor};
 
 /// See [`super::mlp`]. With [`Precision::Bf16`] the other forms also round
 /// gradients to layers' results; this one does not.

@@ -2,10 +2,9 @@
 
 use super::{PictureLossOps, Target};
 use crate::autodiff::{Saved, constants, record};
-use burn::backend::{
-    Autodiff, AutodiffBackend, Backend, autodiff::checkpoint::strategy::CheckpointStrategy,
-    tensor::FloatTensor,
-};
+use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Autodiff, AutodiffBackend, Backend};
 
 #[derive(Clone, Debug)]
 struct SavedGradient<B: Backend>(FloatTensor<B>);

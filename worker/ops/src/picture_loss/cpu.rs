@@ -3,7 +3,8 @@
 use super::window::blur;
 use super::{C1, C2, PictureLossOps, Target};
 use crate::flex::tensor;
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 use rayon::prelude::*;
 
 impl PictureLossOps for Flex {

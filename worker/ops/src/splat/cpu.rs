@@ -9,7 +9,8 @@ use super::tiles::{AREA, SIDE, Tiles};
 use super::{ROW, SplatOps, SplatRow, View};
 use crate::flex::tensor;
 use crate::form::{Form, Work};
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 use rayon::prelude::*;
 
 /// Splats per task.

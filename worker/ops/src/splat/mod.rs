@@ -29,7 +29,8 @@ pub use cpu::{Rendered, render};
 pub use row::{ROW, SplatRow, means_of_rows, splat_rows};
 
 use super::has_own_form;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 use light::LIGHTS;
 

@@ -9,7 +9,8 @@ use super::grid::{Cell, Support, supports};
 use super::point_block::{BLOCK, PointBlock};
 use super::{MIN_WEIGHT_SUM, WarpGrid, WarpOps};
 use crate::flex::tensor;
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 use rayon::prelude::*;
 
 impl WarpOps for Flex {

@@ -20,7 +20,8 @@ pub mod skin;
 pub use grid::WarpGrid;
 
 use super::has_own_form;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// Lower bound of Σ wₖ where it divides the canonical point (1e-4 as in HumanNeRF).

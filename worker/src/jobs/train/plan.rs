@@ -8,12 +8,10 @@ use yoto_avatar::config::{LearnExposure, Refine};
 use yoto_avatar::decoder::Prior;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_avatar::train::{Budget, Learn, TrainOptions, TrainPerson, Validation};
-use yoto_proto::{
-    checks::train,
-    manifest::Manifest,
-    v1::{IdentitySlot, Model, TrainSpec},
-    worker::v1::Inputs,
-};
+use yoto_proto::checks::train;
+use yoto_proto::manifest::Manifest;
+use yoto_proto::v1::{IdentitySlot, Model, TrainSpec};
+use yoto_proto::worker::v1::Inputs;
 
 /// Every n-th frame is held out to measure PSNR and SSIM: with 1 in 20, enough of a short capture
 /// remains for training.

@@ -1,14 +1,10 @@
 //! When a training saves, and how: the trainer writes its files to this machine's disk, and a thread
 //! copies them to the store while the training continues.
 
-use crate::jobs::{
-    JobContext, JobFailure,
-    checkpoint::{Saved, publish},
-};
-use std::{
-    thread::JoinHandle,
-    time::{Duration, Instant},
-};
+use crate::jobs::checkpoint::{Saved, publish};
+use crate::jobs::{JobContext, JobFailure};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Time from the start of a lease to its first checkpoint: a crash loses seconds, and a job that saves

@@ -1,25 +1,18 @@
 //! The training loop of one lease: step, report, validate, checkpoint.
 
-use super::{
-    failure,
-    outlook::{Outlook, VALIDATIONS},
-    plan::Plan,
-    preview,
-    saving::{Rhythm, Upload},
-};
-use crate::jobs::{
-    JobContext, JobFailure,
-    checkpoint::{Saved, local, publish},
-};
+use super::outlook::{Outlook, VALIDATIONS};
+use super::plan::Plan;
+use super::saving::{Rhythm, Upload};
+use super::{failure, preview};
+use crate::jobs::checkpoint::{Saved, local, publish};
+use crate::jobs::{JobContext, JobFailure};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use yoto_avatar::train::Trainer;
-use yoto_proto::{
-    backoff::Backoff,
-    manifest::files,
-    names,
-    v1::{Progress, TrainResult},
-};
+use yoto_proto::backoff::Backoff;
+use yoto_proto::manifest::files;
+use yoto_proto::names;
+use yoto_proto::v1::{Progress, TrainResult};
 
 /// Pause between two progress messages.
 const REPORT_EVERY: Duration = Duration::from_millis(250);

@@ -4,9 +4,8 @@ mod frame_files;
 mod prepared;
 mod wild;
 
-use crate::ImportError;
 use crate::source::Source;
-use crate::{Imported, Options};
+use crate::{ImportError, Imported, Options};
 
 /// Reads whichever form the files have; the prepared one if they have both.
 pub(crate) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {

@@ -11,11 +11,10 @@
 //! from the first pixel's centre.
 
 use super::frame_files::files;
-use crate::ImportError;
 use crate::pictures::{PictureFiles, Pictures, image_size};
 use crate::source::{Faulty, FileData, Part, Source};
 use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
-use crate::{Findings, Imported, Options};
+use crate::{Findings, ImportError, Imported, Options};
 use yoto_proto::pose_track::NO_DISTORTION;
 use yoto_proto::smpl::JOINTS;
 

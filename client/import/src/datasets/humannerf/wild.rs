@@ -6,12 +6,11 @@
 //! `images/<name>.png`, masks `masks/<name>.png` (coverage).
 
 use super::frame_files::files;
-use crate::ImportError;
 use crate::pictures::{PictureFiles, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::{Faulty, Part, Source};
 use crate::track::{Camera, SmplPose, WorldPose, empty_track, mean, smpl_skeleton};
-use crate::{Findings, Imported, Options, Pictures};
+use crate::{Findings, ImportError, Imported, Options, Pictures};
 
 pub(super) const METADATA: &str = "metadata.json";
 

@@ -1,14 +1,13 @@
 //! The reader of PeopleSnapshot's files.
 
 use super::{CAMERA, MASKS, POSES};
-use crate::ImportError;
 use crate::geometry::{extrinsics, rodrigues};
 use crate::pictures::{Mask, PictureFiles, Pictures, image_size};
 use crate::rest_joints::RestJoints;
 use crate::source::hdf5::Hdf5;
 use crate::source::{Faulty, Source, not_finite};
 use crate::track::{Camera, WorldPose, empty_track, smpl_skeleton};
-use crate::{Findings, Imported, Options};
+use crate::{Findings, ImportError, Imported, Options};
 
 pub(super) fn read(source: &Source, options: &Options) -> Result<Imported, ImportError> {
     let rest = RestJoints::needed(options, source, POSES)?;

@@ -12,9 +12,8 @@
 #[cfg(feature = "hdf5")]
 mod capture;
 
-use crate::ImportError;
 use crate::source::Source;
-use crate::{Imported, Options};
+use crate::{ImportError, Imported, Options};
 
 const CAMERA: &str = "camera.pkl";
 const POSES: &str = "reconstructed_poses.hdf5";

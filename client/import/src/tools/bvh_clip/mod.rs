@@ -9,12 +9,11 @@
 mod reading;
 
 use super::opencv::calibration;
-use crate::ImportError;
 use crate::clip::{Clip, fault, left_out};
 use crate::motion::{Motion, MotionOptions, read_bvh};
 use crate::proof::Masks;
 use crate::source::Source;
-use crate::{Findings, Imported, Options};
+use crate::{Findings, ImportError, Imported, Options};
 use reading::{FilmedMotion, choose};
 use std::path::Path;
 

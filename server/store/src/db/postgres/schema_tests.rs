@@ -2,14 +2,13 @@
 
 use super::Postgres;
 use super::migrations::steps;
-use crate::Tenant;
 use crate::db::schema::{START, Steps, with_a_later_step};
 use crate::db::taken_over::{
     NOW, a_render_without_a_checkpoint_keeps_it, jobs_go_on, uploads_go_on,
 };
 use crate::db::{Driver, sqlite};
 use crate::stage::{running_job_goes_on, taken_back_from_the_process_before};
-use crate::{NewSubject, Store, StoreError};
+use crate::{NewSubject, Store, StoreError, Tenant};
 use sqlx::migrate::Migration;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, Row};

@@ -80,8 +80,7 @@ async fn is_usable(connection: &mut SqliteConnection) -> Result<bool, sqlx::Erro
 
 #[cfg(test)]
 mod tests {
-    use crate::Tenant;
-    use crate::{NewSubject, Store};
+    use crate::{NewSubject, Store, Tenant};
     use std::sync::Arc;
     use yoto_process::clock::SystemClock;
 

@@ -13,13 +13,12 @@ use super::causes::{Search, search, what};
 use super::figure::size;
 use super::fit::Fitter;
 use super::framing::Framing;
-use super::gait;
 use super::motion::Motion;
 use super::observe::Observation;
 use super::plan::spread;
-use super::precision;
 use super::report::{Cause, CheckReport, Grade, MeasureKind};
 use super::timing::{self, Shifts};
+use super::{gait, precision};
 use crate::skeleton::Skeleton;
 use frames::{blur, exposure, jitter, jumps, masks, repeats, views, wander};
 use geometry::{

@@ -14,7 +14,8 @@ mod tests;
 use super::{HashGrid, HashOps};
 use crate::flex::tensor;
 use crate::form::Form;
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 
 /// Points per task of the forward pass, and of the preparation of the backward pass.
 const BLOCK: usize = 512;

@@ -3,9 +3,9 @@
 
 use super::{InverseOps, WarpGrid};
 use crate::autodiff::{Saved, constants, record};
-use burn::backend::{
-    Autodiff, Backend, autodiff::checkpoint::strategy::CheckpointStrategy, tensor::FloatTensor,
-};
+use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Autodiff, Backend};
 
 #[derive(Clone, Debug)]
 struct SavedUnpose<B: Backend> {

@@ -4,7 +4,8 @@
 use super::solve::{Skinning, apply, inverse};
 use super::{InverseOps, WarpGrid};
 use crate::flex::tensor;
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 use rayon::prelude::*;
 
 /// Points per task.

@@ -16,7 +16,8 @@ pub mod solve;
 
 use super::WarpGrid;
 use crate::on_cpu;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// Steps of a search. For points near the bones of people in motion, four steps leave an error of 0.1 mm at the

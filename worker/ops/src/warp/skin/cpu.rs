@@ -5,7 +5,8 @@ use super::super::inverse::solve::Skinning;
 use super::{SkinOps, WarpGrid};
 use crate::flex::tensor;
 use crate::form::{Form, Work};
-use burn::backend::{Flex, TensorMetadata, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Flex, TensorMetadata};
 use rayon::prelude::*;
 
 /// Points per task.

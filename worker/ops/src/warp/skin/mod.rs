@@ -11,7 +11,8 @@ pub mod weights;
 
 use super::WarpGrid;
 use crate::has_own_form;
-use burn::backend::{Backend, Dispatch, backend_extension, tensor::FloatTensor};
+use burn::backend::tensor::FloatTensor;
+use burn::backend::{Backend, Dispatch, backend_extension};
 use burn::tensor::Tensor;
 
 /// Forward skinning as a backend implements it. Call [`skin`] instead, which chooses the form for the
