@@ -15,6 +15,7 @@ use tonic::{Request, Status};
 use tower::ServiceExt;
 use uuid::Uuid;
 use yoto_request::{Caller, tenant_of};
+use yoto_store::Tenant;
 
 /// What all pages share.
 pub struct Site {
@@ -56,6 +57,14 @@ impl Asker {
         &*self.site.backend
     }
 
+    /// The asker's tenant, whose rows alone a page reads.
+    ///
+    /// # Errors
+    /// When no layer has told the tenant.
+    pub fn tenant(&self) -> Result<Tenant, Status> {
+        Ok(tenant_of(&self.request(()))?)
+    }
+
     /// The id of the asker's key; none if no key is asked for.
     pub fn key(&self) -> Option<String> {
         let caller = Caller::of(&self.request(())).ok()?;
@@ -85,7 +94,7 @@ impl Asker {
     /// # Errors
     /// When no layer has told the tenant.
     pub fn token(&self) -> Result<String, Status> {
-        let tenant = tenant_of(&self.request(()))?;
+        let tenant = self.tenant()?;
         Ok(token::of(self.site.backend.store_id(), &tenant))
     }
 

@@ -17,6 +17,7 @@ use yoto_proto::v1::{
     AddIdentityRequest, CreateModelRequest, GetModelRequest, GetSubjectRequest, Model, Subject,
     TrainSpec, job_spec,
 };
+use yoto_store::Membership;
 
 /// Minutes of a training unless the form says otherwise.
 const MINUTES: u32 = 2;
@@ -29,7 +30,7 @@ const VARIANT: &str = "yoto";
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn form_of(asker: &Asker, subject: &Subject, others: &[Model]) -> Result<Markup, Status> {
+pub fn form_of(asker: &Asker, subject: &Subject, others: &[Membership]) -> Result<Markup, Status> {
     let path = format!("{}/avatar", page_of(&subject.name));
     Ok(html! {
         details #avatar .act {
@@ -39,7 +40,7 @@ pub fn form_of(asker: &Asker, subject: &Subject, others: &[Model]) -> Result<Mar
                 label { "In "
                     select name="model" {
                         option value="" { "a model of their own" }
-                        @for it in others { option value=(it.name) { (told(&it.display_name)) } }
+                        @for it in others { option value=(it.model) { (told(&it.display_name)) } }
                     }
                 }
                 label { "Minutes " input name="minutes" type="number" min="1" max=(LONGEST) value=(MINUTES) required; }

@@ -1,5 +1,6 @@
 //! What the coordinator gives its pages.
 
+use super::reads::Reads;
 use axum::response::Response;
 use futures::stream::BoxStream;
 use std::sync::Arc;
@@ -38,7 +39,7 @@ pub struct Services {
 
 /// What pages show or do that is no call.
 #[tonic::async_trait]
-pub trait Backend: Send + Sync {
+pub trait Backend: Reads {
     /// The id of the object store, from which tokens of forms are made.
     fn store_id(&self) -> &str;
 

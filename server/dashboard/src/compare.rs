@@ -2,23 +2,23 @@
 
 use super::asker::Asker;
 use super::chart::{Chart, Series};
-use super::curves::figure;
+use super::curves::{self, figure};
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::job::metrics;
-use super::model::{checkpoints_of, newest_pictures, of_model};
+use super::model::{newest_pictures, of_model, split};
 use super::names::Names;
 use super::query::Fields;
 use super::words::{bytes, name, page_of, span, told, whole};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
 use tonic::Status;
-use yoto_proto::v1::{Checkpoint, GetModelRequest, JobKind, ListModelsRequest, MetricPoint, Model};
+use yoto_proto::v1::{Checkpoint, Job, ListModelsRequest, MetricPoint, Model, job};
+use yoto_store::JobKind;
 
 /// Models to choose from, the newest.
 const CHOICES: i32 = 200;
 /// Newest trainings among which one with figures is looked for.
-const TRAININGS: i32 = 5;
+const TRAININGS: u32 = 5;
 /// Most people of a model that are named.
 const NAMED: usize = 24;
 
@@ -28,7 +28,7 @@ struct Side {
     people: Vec<String>,
     /// Figures of the newest training that has some.
     figures: Vec<MetricPoint>,
-    checkpoints: Vec<Checkpoint>,
+    best: Option<Checkpoint>,
     pictures: Markup,
 }
 
@@ -44,7 +44,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     let chosen = [query.get("one"), query.get("other")];
     let compared = match chosen {
         ["", _] | [_, ""] => None,
-        [one, other] => Some([side(&asker, one).await?, side(&asker, other).await?]),
+        chosen => Some(sides(&asker, chosen).await?),
     };
     let body = html! {
         h1 { "Comparison of two models" }
@@ -74,32 +74,41 @@ fn form(choices: &[Model], chosen: [&str; 2]) -> Markup {
     }
 }
 
-async fn side(asker: &Asker, id: &str) -> Result<Side, Status> {
-    let resource = format!("models/{id}");
-    let request = GetModelRequest {
-        name: resource.clone(),
-    };
-    let model = asker.services().models.get_model(asker.request(request));
-    let model = model.await?.into_inner();
-    let mut names = Names::of(asker);
-    let mut people = Vec::new();
-    for slot in model.slots.iter().take(NAMED) {
-        people.push(told(&names.plain(&slot.subject).await?));
-    }
-    let mut figures = Vec::new();
-    for training in of_model(asker, &resource, &[JobKind::Train], &[], TRAININGS).await? {
-        figures = metrics(asker, &training.name).await?;
-        if !figures.is_empty() {
-            break;
+/// The models with these ids, all of which is read at once for both.
+async fn sides(asker: &Asker, ids: [&str; 2]) -> Result<[Side; 2], Status> {
+    let (backend, tenant) = (asker.backend(), asker.tenant()?);
+    let resources = ids.map(|id| format!("models/{id}"));
+    let resources = [&*resources[0], &*resources[1]];
+    let models = backend.models(&tenant, &resources).await?;
+    let done = [job::State::Succeeded];
+    let groups = [
+        of_model(ids[0], &[JobKind::Train], &[], TRAININGS),
+        of_model(ids[1], &[JobKind::Train], &[], TRAININGS),
+        of_model(ids[0], &[JobKind::Render], &done, 1),
+        of_model(ids[1], &[JobKind::Render], &done, 1),
+    ];
+    let [one, other, render, other_render] = split(backend.jobs(&tenant, &groups).await?);
+    let figures = curves::of(asker, one.iter().chain(&other)).await?;
+    let (of_one, of_other) = figures.split_at(one.len());
+    let best = backend.best_checkpoints(&tenant, &resources).await?;
+    let slots = models.iter().flat_map(|it| it.slots.iter().take(NAMED));
+    let names = Names::read(asker, slots.map(|it| &*it.subject)).await?;
+    let side = |at: usize, figures: &[Vec<MetricPoint>], render: &[Job]| {
+        let model = models.get(at).cloned().unwrap_or_default();
+        let slots = model.slots.iter().take(NAMED);
+        Side {
+            people: slots.map(|it| told(&names.plain(&it.subject))).collect(),
+            figures: figures
+                .iter()
+                .find(|it| !it.is_empty())
+                .cloned()
+                .unwrap_or_default(),
+            best: best.get(resources[at]).cloned(),
+            pictures: newest_pictures(render.first()),
+            model,
         }
-    }
-    Ok(Side {
-        people,
-        figures,
-        checkpoints: checkpoints_of(asker, &resource).await?,
-        pictures: newest_pictures(asker, &resource).await?,
-        model,
-    })
+    };
+    Ok([side(0, of_one, &render), side(1, of_other, &other_render)])
 }
 
 fn comparison(sides: &[Side; 2]) -> Markup {
@@ -137,13 +146,13 @@ fn table(sides: &[Side; 2]) -> Markup {
             figure(it.figures.iter().rev().find_map(|it| it.psnr), 2)
         }),
         ("Step of the best checkpoint", |it| {
-            best(it).map_or_else(none, |it| whole(it.step))
+            it.best.as_ref().map_or_else(none, |it| whole(it.step))
         }),
         ("PSNR of the best checkpoint, dB", |it| {
-            figure(best(it).and_then(|it| it.psnr), 2)
+            figure(it.best.as_ref().and_then(|it| it.psnr), 2)
         }),
         ("Bytes of the best checkpoint", |it| {
-            best(it).map_or_else(none, |it| bytes(it.bytes))
+            it.best.as_ref().map_or_else(none, |it| bytes(it.bytes))
         }),
     ];
     let measured = sides.iter().all(|it| !it.figures.is_empty());
@@ -170,10 +179,6 @@ fn people(side: &Side) -> Vec<&str> {
         .collect();
     people.sort_unstable();
     people
-}
-
-fn best(side: &Side) -> Option<&Checkpoint> {
-    side.checkpoints.iter().find(|it| it.best)
 }
 
 fn none() -> String {

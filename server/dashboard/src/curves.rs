@@ -1,13 +1,29 @@
 //! Loss and quality of trainings over their steps.
 
+use super::asker::Asker;
 use super::chart::{Chart, Series};
 use super::words::whole;
 use maud::{Markup, html};
+use tonic::Status;
 use yoto_proto::progress::duration;
-use yoto_proto::v1::MetricPoint;
+use yoto_proto::v1::{Job, MetricPoint};
 
 /// Rows of the table of figures.
 const ROWS: usize = 12;
+
+/// The figures of jobs over their steps, in the order of the jobs.
+///
+/// # Errors
+/// When the service can't tell.
+pub async fn of<'j>(
+    asker: &Asker,
+    jobs: impl Iterator<Item = &'j Job>,
+) -> Result<Vec<Vec<MetricPoint>>, Status> {
+    let names: Vec<&str> = jobs.map(|it| &*it.name).collect();
+    let mut found = asker.backend().figures(&asker.tenant()?, &names).await?;
+    let figures = names.iter().map(|it| found.remove(*it).unwrap_or_default());
+    Ok(figures.collect())
+}
 
 /// The curves of trainings, the one of interest last; nothing without figures.
 pub fn curves(trainings: &[Vec<MetricPoint>]) -> Markup {

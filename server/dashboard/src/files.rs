@@ -12,7 +12,6 @@ use axum::http::header::{
 use axum::http::{HeaderMap, HeaderValue};
 use axum::response::{IntoResponse, Response};
 use futures::StreamExt;
-use tonic::Status;
 use yoto_http::file_kind::{FileKind, PLAYER};
 use yoto_proto::keys::THUMBNAIL;
 use yoto_proto::names;
@@ -34,30 +33,6 @@ pub async fn of_job(
 pub async fn thumbnail(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
     let name = names::object(&format!("captures/{id}"), THUMBNAIL);
     answer(&asker, name, FileKind::of(THUMBNAIL)).await
-}
-
-/// The bytes of the object `name`; `None` if there are more than `most`.
-///
-/// # Errors
-/// When there is no such object, or the service can't read it.
-pub async fn whole(asker: &Asker, name: &str, most: usize) -> Result<Option<Vec<u8>>, Status> {
-    let request = DownloadObjectRequest {
-        name: name.to_owned(),
-        ..DownloadObjectRequest::default()
-    };
-    let download = asker
-        .services()
-        .objects
-        .download_object(asker.request(request));
-    let mut chunks = download.await?.into_inner();
-    let mut bytes = Vec::new();
-    while let Some(chunk) = chunks.next().await {
-        bytes.extend(chunk?.chunk);
-        if bytes.len() > most {
-            return Ok(None);
-        }
-    }
-    Ok(Some(bytes))
 }
 
 async fn answer(asker: &Asker, name: String, kind: FileKind) -> Result<Response, Fault> {

@@ -1,12 +1,13 @@
 //! What the check of a capture has found: its report, which a worker has written as JSON.
 
 use super::asker::Asker;
-use super::files;
 use super::words::{badge, told};
 use maud::{Markup, html};
 use serde::Deserialize;
 use tonic::Status;
-use yoto_proto::v1::{Capture, Violation};
+use yoto_proto::keys::CHECK;
+use yoto_proto::v1::Violation;
+use yoto_store::CaptureFiles;
 
 /// Longest report that is read, bytes: those of workers have a few thousand.
 const LONGEST: usize = 1 << 20;
@@ -46,18 +47,19 @@ struct Cause {
 ///
 /// # Errors
 /// When the service can't read it.
-pub async fn read(asker: &Asker, capture: &Capture) -> Result<Option<Report>, Status> {
-    if capture.check.is_empty() {
+pub async fn read(asker: &Asker, capture: &CaptureFiles) -> Result<Option<Report>, Status> {
+    let Some(object) = capture.object(CHECK) else {
         return Ok(None);
-    }
-    let Some(bytes) = files::whole(asker, &capture.check, LONGEST).await? else {
-        tracing::warn!(capture = capture.name, "the check's report is too long");
+    };
+    let capture = &capture.capture.name;
+    let Some(bytes) = asker.backend().object(object, LONGEST).await? else {
+        tracing::warn!(capture, "the check's report is too long");
         return Ok(None);
     };
     match serde_json::from_slice(&bytes) {
         Ok(report) => Ok(Some(report)),
         Err(error) => {
-            tracing::warn!(capture = capture.name, %error, "the check's report can't be read");
+            tracing::warn!(capture, %error, "the check's report can't be read");
             Ok(None)
         }
     }

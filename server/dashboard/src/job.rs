@@ -5,23 +5,24 @@ use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::jobs::took;
-use super::names::Names;
+use super::names::{Names, about};
 use super::words::{ago, badge, bytes, job_state, kind, page_of, seconds, short, told};
 use super::{curves, outcome, progress, shares};
 use axum::extract::Path;
 use maud::{Markup, html};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
-use tonic::{Code, Status};
+use tonic::Status;
 use yoto_http::file_kind::FileKind;
+use yoto_http::job_files::files_of_result;
 use yoto_proto::progress::duration;
 use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{
     GetJobMetricsRequest, GetJobRequest, Job, JobAttempt, JobKind, JobPriority, ListObjectsRequest,
-    MetricPoint, NamedObject, job,
+    MetricPoint, job,
 };
 
 /// Most files of a job that are listed, and most of its pictures that are shown.
-const FILES: i32 = 200;
+const FILES: usize = 200;
 const PICTURES: usize = 24;
 
 /// `/jobs/{id}`
@@ -35,12 +36,12 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         _ => Vec::new(),
     };
     let files = match job.kind() {
-        JobKind::Render | JobKind::Evaluate | JobKind::Export => files(&asker, &name).await?,
+        JobKind::Render | JobKind::Evaluate | JobKind::Export => files(&asker, &job).await?,
         _ => Vec::new(),
     };
     let now = asker.now();
-    let mut names = Names::of(&asker);
-    let title = names.title(&job).await?;
+    let names = Names::read(&asker, [about(&job)]).await?;
+    let title = names.title(&job);
     let running = job
         .progress
         .as_ref()
@@ -49,11 +50,10 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         || title.clone(),
         |it| format!("{} % · {title}", progress::percent(it)),
     );
-    let about = names.about(&job).await?;
     let links = shares::of_job(&asker, &job).await?;
     let trainings = [figures];
     let body = html! {
-        h1 { (kind(&job)) " of " (about) " " (job_state(&job)) }
+        h1 { (kind(&job)) " of " (names.about(&job)) " " (job_state(&job)) }
         div #now { (progress::bar(&job)) (standing(&job, now)) }
         div #error { @if let Some(error) = &job.error { (outcome::error(error)) } }
         div #actions { (buttons(&asker, &job)?) }
@@ -70,10 +70,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
 }
 
 /// The figures of a training.
-///
-/// # Errors
-/// When the service can't tell.
-pub async fn metrics(asker: &Asker, job: &str) -> Result<Vec<MetricPoint>, Status> {
+async fn metrics(asker: &Asker, job: &str) -> Result<Vec<MetricPoint>, Status> {
     let request = GetJobMetricsRequest {
         name: job.to_owned(),
     };
@@ -84,26 +81,41 @@ pub async fn metrics(asker: &Asker, job: &str) -> Result<Vec<MetricPoint>, Statu
     Ok(metrics.await?.into_inner().points)
 }
 
-/// The files that a job has written so far.
-///
-/// # Errors
-/// When the service can't tell.
-pub async fn files(asker: &Asker, job: &str) -> Result<Vec<NamedObject>, Status> {
+/// A file of a job: its name, and its bytes.
+struct Written {
+    file: String,
+    bytes: u64,
+}
+
+/// The files that a job has written so far. Those of one that has succeeded are in its result.
+async fn files(asker: &Asker, job: &Job) -> Result<Vec<Written>, Status> {
+    let of_result = files_of_result(job).into_iter();
+    if job.state() == job::State::Succeeded {
+        let files = of_result.map(|(file, object)| Written {
+            file,
+            bytes: object.bytes,
+        });
+        return Ok(files.take(FILES).collect());
+    }
+    // An evaluation has its files once it has succeeded.
+    if job.outputs == 0 {
+        return Ok(Vec::new());
+    }
     let request = ListObjectsRequest {
-        parent: job.to_owned(),
-        page_size: FILES,
+        parent: job.name.clone(),
+        page_size: FILES as i32,
         ..ListObjectsRequest::default()
     };
     let list = asker
         .services()
         .objects
         .list_objects(asker.request(request));
-    match list.await {
-        Ok(list) => Ok(list.into_inner().objects),
-        // An evaluation has its files once it has succeeded.
-        Err(error) if error.code() == Code::FailedPrecondition => Ok(Vec::new()),
-        Err(error) => Err(error),
-    }
+    let objects = list.await?.into_inner().objects.into_iter();
+    let files = objects.map(|it| Written {
+        file: it.file,
+        bytes: it.bytes,
+    });
+    Ok(files.collect())
 }
 
 /// Where a job stands that does not run: its place in the queue, and why it waits.
@@ -238,7 +250,7 @@ pub fn frame(id: &str, file: &str) -> Markup {
 }
 
 /// The files: players, then pictures, then links to all.
-fn listed(id: &str, files: &[NamedObject]) -> Markup {
+fn listed(id: &str, files: &[Written]) -> Markup {
     let of = |wanted: fn(FileKind) -> bool| {
         files
             .iter()

@@ -3,14 +3,13 @@
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::names::Names;
+use super::names::{Names, about};
 use super::outcome;
 use super::people::more;
 use super::query::Fields;
 use super::words::{ago, job_state, kind, page_of, seconds};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
-use tonic::Status;
 use yoto_proto::progress::duration;
 use yoto_proto::v1::{Job, ListJobsRequest, job};
 
@@ -39,7 +38,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     };
     let list = asker.services().jobs.list_jobs(asker.request(request));
     let list = list.await?.into_inner();
-    let mut names = Names::of(&asker);
+    let names = Names::read(&asker, list.jobs.iter().map(about)).await?;
     let here = match chosen {
         "" => "/jobs".to_owned(),
         _ => format!(
@@ -58,45 +57,41 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
                 a href=(path) aria-current=[(choice == chosen).then_some("true")] { (title) }
             }
         }
-        (table(&list.jobs, &mut names, asker.now()).await?)
+        (table(&list.jobs, &names, asker.now()))
         (more(&here, &list.next_page_token))
     };
     Ok(document::live("Jobs", "/jobs", "", body))
 }
 
 /// Jobs, one per row.
-///
-/// # Errors
-/// When the service can't tell what they are about.
-pub async fn table(jobs: &[Job], names: &mut Names<'_>, now: f64) -> Result<Markup, Status> {
-    let mut rows = Vec::new();
-    for job in jobs {
-        let about = names.about(job).await?;
-        rows.push(html! {
-            tr {
-                th scope="row" { a href=(page_of(&job.name)) { (kind(job)) } }
-                td { (about) }
-                td { (job_state(job)) }
-                td .text {
-                    @if let Some(progress) = job.progress.as_ref().filter(|_| job.state() == job::State::Running) {
-                        progress max="100" value=(super::progress::percent(progress)) aria-label="progress" {}
-                    }
-                    (outcome::line(job))
-                }
-                td { (ago(now, job.create_time.as_ref())) }
-                td { (took(job, now)) }
-            }
-        });
-    }
-    Ok(html! {
-        @if rows.is_empty() { p .empty { "None." } }
+pub fn table(jobs: &[Job], names: &Names, now: f64) -> Markup {
+    html! {
+        @if jobs.is_empty() { p .empty { "None." } }
         @else {
             div .scroll tabindex="0" role="group" aria-label="Table" { table .jobs {
                 thead { tr { th { "Job" } th { "Of" } th { "State" } th { "Detail" } th { "Queued" } th { "Ran" } } }
-                tbody { @for row in rows { (row) } }
+                tbody { @for job in jobs { (row(job, names, now)) } }
             } }
         }
-    })
+    }
+}
+
+fn row(job: &Job, names: &Names, now: f64) -> Markup {
+    html! {
+        tr {
+            th scope="row" { a href=(page_of(&job.name)) { (kind(job)) } }
+            td { (names.about(job)) }
+            td { (job_state(job)) }
+            td .text {
+                @if let Some(progress) = job.progress.as_ref().filter(|_| job.state() == job::State::Running) {
+                    progress max="100" value=(super::progress::percent(progress)) aria-label="progress" {}
+                }
+                (outcome::line(job))
+            }
+            td { (ago(now, job.create_time.as_ref())) }
+            td { (took(job, now)) }
+        }
+    }
 }
 
 /// How long a job ran, or runs.

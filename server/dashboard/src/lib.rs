@@ -4,8 +4,9 @@
 //! request ─► Asker: who asks ─► the services of `api`, called as gRPC calls them ─► a page of maud, or events
 //! ```
 //!
-//! A page reads and changes nothing by itself: [`asker`] makes all calls, with the tenant that the layers of `serve` have put
-//! into the request. So a page has the rights, the limits and the errors of the calls behind it. Pages answer GET and HEAD;
+//! A page changes nothing by itself: [`asker`] makes all calls, with the tenant that the layers of `serve` have put
+//! into the request. So a page has the rights, the limits and the errors of the calls behind it. What a page mentions beside the
+//! answers of its calls it [`reads`](Reads) at once, for the same tenant. Pages answer GET and HEAD;
 //! what changes something is a form with a token ([`token`]), or a request of the script that sends a person's files, with the same
 //! token in a header ([`upload`]).
 //!
@@ -40,6 +41,7 @@ mod people;
 mod person;
 mod progress;
 mod query;
+mod reads;
 mod report;
 mod routes;
 mod service;
@@ -54,6 +56,7 @@ mod workers;
 pub use backend::{Backend, Services};
 pub use document::outside;
 pub use query::Fields;
+pub use reads::Reads;
 pub use routes::{PageRule, RULES};
 
 use axum::Router;

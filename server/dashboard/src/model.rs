@@ -3,27 +3,26 @@
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::job::{file_path, files, frame, metrics};
+use super::job::{file_path, frame};
 use super::names::Names;
-use super::people::{captures_of, portrait};
+use super::people::{portrait, portrayed};
 use super::words::{ago, badge, bytes, name, page_of, told, whole};
 use super::{curves, jobs, orders, progress, tradeoff};
 use axum::extract::Path;
 use maud::{Markup, html};
-use tonic::{Code, Status};
+use tonic::Status;
 use yoto_http::file_kind::FileKind;
-use yoto_proto::v1::{
-    Checkpoint, GetModelRequest, GetSubjectRequest, Job, JobKind, ListCheckpointsRequest,
-    ListJobsRequest, Model, NamedObject, Subject, job,
-};
+use yoto_http::job_files::files_of_result;
+use yoto_proto::v1::{Checkpoint, GetModelRequest, Job, Model, job};
+use yoto_store::{JobFilter, JobGroup, JobKind, Person};
 
 /// Most trainings whose curves are drawn, most people with pictures, most checkpoints and most jobs.
-const TRAININGS: i32 = 5;
+const TRAININGS: u32 = 5;
 const PEOPLE: usize = 24;
-const CHECKPOINTS: i32 = 50;
-const JOBS: i32 = 10;
+pub(super) const CHECKPOINTS: usize = 50;
+const JOBS: u32 = 10;
 /// Newest exports among which a player is looked for.
-const EXPORTS: i32 = 4;
+const EXPORTS: u32 = 4;
 /// Most pictures of the newest render.
 const PICTURES: usize = 8;
 
@@ -35,26 +34,35 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     };
     let model = asker.services().models.get_model(asker.request(request));
     let model = model.await?.into_inner();
-    let trainings = of_model(&asker, &resource, &[JobKind::Train], &[], TRAININGS).await?;
-    let mut curve = Vec::new();
-    for training in trainings.iter().rev() {
-        curve.push(metrics(&asker, &training.name).await?);
-    }
+    let (backend, tenant) = (asker.backend(), asker.tenant()?);
+    let groups = [
+        of_model(&id, &[JobKind::Train], &[], TRAININGS),
+        JobGroup {
+            positions: true,
+            ..of_model(&id, &[], &[], JOBS)
+        },
+        of_model(&id, &[JobKind::Export], &[job::State::Succeeded], EXPORTS),
+        of_model(&id, &[JobKind::Render], &[job::State::Succeeded], 1),
+    ];
+    let lists = backend.jobs(&tenant, &groups).await?;
+    let [trainings, recent, exports, renders] = split(lists);
+    let mut curve = curves::of(&asker, trainings.iter().rev()).await?;
     // A training that waits, or has just begun, leaves the curve of the one before in front.
     while curve.len() > 1 && curve.last().is_some_and(Vec::is_empty) {
         curve.pop();
     }
-    let recent = of_model(&asker, &resource, &[], &[], JOBS).await?;
-    let checkpoints = checkpoints_of(&asker, &resource).await?;
+    let mut checkpoints = backend.checkpoints(&tenant, &resource).await?;
+    checkpoints.truncate(CHECKPOINTS);
     let people = people(&asker, &model).await?;
-    let cards = cards(&asker, &model, &people).await?;
-    let player = player(&asker, &resource).await?;
+    let cards = cards(&model, &people);
+    let player = player(&exports);
     let orders = orders::forms(&asker, &model, &people, player.is_some())?;
-    let pictures = newest_pictures(&asker, &resource).await?;
+    let pictures = newest_pictures(renders.first());
     let tradeoff = tradeoff::of(&asker, &checkpoints).await?;
     let now = asker.now();
-    let mut names = Names::of(&asker);
-    let jobs = jobs::table(&recent, &mut names, now).await?;
+    // All of its jobs are about it.
+    let names = Names::of(&resource, &model.display_name);
+    let jobs = jobs::table(&recent, &names, now);
     let running = trainings
         .iter()
         .find(|it| it.state() == job::State::Running);
@@ -107,135 +115,85 @@ fn state(model: &Model, running: bool) -> Markup {
     }
 }
 
-/// The newest checkpoints of a model.
-pub(super) async fn checkpoints_of(asker: &Asker, model: &str) -> Result<Vec<Checkpoint>, Status> {
-    let request = ListCheckpointsRequest {
-        model: model.to_owned(),
-        page_size: CHECKPOINTS,
-        ..ListCheckpointsRequest::default()
-    };
-    let list = asker
-        .services()
-        .models
-        .list_checkpoints(asker.request(request));
-    Ok(list.await?.into_inner().checkpoints)
-}
-
-/// The newest jobs of a model.
-pub(super) async fn of_model(
-    asker: &Asker,
-    model: &str,
-    kinds: &[JobKind],
-    states: &[job::State],
-    most: i32,
-) -> Result<Vec<Job>, Status> {
-    let request = ListJobsRequest {
-        model: model.to_owned(),
-        kinds: kinds.iter().map(|&it| it.into()).collect(),
-        states: states.iter().map(|&it| it.into()).collect(),
-        page_size: most,
-        ..ListJobsRequest::default()
-    };
-    let list = asker
-        .services()
-        .jobs
-        .list_jobs(asker.request(request))
-        .await?;
-    Ok(list.into_inner().jobs)
-}
-
-/// The people of a model, and whether its newest checkpoint knows them.
-pub(super) async fn people(asker: &Asker, model: &Model) -> Result<Vec<(Subject, bool)>, Status> {
-    let mut found = Vec::new();
-    for slot in model.slots.iter().take(PEOPLE) {
-        let request = GetSubjectRequest {
-            name: slot.subject.clone(),
-        };
-        match asker
-            .services()
-            .subjects
-            .get_subject(asker.request(request))
-            .await
-        {
-            Ok(subject) => found.push((subject.into_inner(), slot.trained)),
-            // An erased person leaves an empty slot.
-            Err(error) if error.code() == Code::NotFound => {}
-            Err(error) => return Err(error),
-        }
+/// The newest jobs of the model with this id.
+pub(super) fn of_model(id: &str, kinds: &[JobKind], states: &[job::State], most: u32) -> JobGroup {
+    JobGroup {
+        filter: JobFilter {
+            model_id: Some(id.to_owned()),
+            kinds: kinds.to_vec(),
+            states: states.to_vec(),
+            ..JobFilter::default()
+        },
+        most,
+        ..JobGroup::default()
     }
-    Ok(found)
+}
+
+/// The lists of as many groups.
+pub(super) fn split<const N: usize>(lists: Vec<Vec<Job>>) -> [Vec<Job>; N] {
+    let mut lists = lists.into_iter();
+    [(); N].map(|()| lists.next().unwrap_or_default())
+}
+
+/// The people of a model, and whether its newest checkpoint knows them. An erased person leaves an empty slot.
+pub(super) async fn people(asker: &Asker, model: &Model) -> Result<Vec<(Person, bool)>, Status> {
+    let slots = model.slots.iter().take(PEOPLE);
+    let names: Vec<&str> = slots.clone().map(|it| &*it.subject).collect();
+    let tenant = asker.tenant()?;
+    let mut found = asker.backend().people(&tenant, &names).await?;
+    let people = slots.filter_map(|slot| Some((found.remove(&slot.subject)?, slot.trained)));
+    Ok(people.collect())
 }
 
 /// The people of a model with pictures.
-async fn cards(asker: &Asker, model: &Model, people: &[(Subject, bool)]) -> Result<Markup, Status> {
-    let subjects: Vec<Subject> = people.iter().map(|it| it.0.clone()).collect();
-    let captures = captures_of(asker, &subjects).await?;
-    Ok(html! {
+fn cards(model: &Model, people: &[(Person, bool)]) -> Markup {
+    html! {
         @if people.is_empty() { p .empty { "Nobody yet: " code { "yoto model add-person" } " adds somebody." } }
         ul .cards {
-            @for (subject, trained) in people {
+            @for (person, trained) in people {
+                @let subject = &person.subject;
                 li { a .card href=(page_of(&subject.name)) {
-                    (portrait(&subject.display_name, captures.get(&subject.name)))
+                    (portrait(&subject.display_name, portrayed(person)))
                     span .title { (name(&subject.display_name)) }
                     @if *trained { (badge("good", "trained")) } @else { (badge("calm", "not trained")) }
                 } }
             }
         }
         @if model.slots.len() > PEOPLE { p .detail { (model.slots.len() - PEOPLE) " more" } }
+    }
+}
+
+/// The player of the newest of these exports that has one.
+fn player(exports: &[Job]) -> Option<Markup> {
+    exports.iter().find_map(|export| {
+        let files = files_of_result(export).into_iter();
+        let mut players = files.filter(|it| FileKind::of(&it.0) == FileKind::Player);
+        let (file, _) = players.next()?;
+        Some(html! {
+            h2 { a href=(page_of(&export.name)) { "Player" } }
+            (frame(export.name.trim_start_matches("jobs/"), &file))
+        })
     })
 }
 
-/// The player of the newest export that has one.
-async fn player(asker: &Asker, model: &str) -> Result<Option<Markup>, Status> {
-    let exports = of_model(
-        asker,
-        model,
-        &[JobKind::Export],
-        &[job::State::Succeeded],
-        EXPORTS,
-    );
-    for export in exports.await? {
-        let files = files(asker, &export.name).await?;
-        let id = export.name.trim_start_matches("jobs/");
-        if let Some(file) = files
-            .iter()
-            .find(|it| FileKind::of(&it.file) == FileKind::Player)
-        {
-            return Ok(Some(html! {
-                h2 { a href=(page_of(&export.name)) { "Player" } }
-                (frame(id, &file.file))
-            }));
-        }
-    }
-    Ok(None)
-}
-
-/// Pictures of the newest render.
-pub(super) async fn newest_pictures(asker: &Asker, model: &str) -> Result<Markup, Status> {
-    let renders = of_model(
-        asker,
-        model,
-        &[JobKind::Render],
-        &[job::State::Succeeded],
-        1,
-    )
-    .await?;
-    let Some(render) = renders.first() else {
-        return Ok(html! {});
+/// Pictures of the newest render, if there is one.
+pub(super) fn newest_pictures(render: Option<&Job>) -> Markup {
+    let Some(render) = render else {
+        return html! {};
     };
-    let shown = files(asker, &render.name).await?;
-    let is_picture = |it: &&NamedObject| matches!(FileKind::of(&it.file), FileKind::Picture(_));
+    let files = files_of_result(render).into_iter().map(|it| it.0);
+    let pictures = files.filter(|it| matches!(FileKind::of(it), FileKind::Picture(_)));
     let id = render.name.trim_start_matches("jobs/");
-    Ok(html! {
+    html! {
         h2 { a href=(page_of(&render.name)) { "Newest render" } }
         div .pictures {
-            @for it in shown.iter().filter(is_picture).take(PICTURES) {
-                a href=(file_path(id, &it.file)) {
-                    img loading="lazy" src=(file_path(id, &it.file)) alt={ "Picture " (told(&it.file)) };
+            @for file in pictures.take(PICTURES) {
+                a href=(file_path(id, &file)) {
+                    img loading="lazy" src=(file_path(id, &file)) alt={ "Picture " (told(&file)) };
                 }
             }
         }
-    })
+    }
 }
 
 /// Checkpoints, one per row.

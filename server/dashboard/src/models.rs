@@ -9,7 +9,6 @@ use super::query::Fields;
 use super::words::{ago, badge, count, name, page_of, told};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
-use tonic::Status;
 use yoto_proto::v1::{ListModelsRequest, Model};
 
 /// Models per page.
@@ -26,13 +25,13 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     };
     let list = asker.services().models.list_models(asker.request(request));
     let list = list.await?.into_inner();
-    let mut names = Names::of(&asker);
+    let names = Names::read(&asker, people(&list.models)).await?;
     let body = html! {
         h1 { "Models" }
         @if list.models.is_empty() {
             p .empty { "None yet. " code { "yoto train NAME --subjects PEOPLE" } " makes one and trains it." }
         } @else {
-            (table(&list.models, &mut names, asker.now()).await?)
+            (table(&list.models, &names, asker.now()))
             @if list.models.len() > 1 { p { a href="/compare" { "Compare two models" } } }
         }
         (more("/models", &list.next_page_token))
@@ -40,17 +39,19 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     Ok(document::live("Models", "/models", "", body))
 }
 
+/// The people whom [`table`] names.
+pub fn people(models: &[Model]) -> impl Iterator<Item = &str> {
+    let slots = models.iter().flat_map(|it| it.slots.iter().take(NAMED));
+    slots.map(|it| it.subject.as_str())
+}
+
 /// Models, one per row.
-///
-/// # Errors
-/// When the service can't tell the people's names.
-pub async fn table(models: &[Model], names: &mut Names<'_>, now: f64) -> Result<Markup, Status> {
+pub fn table(models: &[Model], names: &Names, now: f64) -> Markup {
     let mut rows = Vec::new();
     for model in models {
-        let mut people = Vec::new();
-        for slot in model.slots.iter().take(NAMED) {
-            people.push(told(&names.plain(&slot.subject).await?));
-        }
+        let slots = model.slots.iter().take(NAMED);
+        let people = slots.map(|slot| told(&names.plain(&slot.subject)));
+        let mut people: Vec<String> = people.collect();
         if model.slots.len() > NAMED {
             people.push(format!("{} more", model.slots.len() - NAMED));
         }
@@ -72,10 +73,10 @@ pub async fn table(models: &[Model], names: &mut Names<'_>, now: f64) -> Result<
             }
         });
     }
-    Ok(html! {
+    html! {
         div .scroll tabindex="0" role="group" aria-label="Table" { table {
             thead { tr { th { "Model" } th { "Tier" } th { "People" } th { "State" } th { "Made" } } }
             tbody { @for row in rows { (row) } }
         } }
-    })
+    }
 }

@@ -15,6 +15,7 @@ use yoto_proto::v1::{
     Actor, CaptureMotion, CreateJobRequest, ExportForm, ExportSpec, JobSpec, Model, RenderSpec,
     Scene, SceneCamera, SceneOrbit, Subject, TrainSpec, actor, job_spec, render_spec, scene_camera,
 };
+use yoto_store::Person;
 
 /// Minutes of a training unless the form says otherwise.
 const MINUTES: u32 = 5;
@@ -37,11 +38,15 @@ const WALL: f32 = 0.85;
 pub fn forms(
     asker: &Asker,
     model: &Model,
-    people: &[(Subject, bool)],
+    people: &[(Person, bool)],
     plays: bool,
 ) -> Result<Markup, Status> {
     let path = page_of(&model.name);
-    let trained: Vec<&Subject> = people.iter().filter(|it| it.1).map(|it| &it.0).collect();
+    let trained: Vec<&Subject> = people
+        .iter()
+        .filter(|it| it.1)
+        .map(|it| &it.0.subject)
+        .collect();
     Ok(html! {
         @if !people.is_empty() {
             details #train .act {
@@ -59,7 +64,7 @@ pub fn forms(
                 p #camera { @if plays { "Drag the player on this page: the camera of the film follows." } }
                 (form(asker, &format!("{path}/film"), &[], html! {
                     label { "Person " (choice("subject", trained.iter().copied(), None)) }
-                    label { "Motion of " (choice("driver", people.iter().map(|it| &it.0), Some("the person's own capture"))) }
+                    label { "Motion of " (choice("driver", people.iter().map(|it| &it.0.subject), Some("the person's own capture"))) }
                     label { "Camera to the right, degrees " input name="azimuth" type="number" min="-180" max="180" value="0" required; }
                     label { "Camera above the ground, degrees " input name="elevation" type="number" min="-80" max="80" value="10" required; }
                     label { "It orbits by, degrees " input name="sweep" type="number" min="-3600" max="3600" value="0" required; }

@@ -3,18 +3,20 @@
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::names::Names;
+use super::model::split;
+use super::names::{Names, about};
 use super::service::notices;
 use super::words::{count, job_state, page_of};
 use super::{jobs, models, progress};
 use maud::html;
 use tonic::Status;
-use yoto_proto::v1::{GetStatusRequest, Job, ListJobsRequest, ListModelsRequest, job};
+use yoto_proto::v1::{GetStatusRequest, Job, ListModelsRequest, job};
+use yoto_store::{JobFilter, JobGroup};
 
 /// Most running, queued, ended jobs and models.
-const RUNNING: i32 = 12;
-const QUEUED: i32 = 8;
-const ENDED: i32 = 8;
+const RUNNING: u32 = 12;
+const QUEUED: u32 = 8;
+const ENDED: u32 = 8;
 const MODELS: i32 = 6;
 
 /// `/`
@@ -25,14 +27,7 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
         .get_status(asker.request(GetStatusRequest {}));
     let status = status.await?.into_inner();
     let faults = asker.backend().health_faults();
-    let running = of_states(&asker, &[job::State::Running], RUNNING).await?;
-    let queued = of_states(&asker, &[job::State::Queued], QUEUED).await?;
-    let ended = [
-        job::State::Succeeded,
-        job::State::Failed,
-        job::State::Cancelled,
-    ];
-    let ended = of_states(&asker, &ended, ENDED).await?;
+    let [running, queued, ended] = lists(&asker).await?;
     let request = ListModelsRequest {
         page_size: MODELS,
         ..ListModelsRequest::default()
@@ -40,20 +35,12 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
     let list = asker.services().models.list_models(asker.request(request));
     let list = list.await?.into_inner();
     let now = asker.now();
-    let mut names = Names::of(&asker);
-    let mut active = Vec::new();
-    for job in &running {
-        let title = names.title(job).await?;
-        active.push(html! {
-            section .panel {
-                h3 { a href=(page_of(&job.name)) { bdi { (title) } } " " (job_state(job)) }
-                (progress::bar(job))
-            }
-        });
-    }
-    let models = models::table(&list.models, &mut names, now).await?;
-    let queued = jobs::table(&queued, &mut names, now).await?;
-    let ended = jobs::table(&ended, &mut names, now).await?;
+    let of_jobs = running.iter().chain(&queued).chain(&ended).map(about);
+    let mentioned = of_jobs.chain(models::people(&list.models));
+    let names = Names::read(&asker, mentioned).await?;
+    let models = models::table(&list.models, &names, now);
+    let queued = jobs::table(&queued, &names, now);
+    let ended = jobs::table(&ended, &names, now);
     let percent = running
         .first()
         .and_then(|it| it.progress.as_ref())
@@ -73,8 +60,13 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
             a href="/workers" { (count(status.workers.len() as u64, "active worker")) }
         }
         div #running .panels {
-            @if active.is_empty() { p .empty { "Nothing runs." } }
-            @for panel in active { (panel) }
+            @if running.is_empty() { p .empty { "Nothing runs." } }
+            @for job in &running {
+                section .panel {
+                    h3 { a href=(page_of(&job.name)) { bdi { (names.title(job)) } } " " (job_state(job)) }
+                    (progress::bar(job))
+                }
+            }
         }
         div #queue { @if status.queued > 0 { h2 { a href="/jobs?show=open" { "Queue" } } (queued) } }
         h2 { a href="/models" { "Models" } }
@@ -85,17 +77,27 @@ pub async fn page(asker: Asker) -> Result<Page, Fault> {
     Ok(document::live(&title, "/", "", body))
 }
 
-/// The newest jobs in these states.
-async fn of_states(asker: &Asker, states: &[job::State], most: i32) -> Result<Vec<Job>, Status> {
-    let request = ListJobsRequest {
-        states: states.iter().map(|&it| it.into()).collect(),
-        page_size: most,
-        ..ListJobsRequest::default()
+/// The newest jobs that run, that wait, and that have ended.
+async fn lists(asker: &Asker) -> Result<[Vec<Job>; 3], Status> {
+    let ended = [
+        job::State::Succeeded,
+        job::State::Failed,
+        job::State::Cancelled,
+    ];
+    let of_states = |states: &[job::State], most: u32, positions: bool| JobGroup {
+        filter: JobFilter {
+            states: states.to_vec(),
+            ..JobFilter::default()
+        },
+        most,
+        positions,
+        ..JobGroup::default()
     };
-    let list = asker
-        .services()
-        .jobs
-        .list_jobs(asker.request(request))
-        .await?;
-    Ok(list.into_inner().jobs)
+    let groups = [
+        of_states(&[job::State::Running], RUNNING, false),
+        of_states(&[job::State::Queued], QUEUED, true),
+        of_states(&ended, ENDED, false),
+    ];
+    let lists = asker.backend().jobs(&asker.tenant()?, &groups).await?;
+    Ok(split(lists))
 }

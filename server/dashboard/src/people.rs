@@ -8,14 +8,11 @@ use super::upload::{self, Whose};
 use super::words::{count, name, page_of, subject_state};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
-use std::collections::HashMap;
-use tonic::{Code, Status};
-use yoto_proto::v1::{Capture, GetCaptureRequest, ListSubjectsRequest, Subject, capture};
+use yoto_proto::v1::{Capture, ListSubjectsRequest, Subject};
+use yoto_store::Person;
 
 /// People per page.
 const PER_PAGE: i32 = 60;
-/// Most captures of a person among which a ready one is looked for.
-const LOOKED_AT: usize = 4;
 
 /// `/people`
 pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
@@ -29,7 +26,8 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
         .subjects
         .list_subjects(asker.request(request));
     let list = list.await?.into_inner();
-    let captures = captures_of(&asker, &list.subjects).await?;
+    let names: Vec<&str> = list.subjects.iter().map(|it| &*it.name).collect();
+    let people = asker.backend().people(&asker.tenant()?, &names).await?;
     let limits = upload::limits(&asker).await?;
     let open = list.subjects.is_empty();
     let body = html! {
@@ -43,7 +41,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
         }
         ul .cards {
             @for subject in &list.subjects {
-                li { (card(subject, captures.get(&subject.name))) }
+                li { (card(subject, people.get(&subject.name).and_then(portrayed))) }
             }
         }
         (more("/people", &list.next_page_token))
@@ -61,39 +59,9 @@ pub fn more(path: &str, token: &str) -> Markup {
     }
 }
 
-/// The capture that stands for each of the people: the newest one that is ready, or else the newest.
-///
-/// # Errors
-/// When the service can't tell.
-pub async fn captures_of(
-    asker: &Asker,
-    subjects: &[Subject],
-) -> Result<HashMap<String, Capture>, Status> {
-    let mut found: HashMap<String, Capture> = HashMap::new();
-    for subject in subjects {
-        for name in subject.captures.iter().rev().take(LOOKED_AT) {
-            let request = GetCaptureRequest { name: name.clone() };
-            let capture = match asker
-                .services()
-                .subjects
-                .get_capture(asker.request(request))
-                .await
-            {
-                Ok(capture) => capture.into_inner(),
-                // It was deleted meanwhile.
-                Err(error) if error.code() == Code::NotFound => continue,
-                Err(error) => return Err(error),
-            };
-            let ready = capture.state() == capture::State::Ready;
-            if ready || !found.contains_key(&subject.name) {
-                found.insert(subject.name.clone(), capture);
-            }
-            if ready {
-                break;
-            }
-        }
-    }
-    Ok(found)
+/// The capture by which pages show a person: the newest one that is ready, or else the newest.
+pub fn portrayed(person: &Person) -> Option<&Capture> {
+    person.portrait.as_ref().map(|it| &it.capture)
 }
 
 /// A person with a picture.

@@ -12,13 +12,10 @@ use super::{avatar, findings};
 use axum::extract::Path;
 use maud::{Markup, html};
 use tonic::Status;
-use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
 use yoto_proto::text::visible;
 use yoto_proto::v1::consent_item::State;
-use yoto_proto::v1::{
-    Capture, Consent, ConsentPurpose, GetSubjectRequest, ListCapturesRequest, ListConsentsRequest,
-    ListModelsRequest, Model, capture, subject,
-};
+use yoto_proto::v1::{Consent, ConsentPurpose, GetSubjectRequest, capture, subject};
+use yoto_store::CaptureFiles;
 
 /// `/people/{id}`
 pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
@@ -31,18 +28,12 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         .subjects
         .get_subject(asker.request(request));
     let subject = subject.await?.into_inner();
-    let request = ListCapturesRequest {
-        parent: resource.clone(),
-        page_size: LONGEST_PAGE_ENTRIES as i32,
-        ..ListCapturesRequest::default()
-    };
-    let captures = asker
-        .services()
-        .subjects
-        .list_captures(asker.request(request));
-    let captures = captures.await?.into_inner().captures;
-    let (models, others) = models_with(&asker, &resource).await?;
-    let consents = consents_of(&asker, &resource).await?;
+    let (backend, tenant) = (asker.backend(), asker.tenant()?);
+    let captures = backend.captures(&tenant, &resource).await?;
+    let models = backend.memberships(&tenant, &resource).await?;
+    let (models, others): (Vec<_>, Vec<_>) =
+        models.into_iter().partition(|it| it.trained.is_some());
+    let consents = backend.consents(&tenant, &[&resource]).await?;
     let now = asker.now();
     let mut shown = Vec::new();
     for capture in captures.iter().rev() {
@@ -73,10 +64,10 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
             div { dt { "Captures" } dd { (captures.len()) } }
             div { dt { "Models" } dd {
                 @if models.is_empty() { "none" }
-                @for (at, (model, trained)) in models.iter().enumerate() {
+                @for (at, it) in models.iter().enumerate() {
                     @if at > 0 { ", " }
-                    a href=(page_of(&model.name)) { (name(&model.display_name)) }
-                    @if !trained { " " (badge("calm", "not trained")) }
+                    a href=(page_of(&it.model)) { (name(&it.display_name)) }
+                    @if it.trained == Some(false) { " " (badge("calm", "not trained")) }
                 }
             } }
             div { dt { "Id" } dd { code { (id) } } }
@@ -94,23 +85,6 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
         @for section in shown { (section) }
     };
     Ok(document::live(&title, "/people", "", body))
-}
-
-/// What a person agrees to.
-///
-/// # Errors
-/// When the service can't tell.
-pub async fn consents_of(asker: &Asker, subject: &str) -> Result<Vec<Consent>, Status> {
-    let request = ListConsentsRequest {
-        parent: subject.to_owned(),
-        page_size: LONGEST_PAGE_ENTRIES as i32,
-        ..ListConsentsRequest::default()
-    };
-    let consents = asker
-        .services()
-        .subjects
-        .list_consents(asker.request(request));
-    Ok(consents.await?.into_inner().consents)
 }
 
 /// A record of what the person agrees to.
@@ -140,45 +114,15 @@ fn purpose(purpose: ConsentPurpose) -> String {
     name.to_ascii_lowercase()
 }
 
-/// The models with the person, and whether their newest checkpoints know them; and all others.
-async fn models_with(
-    asker: &Asker,
-    subject: &str,
-) -> Result<(Vec<(Model, bool)>, Vec<Model>), Status> {
-    let (mut found, mut others) = (Vec::new(), Vec::new());
-    let mut page_token = String::new();
-    loop {
-        let request = ListModelsRequest {
-            page_size: LONGEST_PAGE_ENTRIES as i32,
-            page_token,
-        };
-        let list = asker.services().models.list_models(asker.request(request));
-        let list = list.await?.into_inner();
-        for model in list.models {
-            let slot = model.slots.iter().find(|it| it.subject == subject);
-            match slot.map(|it| it.trained) {
-                Some(trained) => found.push((model, trained)),
-                None => others.push(model),
-            }
-        }
-        page_token = list.next_page_token;
-        if page_token.is_empty() {
-            return Ok((found, others));
-        }
-    }
-}
-
 /// A capture.
 async fn section(
     asker: &Asker,
     now: f64,
     person: &str,
-    capture: &Capture,
+    capture: &CaptureFiles,
 ) -> Result<Markup, Status> {
-    let report = match capture.state() {
-        capture::State::Ready => findings::read(asker, capture).await?,
-        _ => None,
-    };
+    let report = findings::read(asker, capture).await?;
+    let capture = &capture.capture;
     Ok(html! {
         section .panel {
             div .row {

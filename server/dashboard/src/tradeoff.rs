@@ -6,10 +6,12 @@ use super::words::told;
 use maud::{Markup, html};
 use serde::Deserialize;
 use tonic::{Code, Status};
-use yoto_proto::v1::{Checkpoint, GetTradeoffRequest};
+use yoto_proto::v1::Checkpoint;
 
 /// Most settings that are drawn.
 const MOST: usize = 1000;
+/// Longest file of figures that is read, bytes.
+const LONGEST: usize = 8 << 20;
 
 /// The figures as `yoto tradeoff` writes them, as far as they are shown.
 #[derive(Debug, Default, Deserialize)]
@@ -47,22 +49,18 @@ impl Point {
 /// When the service can't read it.
 pub async fn of(asker: &Asker, checkpoints: &[Checkpoint]) -> Result<Markup, Status> {
     let mut measured = checkpoints.iter().filter(|it| it.tradeoff.is_some());
-    let Some(checkpoint) = measured
+    let found = measured
         .find(|it| it.best)
-        .or_else(|| checkpoints.iter().find(|it| it.tradeoff.is_some()))
-    else {
+        .or_else(|| checkpoints.iter().find(|it| it.tradeoff.is_some()));
+    let Some((checkpoint, object)) = found.and_then(|it| Some((it, it.tradeoff.as_ref()?))) else {
         return Ok(html! {});
     };
-    let request = GetTradeoffRequest {
-        checkpoint: checkpoint.name.clone(),
-    };
-    let found = asker
-        .services()
-        .models
-        .get_tradeoff(asker.request(request))
-        .await;
-    let json = match found {
-        Ok(found) => found.into_inner().json,
+    let json = match asker.backend().object(object, LONGEST).await {
+        Ok(Some(json)) => json,
+        Ok(None) => {
+            tracing::warn!(checkpoint = checkpoint.name, "the trade-off is too long");
+            return Ok(html! {});
+        }
         // It was replaced meanwhile.
         Err(error) if error.code() == Code::NotFound => return Ok(html! {}),
         Err(error) => return Err(error),

@@ -4,18 +4,20 @@ use super::actions::form;
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
-use super::names::Names;
+use super::names::{Names, about};
 use super::people::more;
 use super::progress;
 use super::query::Fields;
 use super::words::{ago, badge, bytes, kind_word, name, page_of, told};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
-use tonic::{Code, Status};
+use std::collections::HashMap;
+use tonic::Status;
 use yoto_proto::limits::REASON_CHARACTERS;
 use yoto_proto::v1::{
-    Cordon, GetJobRequest, GetStatusRequest, ListWorkersRequest, ServiceStatus, WorkerStatus,
+    Cordon, GetStatusRequest, Job, ListWorkersRequest, ServiceStatus, WorkerStatus,
 };
+use yoto_store::JobGroup;
 
 /// Workers per page.
 const PER_PAGE: i32 = 50;
@@ -34,10 +36,12 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     };
     let list = asker.services().status.list_workers(asker.request(request));
     let list = list.await?.into_inner();
-    let mut names = Names::of(&asker);
+    let jobs = jobs_of(&asker, &list.workers).await?;
+    let names = Names::read(&asker, jobs.values().map(about)).await?;
     let mut shown = Vec::new();
     for worker in &list.workers {
-        shown.push(panel(&asker, &mut names, &status, worker).await?);
+        let does = does(worker, jobs.get(&worker.job), &names);
+        shown.push(panel(&asker, &status, worker, &does)?);
     }
     // A cordon is of a name, whether or not a worker has it at present.
     let absent = |it: &&Cordon| {
@@ -62,11 +66,32 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
     Ok(document::live("Workers", "/workers", "", body))
 }
 
-async fn panel(
+/// The jobs that workers have, by `jobs/{id}`.
+async fn jobs_of(asker: &Asker, workers: &[WorkerStatus]) -> Result<HashMap<String, Job>, Status> {
+    let names = workers.iter().map(|it| it.job.trim_start_matches("jobs/"));
+    let ids: Vec<String> = names
+        .filter(|it| !it.is_empty())
+        .map(str::to_owned)
+        .collect();
+    if ids.is_empty() {
+        return Ok(HashMap::new());
+    }
+    let group = JobGroup {
+        most: u32::MAX,
+        ids: Some(ids),
+        ..JobGroup::default()
+    };
+    let found = asker.backend().jobs(&asker.tenant()?, &[group]).await?;
+    let found = found.into_iter().flatten();
+    Ok(found.map(|job| (job.name.clone(), job)).collect())
+}
+
+/// A worker; `does` shows its job.
+fn panel(
     asker: &Asker,
-    names: &mut Names<'_>,
     status: &ServiceStatus,
     worker: &WorkerStatus,
+    does: &Markup,
 ) -> Result<Markup, Status> {
     let device = worker.device.clone().unwrap_or_default();
     let active = status.workers.iter().any(|it| it.name == worker.name);
@@ -75,7 +100,6 @@ async fn panel(
         .iter()
         .find(|it| it.display_name == worker.display_name);
     let kinds: Vec<&str> = worker.kinds().map(kind_word).collect();
-    let does = does(asker, names, worker).await?;
     Ok(html! {
         section id={ "worker-" (super::words::short(&worker.name)) } .panel {
             h2 {
@@ -110,29 +134,17 @@ async fn panel(
     })
 }
 
-/// The job that a worker has.
-async fn does(
-    asker: &Asker,
-    names: &mut Names<'_>,
-    worker: &WorkerStatus,
-) -> Result<Markup, Status> {
+/// The job that a worker has; nothing if it was deleted meanwhile.
+fn does(worker: &WorkerStatus, job: Option<&Job>, names: &Names) -> Markup {
     if worker.job.is_empty() {
-        return Ok(html! { p .detail { "It has no job." } });
+        return html! { p .detail { "It has no job." } };
     }
-    let request = GetJobRequest {
-        name: worker.job.clone(),
-    };
-    let job = match asker.services().jobs.get_job(asker.request(request)).await {
-        Ok(job) => job.into_inner(),
-        // It was deleted meanwhile.
-        Err(error) if error.code() == Code::NotFound => return Ok(html! {}),
-        Err(error) => return Err(error),
-    };
-    let title = names.title(&job).await?;
-    Ok(html! {
-        p { a href=(page_of(&job.name)) { bdi { (title) } } }
-        (progress::bar(&job))
-    })
+    html! {
+        @if let Some(job) = job {
+            p { a href=(page_of(&job.name)) { bdi { (names.title(job)) } } }
+            (progress::bar(job))
+        }
+    }
 }
 
 /// A cordon, and the form that ends it.

@@ -4,6 +4,7 @@
 //! All of it is merged into the router of gRPC's services, so connections and calls count towards the same limits.
 
 pub mod file_kind;
+pub mod job_files;
 pub mod transcoding;
 mod web;
 

@@ -69,7 +69,7 @@ impl JobApi {
     /// Refuses a filter with a model that does not exist: it would match no job, and look like an empty queue.
     async fn require_model(&self, tenant: &Tenant, filter: &JobFilter) -> Result<(), RequestError> {
         if let Some(id) = &filter.model_id {
-            self.context.store.model(tenant, id).await?;
+            self.context.store.require_model(tenant, id).await?;
         }
         Ok(())
     }

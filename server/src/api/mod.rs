@@ -4,7 +4,7 @@
 mod aliases;
 mod consents;
 mod erasures;
-mod fields;
+pub mod fields;
 mod jobs;
 mod keys;
 mod models;
@@ -25,7 +25,7 @@ mod workers;
 
 pub use jobs::JobApi;
 pub use keys::{KeyApi, new_key};
-pub use models::ModelApi;
+pub use models::{ModelApi, explained};
 pub use objects::ObjectApi;
 pub use public::job as public_job;
 pub use renders::RenderApi;

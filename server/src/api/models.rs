@@ -45,26 +45,39 @@ pub struct ModelApi {
 }
 
 impl ModelApi {
-    /// All checkpoints of a model, newest first, with the best one marked and why each is kept. They come without
-    /// manifests, whose keys contain the tokens of leases.
+    /// All checkpoints of a model as [`explained`] tells them, without manifests, whose keys contain the tokens of leases.
     pub(super) async fn explained(
         &self,
         tenant: &Tenant,
         model_id: &str,
     ) -> Result<Vec<Checkpoint>, RequestError> {
-        let default = self.context.config.storage.retention();
-        let mut checkpoints = self
-            .context
-            .store
-            .kept_checkpoints(tenant, model_id, default)
-            .await?;
-        let best = best_first(checkpoints.clone()).into_iter().next();
+        let mut checkpoints = explained(&self.context, tenant, model_id).await?;
         for checkpoint in &mut checkpoints {
             checkpoint.manifest = None;
-            checkpoint.best = best.as_ref().is_some_and(|it| it.name == checkpoint.name);
         }
         Ok(checkpoints)
     }
+}
+
+/// All checkpoints of a model, newest first, with the best one marked and why each is kept.
+///
+/// # Errors
+/// When the tenant has no such model, or the database fails.
+pub async fn explained(
+    context: &Context,
+    tenant: &Tenant,
+    model_id: &str,
+) -> Result<Vec<Checkpoint>, RequestError> {
+    let default = context.config.storage.retention();
+    let mut checkpoints = context
+        .store
+        .kept_checkpoints(tenant, model_id, default)
+        .await?;
+    let best = best_first(checkpoints.clone()).into_iter().next();
+    for checkpoint in &mut checkpoints {
+        checkpoint.best = best.as_ref().is_some_and(|it| it.name == checkpoint.name);
+    }
+    Ok(checkpoints)
 }
 
 #[tonic::async_trait]

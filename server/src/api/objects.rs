@@ -7,6 +7,7 @@ use futures::stream::BoxStream;
 use futures::{StreamExt, TryStreamExt};
 use std::sync::Arc;
 use tonic::{Request, Response, Status};
+use yoto_http::job_files::{TRADEOFF, files_of_result};
 use yoto_http::transcoding::NamedObjects;
 use yoto_proto::manifest::files;
 use yoto_proto::names::{self, Collection};
@@ -14,13 +15,11 @@ use yoto_proto::v1::object_service_server::ObjectService;
 use yoto_proto::v1::{
     DownloadObjectRequest, DownloadObjectResponse, ErrorReason, Job, JobKind, ListObjectsRequest,
     ListObjectsResponse, NamedObject, ObjectRef, SignDownloadRequest, SignDownloadResponse,
-    Unsigned, job, job_result,
+    Unsigned, job,
 };
 use yoto_request::{RequestError, tenant_of};
 use yoto_store::Tenant;
 
-/// File of a measured trade-off.
-const TRADEOFF: &str = "tradeoff.json";
 /// Files per page if the request does not say.
 const MAX_PAGE: i32 = 1000;
 
@@ -164,7 +163,7 @@ impl ObjectApi {
             let message = format!("'{shown}' is neither a job nor a checkpoint nor a capture");
             return Err(RequestError::invalid(field, message));
         };
-        let job = self.context.store.job(tenant, &id).await?;
+        let job = self.context.store.job_state(tenant, &id).await?;
         let commits = matches!(job.kind(), JobKind::Render | JobKind::Export);
         if commits && job.state() != job::State::Succeeded {
             let committed = self.context.store.outputs(tenant, &id).await?.into_iter();
@@ -207,7 +206,7 @@ impl ObjectApi {
     }
 }
 
-/// The files of an ended job, or those that a running render or export has committed so far.
+/// The files of a job that has succeeded.
 fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
     if job.state() != job::State::Succeeded {
         let message = format!("{} is {}", job.name, job.state().as_str_name());
@@ -216,27 +215,5 @@ fn of_job(job: &Job) -> Result<Vec<(String, ObjectRef)>, RequestError> {
             message,
         ));
     }
-    let result = job.result.as_ref().and_then(|result| result.kind.as_ref());
-    Ok(match result {
-        Some(job_result::Kind::Render(render)) => {
-            let files = render.files.iter();
-            let files = files.filter_map(|it| Some((it.file.clone(), it.object.clone()?)));
-            files.collect()
-        }
-        Some(job_result::Kind::Evaluate(evaluate)) => {
-            let tradeoff = evaluate.tradeoff.iter();
-            tradeoff
-                .map(|it| (TRADEOFF.to_owned(), it.clone()))
-                .collect()
-        }
-        Some(job_result::Kind::Export(export)) => {
-            let files = export.files.iter();
-            let files = files.filter_map(|it| Some((it.file.clone(), it.object.clone()?)));
-            files.collect()
-        }
-        // Its files are those of the checkpoint that the result names.
-        Some(job_result::Kind::Train(_)) => Vec::new(),
-        // A capture stays with the service.
-        Some(job_result::Kind::Ingest(_)) | None => Vec::new(),
-    })
+    Ok(files_of_result(job))
 }

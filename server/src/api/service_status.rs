@@ -34,25 +34,22 @@ impl StatusService for StatusApi {
         let lease_seconds = context.config.lease_seconds;
         let workers = context.store.active_workers(&tenant, lease_seconds).await;
         let workers = workers.map_err(RequestError::from)?;
-        let counts = context.store.open_jobs(&tenant).await;
-        let (queued, running) = counts.map_err(RequestError::from)?;
-        let paused = context.store.paused_kinds(&tenant).await;
-        let draining = context.store.draining().await;
-        let cordons = context.store.cordons(&tenant).await;
+        let state = context.store.service_state(&tenant).await;
+        let state = state.map_err(RequestError::from)?;
         let disk = context.storage.place.room();
         Ok(Response::new(ServiceStatus {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             order_level: orders::LEVEL,
             start_time: Some(context.started.into()),
             workers,
-            queued,
-            running,
+            queued: state.queued,
+            running: state.running,
             objects: context.storage.url.scheme().to_owned(),
             disk_free: disk.map(|disk| disk.free),
             disk_total: disk.map(|disk| disk.total),
-            paused: paused.map_err(RequestError::from)?,
-            draining: draining.map_err(RequestError::from)?,
-            cordons: cordons.map_err(RequestError::from)?,
+            paused: state.paused,
+            draining: state.draining,
+            cordons: state.cordons,
         }))
     }
 

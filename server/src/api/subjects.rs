@@ -157,13 +157,6 @@ impl SubjectService for SubjectApi {
         };
         let (page, subject) = both(page, subject)?;
         let store = &self.context.store;
-        if let Some(id) = &subject {
-            // A person who does not exist is no empty list.
-            store
-                .subject(&tenant, id)
-                .await
-                .map_err(RequestError::from)?;
-        }
         let entries = store
             .captures(&tenant, page.page(), subject.as_deref())
             .await;

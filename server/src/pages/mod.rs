@@ -7,6 +7,7 @@ mod backend;
 pub mod figures;
 mod metrics;
 mod probes;
+mod reads;
 mod shares;
 
 pub use backend::Coordinated;

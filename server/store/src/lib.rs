@@ -13,6 +13,7 @@ mod erasure_types;
 mod error;
 mod job_types;
 mod key_types;
+mod page_types;
 #[cfg(test)]
 mod race_tests;
 pub mod rules;
@@ -36,6 +37,8 @@ pub use job_types::{
     LeasedJob, NewJob, OpenJobs, QueueFigures, Reaped, StoppedJob, TakenRange,
 };
 pub use key_types::{KeyRow, NewKey};
+pub use page_types::{CaptureFiles, JobGroup, Membership, Person};
+pub use scripts::service_state::ServiceState;
 pub use tenant::Tenant;
 pub use trace_parent::TraceParent;
 pub use types::{

@@ -11,10 +11,9 @@ use super::asker::Asker;
 use super::assets::{ICON, STYLE};
 use super::curves::{self, figure};
 use super::fault::Fault;
-use super::job::metrics;
-use super::model::{self, checkpoints_of, of_model};
-use super::people::captures_of;
-use super::person::{agreed, consents_of};
+use super::model::{self, of_model, split};
+use super::people::portrayed;
+use super::person::agreed;
 use super::words::{ago, badge, count, job_state, name, short, told, whole};
 use super::{findings, outcome, tradeoff};
 use axum::extract::Path;
@@ -24,18 +23,20 @@ use inline::Inline;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use prost_types::Timestamp;
 use tonic::Status;
+use yoto_proto::keys::THUMBNAIL;
 use yoto_proto::manifest::files::PREVIEW;
-use yoto_proto::names;
 use yoto_proto::progress::duration;
 use yoto_proto::text::visible;
 use yoto_proto::v1::{
-    Capture, Checkpoint, GetModelRequest, Job, JobKind, MetricPoint, Subject, TrainResult, job,
-    job_result,
+    Capture, Checkpoint, Consent, GetModelRequest, Job, MetricPoint, TrainResult, job, job_result,
 };
+use yoto_store::{JobKind, Person};
 
 /// Most trainings and most jobs that are told of.
-const TRAININGS: i32 = 20;
-const JOBS: i32 = 1000;
+const TRAININGS: u32 = 20;
+const JOBS: u32 = 1000;
+/// Newest evaluations among which one with figures is looked for.
+const EVALUATIONS: u32 = 4;
 
 /// `/models/{id}/report.html`
 pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
@@ -45,16 +46,20 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Faul
     };
     let model = asker.services().models.get_model(asker.request(request));
     let model = model.await?.into_inner();
-    let checkpoints = checkpoints_of(&asker, &resource).await?;
-    let trainings = of_model(&asker, &resource, &[JobKind::Train], &[], TRAININGS).await?;
-    let mut figures = Vec::new();
-    for training in trainings.iter().rev() {
-        figures.push(metrics(&asker, &training.name).await?);
-    }
-    figures.retain(|it: &Vec<MetricPoint>| !it.is_empty());
+    let (backend, tenant) = (asker.backend(), asker.tenant()?);
+    let mut checkpoints = backend.checkpoints(&tenant, &resource).await?;
+    checkpoints.truncate(model::CHECKPOINTS);
     let done = [job::State::Succeeded];
-    let evaluations = of_model(&asker, &resource, &[JobKind::Evaluate], &done, 4).await?;
-    let jobs = of_model(&asker, &resource, &[], &[], JOBS).await?;
+    let groups = [
+        of_model(&id, &[JobKind::Train], &[], TRAININGS),
+        of_model(&id, &[JobKind::Evaluate], &done, EVALUATIONS),
+        of_model(&id, &[], &[], JOBS),
+        inline::renders(&id),
+    ];
+    let lists = backend.jobs(&tenant, &groups).await?;
+    let [trainings, evaluations, jobs, renders] = split(lists);
+    let mut figures = curves::of(&asker, trainings.iter().rev()).await?;
+    figures.retain(|it: &Vec<MetricPoint>| !it.is_empty());
     let people = model::people(&asker, &model).await?;
     let told_of = people.len();
     let mut inline = Inline::default();
@@ -62,13 +67,10 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Faul
     let people = shown_people(&asker, now, &people, &mut inline).await?;
     let best = checkpoints.iter().find(|it| it.best);
     let preview = match best {
-        Some(best) => {
-            let object = names::object(&best.name, PREVIEW);
-            inline.picture(&asker, &object).await?
-        }
+        Some(best) => inline.of_checkpoint(&asker, best, PREVIEW).await?,
         None => None,
     };
-    let pictures = inline::of_newest_render(&asker, &resource, &mut inline).await?;
+    let pictures = inline::of_newest_render(&asker, &renders, &mut inline).await?;
     let tradeoff = tradeoff::of(&asker, &checkpoints).await?;
     let newest = trainings.iter().find_map(result);
     let body = html! {
@@ -172,19 +174,26 @@ fn facts(best: Option<&Checkpoint>, newest: Option<&TrainResult>, now: f64) -> M
 async fn shown_people(
     asker: &Asker,
     now: f64,
-    people: &[(Subject, bool)],
+    people: &[(Person, bool)],
     inline: &mut Inline,
 ) -> Result<Markup, Status> {
-    let subjects: Vec<Subject> = people.iter().map(|it| it.0.clone()).collect();
-    let captures = captures_of(asker, &subjects).await?;
+    let names: Vec<&str> = people.iter().map(|it| &*it.0.subject.name).collect();
+    let consents = asker.backend().consents(&asker.tenant()?, &names).await?;
     let mut sections = Vec::new();
-    for (subject, trained) in people {
-        let capture = captures.get(&subject.name);
-        let consents = consents_of(asker, &subject.name).await?;
+    for (person, trained) in people {
+        let subject = &person.subject;
+        let capture = portrayed(person);
+        let consents: Vec<&Consent> = consents
+            .iter()
+            .filter(|it| it.subject == subject.name)
+            .collect();
         let (mut picture, mut report) = (None, None);
-        if let Some(capture) = capture {
-            picture = inline.picture(asker, &capture.thumbnail).await?;
-            report = findings::read(asker, capture).await?;
+        if let Some(portrait) = &person.portrait {
+            picture = match portrait.object(THUMBNAIL) {
+                Some(object) => inline.picture(asker, THUMBNAIL, object).await?,
+                None => None,
+            };
+            report = findings::read(asker, portrait).await?;
         }
         sections.push(html! {
             section .panel {

@@ -72,14 +72,19 @@ impl Store {
         captures::get(&mut self.db.read().await?, tenant, id).await
     }
 
-    /// Captures of a person, or of all people, oldest first.
+    /// Captures of a person, who must exist, or of all people, oldest first.
     pub async fn captures(
         &self,
         tenant: &Tenant,
         page: Page,
         subject_id: Option<&str>,
     ) -> Result<Vec<Entry<Capture>>, StoreError> {
-        captures::list(&mut self.db.read().await?, tenant, page, subject_id).await
+        let found = captures::list(&mut self.db.read().await?, tenant, page, subject_id).await?;
+        let entries = found.into_iter().map(|it| Entry {
+            position: it.position,
+            item: it.item.capture,
+        });
+        Ok(entries.collect())
     }
 
     /// What the ingest job of a capture made: its frames, the check's report and a thumbnail.
@@ -111,6 +116,11 @@ impl Store {
     /// A model by id, with its slots.
     pub async fn model(&self, tenant: &Tenant, id: &str) -> Result<Model, StoreError> {
         models::get(&mut self.db.read().await?, tenant, id).await
+    }
+
+    /// Checks that the tenant has the model.
+    pub async fn require_model(&self, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+        models::require(&mut self.db.read().await?, tenant, id).await
     }
 
     /// Models, oldest first.

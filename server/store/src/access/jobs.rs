@@ -1,10 +1,12 @@
 //! Jobs for their owners, and answers to repeated requests.
 
-use crate::scripts::{ended, jobs, metrics, outputs, pauses, requests, versions, workers};
+use crate::scripts::{
+    ended, jobs, metrics, outputs, pauses, requests, service_state, versions, workers,
+};
 use crate::transaction::transaction;
 use crate::{
     EndedJob, Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey,
-    Store, StoreError, Tenant,
+    ServiceState, Store, StoreError, Tenant,
 };
 use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
 
@@ -86,9 +88,9 @@ impl Store {
         outputs::list(&mut tx, job_id).await
     }
 
-    /// Numbers of QUEUED and RUNNING jobs.
-    pub async fn open_jobs(&self, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
-        jobs::open(&mut self.db.read().await?, tenant).await
+    /// The state of the tenant's queue: how many jobs wait and run, and what keeps workers from taking them.
+    pub async fn service_state(&self, tenant: &Tenant) -> Result<ServiceState, StoreError> {
+        service_state::read(&mut self.db.read().await?, tenant).await
     }
 
     /// The open jobs and the workers of all tenants.

@@ -8,6 +8,7 @@ mod inspection;
 mod jobs;
 mod keys;
 mod operators;
+mod pages;
 mod shares;
 mod tenants;
 mod upkeep;

@@ -3,7 +3,7 @@
 use crate::scripts::operators;
 use crate::transaction::transaction;
 use crate::{Store, StoreError, Tenant};
-use yoto_proto::v1::{Cordon, Draining};
+use yoto_proto::v1::Draining;
 
 impl Store {
     /// The service takes no new jobs and gives no leases, for a reason.
@@ -34,10 +34,5 @@ impl Store {
     /// The workers called `worker` get leases again.
     pub async fn uncordon(&self, tenant: &Tenant, worker: &str) -> Result<(), StoreError> {
         transaction!(self, |tx| operators::uncordon(tx, tenant, worker))
-    }
-
-    /// The cordons of the tenant's workers.
-    pub async fn cordons(&self, tenant: &Tenant) -> Result<Vec<Cordon>, StoreError> {
-        operators::cordons(&mut self.db.read().await?, tenant).await
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::StoreError;
 use crate::db::{Tx, integer, sql};
+use std::collections::HashMap;
 use yoto_proto::keys::{CHECK, FRAMES, THUMBNAIL};
 use yoto_proto::v1::{IngestResult, RenderedFile};
 
@@ -32,23 +33,36 @@ pub async fn record(
 
 /// The files of a capture, by name.
 pub async fn list(tx: &mut Tx, capture_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
-    let rows = sql(
-        "SELECT file, key, bytes, sha256 FROM capture_objects WHERE capture = $1
-         UNION ALL
-         SELECT $2 AS file, shard_key AS key, shard_bytes AS bytes, shard_sha256 AS sha256
-         FROM captures WHERE id = $1 AND shard_key IS NOT NULL
-         ORDER BY file",
-    )
-    .bind(capture_id)
-    .bind(FRAMES)
-    .rows(tx, "listing the files of a capture")
-    .await?;
-    rows.iter()
-        .map(|row| {
-            Ok(RenderedFile {
-                file: row.text("file")?,
-                object: row.object("key", "bytes", "sha256")?,
-            })
-        })
-        .collect()
+    let mut found = of_captures(tx, &[capture_id]).await?;
+    Ok(found.remove(capture_id).unwrap_or_default())
+}
+
+/// The files of each of these captures by name, by the captures' ids. A capture without files is missing.
+pub async fn of_captures(
+    tx: &mut Tx,
+    captures: &[&str],
+) -> Result<HashMap<String, Vec<RenderedFile>>, StoreError> {
+    let mut found: HashMap<String, Vec<RenderedFile>> = HashMap::new();
+    if captures.is_empty() {
+        return Ok(found);
+    }
+    let mut query =
+        sql("SELECT capture, file, key, bytes, sha256 FROM capture_objects WHERE capture IN (");
+    query.push_all(captures.iter().copied());
+    query.push(") UNION ALL SELECT id AS capture, ");
+    query.push_bind(FRAMES);
+    query.push(
+        " AS file, shard_key AS key, shard_bytes AS bytes, shard_sha256 AS sha256
+          FROM captures WHERE shard_key IS NOT NULL AND id IN (",
+    );
+    query.push_all(captures.iter().copied());
+    query.push(") ORDER BY file");
+    for row in query.rows(tx, "listing the files of captures").await? {
+        let file = RenderedFile {
+            file: row.text("file")?,
+            object: row.object("key", "bytes", "sha256")?,
+        };
+        found.entry(row.text("capture")?).or_default().push(file);
+    }
+    Ok(found)
 }

@@ -1,13 +1,14 @@
 //! Captures, and the results of their ingest jobs.
 
-use super::capture_objects;
+use super::{capture_objects, subjects};
 use crate::db::{Lock, Row, Tx, integer, sql, state};
 use crate::rules::etag;
-use crate::{Entry, Page, StoreError, Tenant, UploadedFile};
+use crate::{CaptureFiles, Entry, Page, StoreError, Tenant, UploadedFile};
+use std::collections::HashMap;
 use yoto_proto::keys::{CHECK, THUMBNAIL};
 use yoto_proto::limits;
 use yoto_proto::names::{self, Collection};
-use yoto_proto::v1::{Capture, IngestResult, Violation, capture};
+use yoto_proto::v1::{Capture, IngestResult, RenderedFile, Violation, capture};
 
 fn not_found(id: &str) -> StoreError {
     StoreError::NotFound {
@@ -36,7 +37,8 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Capture, Stor
         .row(tx, "reading a capture")
         .await?
         .ok_or_else(|| not_found(id))?;
-    read(tx, &row).await
+    let read = read(tx, &[row]).await?.into_iter().next();
+    Ok(read.ok_or_else(|| not_found(id))?.capture)
 }
 
 /// Captures of a person, or of all of the tenant's people, oldest first.
@@ -45,7 +47,7 @@ pub async fn list(
     tenant: &Tenant,
     page: Page,
     subject_id: Option<&str>,
-) -> Result<Vec<Entry<Capture>>, StoreError> {
+) -> Result<Vec<Entry<CaptureFiles>>, StoreError> {
     let rows = sql(select_captures!(
         "WHERE s.tenant = $1 AND c.ord > $2 AND ($3 IS NULL OR c.subject = $3)
          ORDER BY c.ord LIMIT $4"
@@ -56,24 +58,49 @@ pub async fn list(
     .bind(page.limit)
     .rows(tx, "listing captures")
     .await?;
-    let mut captures = Vec::with_capacity(rows.len());
-    for row in &rows {
-        captures.push(Entry {
-            position: row.number("ord")?,
-            item: read(tx, row).await?,
-        });
+    if let (true, Some(id)) = (rows.is_empty(), subject_id) {
+        // A person who does not exist is no empty list.
+        subjects::get(tx, tenant, id).await?;
     }
-    Ok(captures)
+    let captures = read(tx, &rows).await?;
+    let entries = rows.iter().zip(captures).map(|(row, item)| {
+        Ok(Entry {
+            position: row.number("ord")?,
+            item,
+        })
+    });
+    entries.collect()
 }
 
-async fn read(tx: &mut Tx, row: &Row) -> Result<Capture, StoreError> {
-    let id = &*row.text("id")?;
+/// Captures with their files and violations, each of which is read at once for all of them.
+async fn read(tx: &mut Tx, rows: &[Row]) -> Result<Vec<CaptureFiles>, StoreError> {
+    let (mut ids, mut ready) = (Vec::with_capacity(rows.len()), Vec::new());
+    for row in rows {
+        ids.push(row.text("id")?);
+        if row.text("state")? == capture::State::Ready.as_str_name() {
+            ready.push(row.text("id")?);
+        }
+    }
+    let ready: Vec<&str> = ready.iter().map(String::as_str).collect();
+    let mut files = capture_objects::of_captures(tx, &ready).await?;
+    let mut violations = violations(tx, &ids).await?;
+    let captures = rows.iter().zip(&ids).map(|(row, id)| {
+        let files = files.remove(id).unwrap_or_default();
+        let violations = violations.remove(id).unwrap_or_default();
+        let capture = one(row, id, &files, violations)?;
+        Ok(CaptureFiles { capture, files })
+    });
+    captures.collect()
+}
+
+fn one(
+    row: &Row,
+    id: &str,
+    files: &[RenderedFile],
+    violations: Vec<Violation>,
+) -> Result<Capture, StoreError> {
     let ingest_job = row.maybe_text("ingest_job")?;
     let name = Collection::Captures.name(id);
-    let mut files = Vec::new();
-    if row.text("state")? == capture::State::Ready.as_str_name() {
-        files = capture_objects::list(tx, id).await?;
-    }
     let object = |file: &str| match files.iter().any(|it| it.file == file) {
         true => names::object(&name, file),
         false => String::new(),
@@ -90,7 +117,7 @@ async fn read(tx: &mut Tx, row: &Row) -> Result<Capture, StoreError> {
         width: row.number("width")?,
         height: row.number("height")?,
         shard_bytes: row.number("shard_size")?,
-        violations: violations(tx, id).await?,
+        violations,
         create_time: row.time("create_time")?,
         ingest_job: ingest_job
             .map(|job| Collection::Jobs.name(&job))
@@ -114,22 +141,32 @@ pub fn subject_id(capture: &Capture) -> Result<&str, StoreError> {
     })
 }
 
-async fn violations(tx: &mut Tx, id: &str) -> Result<Vec<Violation>, StoreError> {
-    let rows = sql("SELECT * FROM capture_violations WHERE capture = $1 ORDER BY number")
-        .bind(id)
-        .rows(tx, "reading a capture's violations")
-        .await?;
-    rows.iter()
-        .map(|row| {
-            Ok(Violation {
-                code: row.text("code")?,
-                file: row.text("file")?,
-                frame: row.maybe_number("frame")?,
-                field: row.text("field")?,
-                message: row.text("message")?,
-            })
-        })
-        .collect()
+/// The violations of each of these captures, by the captures' ids. A capture without violations is missing.
+async fn violations(
+    tx: &mut Tx,
+    captures: &[String],
+) -> Result<HashMap<String, Vec<Violation>>, StoreError> {
+    let mut found: HashMap<String, Vec<Violation>> = HashMap::new();
+    if captures.is_empty() {
+        return Ok(found);
+    }
+    let mut query = sql("SELECT * FROM capture_violations WHERE capture IN (");
+    query.push_all(captures);
+    query.push(") ORDER BY number");
+    for row in query.rows(tx, "reading the violations of captures").await? {
+        let violation = Violation {
+            code: row.text("code")?,
+            file: row.text("file")?,
+            frame: row.maybe_number("frame")?,
+            field: row.text("field")?,
+            message: row.text("message")?,
+        };
+        found
+            .entry(row.text("capture")?)
+            .or_default()
+            .push(violation);
+    }
+    Ok(found)
 }
 
 /// The files of a capture, by path.

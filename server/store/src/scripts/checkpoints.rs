@@ -5,6 +5,7 @@ use crate::db::{Lock, Row, Tx, integer, sql};
 use crate::rules::etag;
 use crate::rules::retention::{self, Published, Retention};
 use crate::{StoreError, Tenant};
+use std::collections::HashMap;
 use yoto_proto::keys;
 use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{Checkpoint, ObjectRef};
@@ -24,17 +25,49 @@ pub async fn list(
     model_id: &str,
     limit: u32,
 ) -> Result<Vec<Checkpoint>, StoreError> {
-    let model = models::get(tx, tenant, model_id).await?;
     let rows = sql(concat!(
         "SELECT c.*, ",
         aliases!(),
-        " FROM checkpoints c WHERE c.model = $1 ORDER BY c.step DESC LIMIT $2"
+        " FROM checkpoints c JOIN models m ON m.id = c.model
+         WHERE c.model = $1 AND m.tenant = $2 ORDER BY c.step DESC LIMIT $3"
     ))
     .bind(model_id)
+    .bind(tenant.id())
     .bind(limit)
     .rows(tx, "listing checkpoints")
     .await?;
-    rows.iter().map(|row| read(&model.name, row)).collect()
+    if rows.is_empty() {
+        // A model that does not exist has no empty list.
+        models::require(tx, tenant, model_id).await?;
+    }
+    let model = Collection::Models.name(model_id);
+    rows.iter().map(|row| read(&model, row)).collect()
+}
+
+/// The checkpoints of several models of the tenant, newest first, by the models' ids.
+pub async fn of_models(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    models: &[&str],
+) -> Result<HashMap<String, Vec<Checkpoint>>, StoreError> {
+    let mut found: HashMap<String, Vec<Checkpoint>> = HashMap::new();
+    if models.is_empty() {
+        return Ok(found);
+    }
+    let mut query = sql(concat!(
+        "SELECT c.*, ",
+        aliases!(),
+        " FROM checkpoints c JOIN models m ON m.id = c.model WHERE m.tenant = $1 AND c.model IN ("
+    ))
+    .bind(tenant.id());
+    query.push_all(models.iter().copied());
+    query.push(") ORDER BY c.step DESC");
+    for row in query.rows(tx, "listing the checkpoints of models").await? {
+        let model = row.text("model")?;
+        let checkpoint = read(&Collection::Models.name(&model), &row)?;
+        found.entry(model).or_default().push(checkpoint);
+    }
+    Ok(found)
 }
 
 fn read(model: &str, row: &Row) -> Result<Checkpoint, StoreError> {
@@ -78,9 +111,11 @@ fn split(text: Option<String>) -> Vec<String> {
     parts.map(str::to_owned).collect()
 }
 
-/// All checkpoints of a model with their numbers, newest first, and the reasons to keep each.
+/// All checkpoints of a model with their numbers, newest first, and the reasons to keep each; none if the model is not that of
+/// `tenant`, where one asks.
 async fn judged(
     tx: &mut Tx,
+    tenant: Option<&Tenant>,
     model_id: &str,
     default: Retention,
 ) -> Result<Vec<(Checkpoint, Vec<String>)>, StoreError> {
@@ -88,9 +123,10 @@ async fn judged(
         "SELECT c.*, m.keep_newest, m.keep_every, ",
         aliases!(),
         " FROM checkpoints c JOIN models m ON m.id = c.model
-         WHERE c.model = $1 ORDER BY c.step DESC"
+         WHERE c.model = $1 AND ($2 IS NULL OR m.tenant = $2) ORDER BY c.step DESC"
     ))
     .bind(model_id)
+    .bind(tenant.map(Tenant::id))
     .rows(tx, "listing checkpoints")
     .await?;
     let Some(first) = rows.first() else {
@@ -123,15 +159,20 @@ pub async fn explained(
     model_id: &str,
     default: Retention,
 ) -> Result<Vec<Checkpoint>, StoreError> {
-    models::get(tx, tenant, model_id).await?;
-    let judged = judged(tx, model_id, default).await?.into_iter();
-    let explained = judged.map(|(it, kept_for)| Checkpoint { kept_for, ..it });
+    let judged = judged(tx, Some(tenant), model_id, default).await?;
+    if judged.is_empty() {
+        // A model that does not exist has no empty list.
+        models::require(tx, tenant, model_id).await?;
+    }
+    let explained = judged
+        .into_iter()
+        .map(|(it, kept_for)| Checkpoint { kept_for, ..it });
     Ok(explained.collect())
 }
 
 /// Removes the checkpoints that a model does not keep.
 pub async fn thin_out(tx: &mut Tx, model_id: &str, default: Retention) -> Result<(), StoreError> {
-    for (checkpoint, reasons) in judged(tx, model_id, default).await? {
+    for (checkpoint, reasons) in judged(tx, None, model_id, default).await? {
         if reasons.is_empty() {
             remove(tx, model_id, checkpoint.step).await?;
         }

@@ -1,6 +1,6 @@
 //! Records of what people have agreed to. [`super::consent_rule`] decides what follows from them.
 
-use super::{erasures, page, requests, subjects};
+use super::{erasures, requests, subjects};
 use crate::db::{Lock, Row, Tx, integer, sql, timestamp};
 use crate::rules::rights;
 use crate::{Entry, NewConsent, NewEvidence, Page, RequestKey, StoreError, Tenant, new_id};
@@ -146,22 +146,35 @@ pub async fn ids(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreErro
     rows.iter().map(|row| row.text("id")).collect()
 }
 
+/// Selects the consents `c`, each with the file that proves it, once for each of its purposes with the state at the time `$1`.
+macro_rules! select_consents {
+    ($from:literal) => {
+        concat!(
+            "SELECT c.*, e.file_name, e.bytes, e.sha256, p.purpose, p.revoke_time,
+                 CASE WHEN p.revoke_time IS NOT NULL THEN 'REVOKED' WHEN c.expire_time <= $1 THEN 'EXPIRED' ELSE 'VALID'
+                 END AS state
+             FROM ",
+            $from,
+            " LEFT JOIN consent_evidence e ON e.consent = c.id LEFT JOIN consent_purposes p ON p.consent = c.id "
+        )
+    };
+}
+
 async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Consent, StoreError> {
-    let row = sql(
-        "SELECT c.*, e.file_name, e.bytes, e.sha256 FROM consents c JOIN subjects s ON s.id = c.subject
-             LEFT JOIN consent_evidence e ON e.consent = c.id
-         WHERE c.id = $1 AND s.tenant = $2",
-    )
+    let rows = sql(concat!(
+        select_consents!("consents c JOIN subjects s ON s.id = c.subject"),
+        "WHERE c.id = $2 AND s.tenant = $3"
+    ))
+    .bind(tx.now())
     .bind(id)
     .bind(tenant.id())
-    .row(tx, "reading a consent")
+    .rows(tx, "reading a consent")
     .await?;
-    match row {
-        Some(row) => with_items(tx, read(&row)?).await,
-        None => Err(StoreError::NotFound {
-            name: Collection::Consents.name(id),
-        }),
-    }
+    let found = records(&rows)?.into_iter().next();
+    let found = found.ok_or_else(|| StoreError::NotFound {
+        name: Collection::Consents.name(id),
+    })?;
+    Ok(found.item)
 }
 
 /// The consents of a person, newest first.
@@ -171,20 +184,46 @@ pub async fn list(
     subject_id: &str,
     page: Page,
 ) -> Result<Vec<Entry<Consent>>, StoreError> {
-    subjects::get(tx, tenant, subject_id).await?;
-    let rows =
-        sql("SELECT c.*, e.file_name, e.bytes, e.sha256 FROM consents c LEFT JOIN consent_evidence e ON e.consent = c.id
-             WHERE c.subject = $1 AND c.ord < $2 ORDER BY c.ord DESC LIMIT $3")
-            .bind(subject_id)
-            .bind(page.after.unwrap_or(i64::MAX))
-            .bind(page.limit)
-            .rows(tx, "listing consents")
-            .await?;
-    let mut entries = page::entries(&rows, read)?;
-    for entry in &mut entries {
-        entry.item = with_items(tx, std::mem::take(&mut entry.item)).await?;
+    let rows = sql(concat!(
+        select_consents!(
+            "(SELECT a.* FROM consents a JOIN subjects s ON s.id = a.subject
+              WHERE a.subject = $2 AND s.tenant = $3 AND a.ord < $4 ORDER BY a.ord DESC LIMIT $5) AS c"
+        ),
+        "ORDER BY c.ord DESC"
+    ))
+    .bind(tx.now())
+    .bind(subject_id)
+    .bind(tenant.id())
+    .bind(page.after.unwrap_or(i64::MAX))
+    .bind(page.limit)
+    .rows(tx, "listing consents")
+    .await?;
+    if rows.is_empty() {
+        // A person who does not exist has no empty list.
+        subjects::get(tx, tenant, subject_id).await?;
     }
-    Ok(entries)
+    records(&rows)
+}
+
+/// The consents of several people of the tenant, newest first.
+pub async fn of_people(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    subjects: &[&str],
+) -> Result<Vec<Consent>, StoreError> {
+    if subjects.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut query = sql(concat!(
+        select_consents!("consents c JOIN subjects s ON s.id = c.subject"),
+        "WHERE s.tenant = $2 AND c.subject IN ("
+    ))
+    .bind(tx.now())
+    .bind(tenant.id());
+    query.push_all(subjects.iter().copied());
+    query.push(") ORDER BY c.ord DESC");
+    let rows = query.rows(tx, "listing the consents of people").await?;
+    Ok(records(&rows)?.into_iter().map(|it| it.item).collect())
 }
 
 /// What a person agrees to now and what they refuse, in one line for files that leave the service; empty where nothing is
@@ -249,34 +288,40 @@ pub async fn file(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<NewEvidence,
     })
 }
 
-async fn with_items(tx: &mut Tx, consent: Consent) -> Result<Consent, StoreError> {
-    let id = consent.name.trim_start_matches("consents/");
-    let rows = sql(
-        "SELECT p.purpose, p.revoke_time,
-             CASE WHEN p.revoke_time IS NOT NULL THEN 'REVOKED' WHEN c.expire_time <= $2 THEN 'EXPIRED' ELSE 'VALID'
-             END AS state
-         FROM consent_purposes p JOIN consents c ON c.id = p.consent WHERE c.id = $1 ORDER BY p.purpose",
-    )
-    .bind(id)
-    .bind(tx.now())
-    .rows(tx, "reading a consent")
-    .await?;
-    let mut items = Vec::with_capacity(rows.len());
-    for row in &rows {
-        let name = row.text("purpose")?;
-        let purpose = ConsentPurpose::from_str_name(&name);
-        let purpose = purpose.ok_or_else(|| StoreError::Corrupt {
-            what: "consent_purposes.purpose",
-            detail: name,
-        })?;
-        items.push(ConsentItem {
-            purpose: purpose.into(),
-            state: State::from_str_name(&row.text("state")?)
-                .unwrap_or_default()
-                .into(),
-            revoke_time: row.time("revoke_time")?,
-        });
+/// The records in rows of [`select_consents!`], of which those of one record follow each other.
+fn records(rows: &[Row]) -> Result<Vec<Entry<Consent>>, StoreError> {
+    let mut found: Vec<Entry<Consent>> = Vec::new();
+    for row in rows {
+        let position = row.number("ord")?;
+        if found.last().is_none_or(|it| it.position != position) {
+            let item = read(row)?;
+            found.push(Entry { position, item });
+        }
+        if let Some(it) = found.last_mut() {
+            it.item.items.extend(purpose(row)?);
+        }
     }
-    items.sort_by_key(|item| item.purpose);
-    Ok(Consent { items, ..consent })
+    for it in &mut found {
+        it.item.items.sort_by_key(|item| item.purpose);
+    }
+    Ok(found)
+}
+
+/// The purpose in a row; `None` in the row of a record without one.
+fn purpose(row: &Row) -> Result<Option<ConsentItem>, StoreError> {
+    let Some(name) = row.maybe_text("purpose")? else {
+        return Ok(None);
+    };
+    let purpose = ConsentPurpose::from_str_name(&name);
+    let purpose = purpose.ok_or_else(|| StoreError::Corrupt {
+        what: "consent_purposes.purpose",
+        detail: name,
+    })?;
+    Ok(Some(ConsentItem {
+        purpose: purpose.into(),
+        state: State::from_str_name(&row.text("state")?)
+            .unwrap_or_default()
+            .into(),
+        revoke_time: row.time("revoke_time")?,
+    }))
 }

@@ -1,8 +1,10 @@
 //! The users' side of jobs: create, read, list, cancel.
 
 use super::positions::{self, JobToPlace};
-use super::{attempts, consent_rule, models, operators, outcome, pins, quotas, requests, uploads};
-use crate::db::{Lock, Row, Tx, sql, state};
+use super::{
+    attempts, consent_rule, models, operators, outcome, page, pins, quotas, requests, uploads,
+};
+use crate::db::{Lock, Row, Statement, Tx, sql, state};
 use crate::{
     Entry, JobFilter, JobKind, NewJob, OpenJobs, Page, RequestKey, StoreError, Tenant, new_id,
 };
@@ -22,21 +24,27 @@ const PRIORITIES: [JobPriority; 4] = [
 /// Selects jobs with everything but their orders and their positions in the queue.
 macro_rules! select_jobs {
     ($rest:literal) => {
+        select_jobs!("", $rest)
+    };
+    // With more columns, each with a comma before it.
+    ($columns:literal, $rest:literal) => {
         concat!(
             "SELECT j.ord, j.id, j.kind, j.capture, j.model, j.state, j.progress, j.result, j.error,
                  j.lost_workers, j.cancel_requested, j.worker, j.sequence, j.create_time,
                  j.start_time, j.end_time, j.priority, j.owner, j.waiting_error, j.not_before,
                  CASE WHEN j.kind IN ('render', 'export') THEN
                      (SELECT count(*) FROM job_outputs o WHERE o.job = j.id)
-                 ELSE 0 END AS outputs
-             FROM jobs j ",
+                 ELSE 0 END AS outputs",
+            $columns,
+            " FROM jobs j ",
             $rest
         )
     };
 }
+pub(super) use select_jobs;
 
 /// A job without its order and its position in the queue.
-fn read(row: &Row) -> Result<Job, StoreError> {
+pub(super) fn read(row: &Row) -> Result<Job, StoreError> {
     let name = |collection: Collection, id: Option<String>| {
         id.map(|id| collection.name(&id)).unwrap_or_default()
     };
@@ -214,33 +222,34 @@ fn not_found(id: &str) -> StoreError {
 
 /// A job by id, without its order.
 pub async fn without_order(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
-    let row = sql(select_jobs!("WHERE j.id = $1 AND j.tenant = $2"))
-        .bind(id)
-        .bind(tenant.id())
-        .row(tx, "reading a job")
-        .await?;
-    match row {
-        Some(row) => {
-            let mut job = read(&row)?;
-            let asked = JobToPlace {
-                priority: row.number("priority")?,
-                ord: row.number("ord")?,
-                job: &mut job,
-            };
-            positions::fill(tx, tenant, vec![asked]).await?;
-            Ok(job)
-        }
+    let query = sql(select_jobs!("WHERE j.id = $1 AND j.tenant = $2"));
+    let row = query.bind(id).bind(tenant.id()).row(tx, "reading a job");
+    match row.await? {
+        Some(row) => with_position(tx, tenant, &row).await,
         None => Err(not_found(id)),
     }
 }
 
 /// A job by id, with its order.
 pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
-    let job = without_order(tx, tenant, id).await?;
-    Ok(Job {
-        spec: Some(spec(tx, id).await?),
-        ..job
-    })
+    let query = sql(select_jobs!(
+        ", j.spec",
+        "WHERE j.id = $1 AND j.tenant = $2"
+    ));
+    let row = query.bind(id).bind(tenant.id()).row(tx, "reading a job");
+    match row.await? {
+        Some(row) => Ok(Job {
+            spec: Some(row.message("spec")?.unwrap_or_default()),
+            ..with_position(tx, tenant, &row).await?
+        }),
+        None => Err(not_found(id)),
+    }
+}
+
+async fn with_position(tx: &mut Tx, tenant: &Tenant, row: &Row) -> Result<Job, StoreError> {
+    let mut job = read(row)?;
+    place(tx, tenant, std::iter::once((row, &mut job))).await?;
+    Ok(job)
 }
 
 /// A job by id, with its order and its attempts.
@@ -252,17 +261,8 @@ pub async fn with_attempts(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job
     })
 }
 
-/// Jobs that match the filter, newest first; with their orders if `full`.
-pub async fn list(
-    tx: &mut Tx,
-    tenant: &Tenant,
-    page: Page,
-    filter: &JobFilter,
-    full: bool,
-) -> Result<Vec<Entry<Job>>, StoreError> {
-    let mut query = sql(select_jobs!("WHERE j.tenant = $1 AND j.ord < $2"))
-        .bind(tenant.id())
-        .bind(page.after.unwrap_or(i64::MAX));
+/// Adds the conditions of a filter to a selection of jobs `j`.
+pub(super) fn narrow(query: &mut Statement, filter: &JobFilter) {
     if !filter.states.is_empty() {
         query.push(" AND j.state IN (");
         query.push_all(filter.states.iter().map(job::State::as_str_name));
@@ -281,41 +281,57 @@ pub async fn list(
         query.push(" AND j.owner = ");
         query.push_bind(owner);
     }
+}
+
+/// Jobs that match the filter, newest first; with their orders if `full`.
+pub async fn list(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    page: Page,
+    filter: &JobFilter,
+    full: bool,
+) -> Result<Vec<Entry<Job>>, StoreError> {
+    let text = match full {
+        true => select_jobs!(", j.spec", "WHERE j.tenant = $1 AND j.ord < $2"),
+        false => select_jobs!("WHERE j.tenant = $1 AND j.ord < $2"),
+    };
+    let mut query = sql(text)
+        .bind(tenant.id())
+        .bind(page.after.unwrap_or(i64::MAX));
+    narrow(&mut query, filter);
     query.push(" ORDER BY j.ord DESC LIMIT ");
     query.push_bind(page.limit);
     let rows = query.rows(tx, "listing jobs").await?;
-    let mut entries = Vec::with_capacity(rows.len());
-    for row in &rows {
-        let mut item = read(row)?;
-        if full {
-            item.spec = Some(spec(tx, &row.text("id")?).await?);
+    let mut entries = page::entries(&rows, read)?;
+    if full {
+        for (row, entry) in rows.iter().zip(&mut entries) {
+            entry.item.spec = Some(row.message("spec")?.unwrap_or_default());
         }
-        entries.push(Entry {
-            position: row.number("ord")?,
-            item,
-        });
     }
-    let mut asked = Vec::with_capacity(rows.len());
-    for (row, entry) in rows.iter().zip(&mut entries) {
-        asked.push(JobToPlace {
-            priority: row.number("priority")?,
-            ord: entry.position,
-            job: &mut entry.item,
-        });
-    }
-    positions::fill(tx, tenant, asked).await?;
+    place(
+        tx,
+        tenant,
+        rows.iter().zip(entries.iter_mut().map(|it| &mut it.item)),
+    )
+    .await?;
     Ok(entries)
 }
 
-/// Numbers of QUEUED and RUNNING jobs.
-pub async fn open(tx: &mut Tx, tenant: &Tenant) -> Result<(u64, u64), StoreError> {
-    let row = sql("SELECT count(*) FILTER (WHERE state = 'QUEUED') AS queued,
-             count(*) FILTER (WHERE state = 'RUNNING') AS running
-         FROM jobs WHERE state IN ('QUEUED', 'RUNNING') AND tenant = $1")
-    .bind(tenant.id())
-    .one(tx, "counting jobs")
-    .await?;
-    Ok((row.number("queued")?, row.number("running")?))
+/// Sets the positions in the queue of jobs that were read from these rows.
+pub(super) async fn place<'a>(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    jobs: impl Iterator<Item = (&'a Row, &'a mut Job)>,
+) -> Result<(), StoreError> {
+    let asked = jobs.map(|(row, job)| {
+        Ok(JobToPlace {
+            priority: row.number("priority")?,
+            ord: row.number("ord")?,
+            job,
+        })
+    });
+    let asked = asked.collect::<Result<Vec<_>, StoreError>>()?;
+    positions::fill(tx, tenant, asked).await
 }
 
 /// The open jobs of each kind, of all tenants.

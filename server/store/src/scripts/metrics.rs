@@ -1,8 +1,9 @@
 //! Figures of trainings over their steps, written with heartbeats and thinned to a bounded number per job.
 
-use crate::db::{Tx, sql};
+use crate::db::{Row, Tx, sql};
 use crate::rules::thinning::{MOST, is_worth};
 use crate::{StoreError, Tenant};
+use std::collections::HashMap;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{JobMetrics, MetricPoint, Progress};
 
@@ -87,16 +88,45 @@ pub async fn of_job(tx: &mut Tx, tenant: &Tenant, job_id: &str) -> Result<JobMet
     }
     let mut points = Vec::with_capacity(rows.len());
     for row in &rows {
-        // A job without figures has one row without a step.
-        if let Some(step) = row.maybe_number("step")? {
-            points.push(MetricPoint {
-                step,
-                seconds: row.real("seconds")?.unwrap_or_default(),
-                loss: row.real("loss")?,
-                psnr: row.real("psnr")?,
-                ssim: row.real("ssim")?,
-            });
-        }
+        points.extend(point(row)?);
     }
     Ok(JobMetrics { points })
+}
+
+/// The figures of each of these jobs of the tenant by step, by the jobs' ids. A job without figures is missing.
+pub async fn of_jobs(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    jobs: &[&str],
+) -> Result<HashMap<String, Vec<MetricPoint>>, StoreError> {
+    let mut found: HashMap<String, Vec<MetricPoint>> = HashMap::new();
+    if jobs.is_empty() {
+        return Ok(found);
+    }
+    let mut query = sql("SELECT m.job, m.step, m.seconds, m.loss, m.psnr, m.ssim
+         FROM job_metrics m JOIN jobs j ON j.id = m.job WHERE j.tenant = $1 AND m.job IN (")
+    .bind(tenant.id());
+    query.push_all(jobs.iter().copied());
+    query.push(") ORDER BY m.job, m.step");
+    for row in query.rows(tx, "reading the figures of jobs").await? {
+        found
+            .entry(row.text("job")?)
+            .or_default()
+            .extend(point(&row)?);
+    }
+    Ok(found)
+}
+
+/// The figures in a row; `None` in the row of a job without figures, which has no step.
+fn point(row: &Row) -> Result<Option<MetricPoint>, StoreError> {
+    let Some(step) = row.maybe_number("step")? else {
+        return Ok(None);
+    };
+    Ok(Some(MetricPoint {
+        step,
+        seconds: row.real("seconds")?.unwrap_or_default(),
+        loss: row.real("loss")?,
+        psnr: row.real("psnr")?,
+        ssim: row.real("ssim")?,
+    }))
 }

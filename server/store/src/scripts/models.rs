@@ -1,6 +1,6 @@
-//! Models, their identity slots, and their checkpoints.
+//! Models, and who gets a slot in them.
 
-use super::{checkpoints, erasures, pins, requests, subjects};
+use super::{checkpoints, erasures, pins, requests, slots, subjects};
 use crate::db::{Lock, Row, Tx, sql};
 use crate::rules::etag;
 use crate::rules::retention::Retention;
@@ -39,36 +39,29 @@ pub async fn create(
     get(tx, tenant, &id).await
 }
 
-async fn read(tx: &mut Tx, row: &Row) -> Result<Model, StoreError> {
-    let id = row.text("id")?;
-    let slots = sql("SELECT slot, subject FROM slots WHERE model = $1 ORDER BY slot")
-        .bind(&id)
-        .rows(tx, "reading a model's slots")
-        .await?;
-    let trained = trained(tx, &id).await?;
-    let slots = slots.iter().map(|row| {
-        let slot = row.number("slot")?;
-        Ok(IdentitySlot {
-            slot,
-            subject: Collection::Subjects.name(&row.text("subject")?),
-            trained: trained.knows(slot),
-        })
+/// Models with the slots of each.
+async fn read(tx: &mut Tx, rows: &[Row]) -> Result<Vec<Model>, StoreError> {
+    let ids = rows.iter().map(|row| row.text("id"));
+    let ids = ids.collect::<Result<Vec<_>, StoreError>>()?;
+    let mut slots = slots::of_models(tx, &ids).await?;
+    let models = rows.iter().zip(ids).map(|(row, id)| {
+        let mut model = Model {
+            name: Collection::Models.name(&id),
+            display_name: row.text("display_name")?,
+            tier: row.text("tier")?,
+            variant: row.text("variant")?,
+            slots: slots.remove(&id).unwrap_or_default(),
+            create_time: row.time("create_time")?,
+            retention: Some(v1::Retention {
+                newest: row.maybe_number("keep_newest")?,
+                every: row.maybe_number("keep_every")?,
+            }),
+            etag: String::new(),
+        };
+        model.etag = etag::of(&model);
+        Ok(model)
     });
-    let mut model = Model {
-        name: Collection::Models.name(&id),
-        display_name: row.text("display_name")?,
-        tier: row.text("tier")?,
-        variant: row.text("variant")?,
-        slots: slots.collect::<Result<_, StoreError>>()?,
-        create_time: row.time("create_time")?,
-        retention: Some(v1::Retention {
-            newest: row.maybe_number("keep_newest")?,
-            every: row.maybe_number("keep_every")?,
-        }),
-        etag: String::new(),
-    };
-    model.etag = etag::of(&model);
-    Ok(model)
+    models.collect()
 }
 
 /// Changes which checkpoints a model keeps, if its version is `asked` (empty: any), and removes the others.
@@ -93,51 +86,40 @@ pub async fn set_retention(
     get(tx, tenant, id).await
 }
 
-/// Slots that the newest checkpoint of a model was trained with.
-enum Trained {
-    /// There is no checkpoint.
-    None,
-    /// A checkpoint of an earlier version does not say.
-    All,
-    Slots(Vec<u32>),
+/// A model by id.
+pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Model, StoreError> {
+    let found = some(tx, tenant, &[id]).await?;
+    found.into_iter().next().ok_or_else(|| not_found(id))
 }
 
-impl Trained {
-    fn knows(&self, slot: u32) -> bool {
-        match self {
-            Self::None => false,
-            Self::All => true,
-            Self::Slots(slots) => slots.contains(&slot),
-        }
+/// The tenant's models among those with these ids, oldest first.
+pub async fn some(tx: &mut Tx, tenant: &Tenant, ids: &[&str]) -> Result<Vec<Model>, StoreError> {
+    if ids.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut query = sql("SELECT * FROM models WHERE tenant = $1 AND id IN (").bind(tenant.id());
+    query.push_all(ids.iter().copied());
+    query.push(") ORDER BY ord");
+    let rows = query.rows(tx, "reading models").await?;
+    read(tx, &rows).await
+}
+
+/// Checks that the tenant has the model.
+pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+    let row = sql("SELECT EXISTS (SELECT 1 FROM models WHERE id = $1 AND tenant = $2) AS found")
+        .bind(id)
+        .bind(tenant.id())
+        .one(tx, "looking for a model")
+        .await?;
+    match row.flag("found")? {
+        true => Ok(()),
+        false => Err(not_found(id)),
     }
 }
 
-async fn trained(tx: &mut Tx, model_id: &str) -> Result<Trained, StoreError> {
-    let row = sql("SELECT slots FROM checkpoints WHERE model = $1 ORDER BY step DESC LIMIT 1")
-        .bind(model_id)
-        .row(tx, "reading the newest checkpoint's slots")
-        .await?;
-    let Some(row) = row else {
-        return Ok(Trained::None);
-    };
-    Ok(match checkpoints::trained_slots(&row)? {
-        slots if slots.is_empty() => Trained::All,
-        slots => Trained::Slots(slots),
-    })
-}
-
-/// A model by id.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Model, StoreError> {
-    let row = sql("SELECT * FROM models WHERE id = $1 AND tenant = $2")
-        .bind(id)
-        .bind(tenant.id())
-        .row(tx, "reading a model")
-        .await?;
-    match row {
-        Some(row) => read(tx, &row).await,
-        None => Err(StoreError::NotFound {
-            name: Collection::Models.name(id),
-        }),
+fn not_found(id: &str) -> StoreError {
+    StoreError::NotFound {
+        name: Collection::Models.name(id),
     }
 }
 
@@ -153,14 +135,14 @@ pub async fn list(
         .bind(tenant.id())
         .rows(tx, "listing models")
         .await?;
-    let mut entries = Vec::with_capacity(rows.len());
-    for row in &rows {
-        entries.push(Entry {
+    let models = read(tx, &rows).await?;
+    let entries = rows.iter().zip(models).map(|(row, item)| {
+        Ok(Entry {
             position: row.number("ord")?,
-            item: read(tx, row).await?,
-        });
-    }
-    Ok(entries)
+            item,
+        })
+    });
+    entries.collect()
 }
 
 /// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`: a

@@ -2,7 +2,7 @@
 
 use crate::db::{Tx, sql};
 use crate::{StoreError, Tenant};
-use yoto_proto::v1::{Cordon, Draining, ErrorReason};
+use yoto_proto::v1::{Draining, ErrorReason};
 
 /// The condition that worker `$1` may get leases.
 macro_rules! admitted {
@@ -91,21 +91,4 @@ pub async fn uncordon(tx: &mut Tx, tenant: &Tenant, worker: &str) -> Result<(), 
         .execute(tx, "uncordoning a worker")
         .await?;
     Ok(())
-}
-
-/// The cordons of the tenant's workers.
-pub async fn cordons(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<Cordon>, StoreError> {
-    let rows = sql("SELECT worker, reason, since FROM cordons WHERE tenant = $1 ORDER BY worker")
-        .bind(tenant.id())
-        .rows(tx, "listing cordons")
-        .await?;
-    rows.iter()
-        .map(|row| {
-            Ok(Cordon {
-                display_name: row.text("worker")?,
-                reason: row.text("reason")?,
-                since: row.time("since")?,
-            })
-        })
-        .collect()
 }

@@ -95,7 +95,7 @@ pub async fn list(
     required: bool,
 ) -> Result<Vec<Entry<Share>>, StoreError> {
     if let Some(job) = &filter.job_id {
-        jobs::get(tx, tenant, job).await?;
+        jobs::require(tx, tenant, job).await?;
     }
     if let Some(subject) = &filter.subject_id {
         subjects::get(tx, tenant, subject).await?;

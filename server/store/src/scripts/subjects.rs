@@ -8,7 +8,7 @@ use yoto_proto::names::Collection;
 use yoto_proto::v1::{Subject, subject};
 use yoto_proto::worker::v1::SubjectShard;
 
-fn read(row: &Row) -> Result<Subject, StoreError> {
+pub(super) fn read(row: &Row) -> Result<Subject, StoreError> {
     let captures = row.maybe_text("captures")?.unwrap_or_default();
     let mut subject = Subject {
         name: Collection::Subjects.name(&row.text("id")?),

@@ -9,18 +9,83 @@ const DAY: f64 = 86_400.0;
 /// Days before today whose work counts.
 const PAST_DAYS: i64 = 30;
 
+/// Columns of the bytes of all files that rows of the tenant `$1` name, by what they are.
+macro_rules! stored {
+    () => {
+        "CAST(
+             (SELECT coalesce(sum(f.bytes), 0) FROM capture_files f
+              JOIN captures c ON c.id = f.capture JOIN subjects s ON s.id = c.subject
+              WHERE s.tenant = $1 AND c.files_removed = 0)
+         AS BIGINT) AS uploads, CAST(
+             (SELECT coalesce(sum(c.shard_bytes), 0) FROM captures c JOIN subjects s ON s.id = c.subject
+              WHERE s.tenant = $1)
+           + (SELECT coalesce(sum(o.bytes), 0) FROM capture_objects o
+              JOIN captures c ON c.id = o.capture JOIN subjects s ON s.id = c.subject
+              WHERE s.tenant = $1)
+         AS BIGINT) AS captures, CAST(
+             (SELECT coalesce(sum(p.bytes + p.manifest_bytes), 0) FROM checkpoints p
+              JOIN models m ON m.id = p.model WHERE m.tenant = $1)
+         AS BIGINT) AS checkpoints, CAST(
+             (SELECT coalesce(sum(o.bytes), 0) FROM job_outputs o JOIN jobs j ON j.id = o.job
+              WHERE j.tenant = $1)
+         AS BIGINT) AS results"
+    };
+}
+
+/// Columns of the work for the tenant `$1` from the day `$2` until now, the time `$3`.
+macro_rules! work {
+    () => {
+        "(SELECT coalesce(sum(d.device_seconds), 0.0) FROM work_of_days d
+              WHERE d.tenant = $1 AND d.day >= $2) AS past_seconds,
+         (SELECT coalesce(sum($3 - a.begin_time), 0.0) FROM jobs j JOIN job_attempts a ON a.job = j.id
+              WHERE j.tenant = $1 AND j.state = 'RUNNING' AND a.end_time IS NULL AND a.begin_time < $3) AS running_seconds,
+         CAST((SELECT coalesce(sum(d.pictures), 0) FROM work_of_days d
+              WHERE d.tenant = $1 AND d.day >= $2) AS BIGINT) AS drawn"
+    };
+}
+
+/// A column of the number of people of the tenant `$1`.
+macro_rules! people {
+    () => {
+        "(SELECT count(*) FROM subjects s WHERE s.tenant = $1) AS persons"
+    };
+}
+
+/// A column of the number of jobs of the tenant `$1` that wait or run.
+macro_rules! open_jobs {
+    () => {
+        "(SELECT count(*) FROM jobs j WHERE j.tenant = $1 AND j.state IN ('QUEUED', 'RUNNING')) AS open"
+    };
+}
+
 /// What a tenant uses, with its quota.
 pub async fn of(tx: &mut Tx, tenant: &Tenant) -> Result<Usage, StoreError> {
-    let work = work(tx, tenant).await?;
-    let stored = stored(tx, tenant).await?;
+    let row = sql(concat!(
+        "SELECT q.*, ",
+        people!(),
+        ", ",
+        open_jobs!(),
+        ", ",
+        stored!(),
+        ", ",
+        work!(),
+        // A tenant without a quota has no row of it.
+        " FROM (SELECT 1 AS one) AS base LEFT JOIN quotas q ON q.tenant = $1"
+    ))
+    .bind(tenant.id())
+    .bind(day(tx.now()) - PAST_DAYS)
+    .bind(tx.now())
+    .one(tx, "adding up what a tenant uses")
+    .await?;
+    let (stored, work) = (read_stored(&row)?, read_work(&row)?);
     Ok(Usage {
         tenant: tenant.id().to_owned(),
-        people: people(tx, tenant).await?,
+        people: row.number("persons")?,
         bytes: total(&stored),
-        open_jobs: open_jobs(tx, tenant).await?,
+        open_jobs: row.number("open")?,
         device_seconds: work.device_seconds,
         pictures: work.pictures,
-        quota: Some(quota(tx, tenant).await?),
+        quota: Some(read(&row)?),
         stored: Some(stored),
     })
 }
@@ -61,53 +126,36 @@ fn read(row: &Row) -> Result<Quota, StoreError> {
 
 /// Number of people.
 pub async fn people(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
-    sql("SELECT count(*) AS people FROM subjects WHERE tenant = $1")
+    sql(concat!("SELECT ", people!()))
         .bind(tenant.id())
         .one(tx, "counting people")
         .await?
-        .number("people")
+        .number("persons")
 }
 
 /// Number of jobs that wait or run.
 pub async fn open_jobs(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
-    sql("SELECT count(*) AS jobs FROM jobs WHERE tenant = $1 AND state IN ('QUEUED', 'RUNNING')")
+    sql(concat!("SELECT ", open_jobs!()))
         .bind(tenant.id())
         .one(tx, "counting open jobs")
         .await?
-        .number("jobs")
+        .number("open")
 }
 
 /// Bytes of all files that rows of the tenant name. Files of an upload count as announced.
 pub async fn bytes(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
-    Ok(total(&stored(tx, tenant).await?))
+    let row = sql(concat!("SELECT ", stored!()))
+        .bind(tenant.id())
+        .one(tx, "adding up the bytes of a tenant")
+        .await?;
+    Ok(total(&read_stored(&row)?))
 }
 
 fn total(stored: &StoredBytes) -> u64 {
     stored.uploads + stored.captures + stored.checkpoints + stored.results
 }
 
-/// The same bytes by what they are.
-async fn stored(tx: &mut Tx, tenant: &Tenant) -> Result<StoredBytes, StoreError> {
-    let row = sql("SELECT CAST(
-             (SELECT coalesce(sum(f.bytes), 0) FROM capture_files f
-              JOIN captures c ON c.id = f.capture JOIN subjects s ON s.id = c.subject
-              WHERE s.tenant = $1 AND c.files_removed = 0)
-         AS BIGINT) AS uploads, CAST(
-             (SELECT coalesce(sum(c.shard_bytes), 0) FROM captures c JOIN subjects s ON s.id = c.subject
-              WHERE s.tenant = $1)
-           + (SELECT coalesce(sum(o.bytes), 0) FROM capture_objects o
-              JOIN captures c ON c.id = o.capture JOIN subjects s ON s.id = c.subject
-              WHERE s.tenant = $1)
-         AS BIGINT) AS captures, CAST(
-             (SELECT coalesce(sum(p.bytes + p.manifest_bytes), 0) FROM checkpoints p
-              JOIN models m ON m.id = p.model WHERE m.tenant = $1)
-         AS BIGINT) AS checkpoints, CAST(
-             (SELECT coalesce(sum(o.bytes), 0) FROM job_outputs o JOIN jobs j ON j.id = o.job
-              WHERE j.tenant = $1)
-         AS BIGINT) AS results")
-    .bind(tenant.id())
-    .one(tx, "adding up the bytes of a tenant")
-    .await?;
+fn read_stored(row: &Row) -> Result<StoredBytes, StoreError> {
     Ok(StoredBytes {
         uploads: row.number("uploads")?,
         captures: row.number("captures")?,
@@ -127,24 +175,21 @@ pub struct Work {
 
 /// What workers have done for a tenant today and in the days before, with what they do now.
 pub async fn work(tx: &mut Tx, tenant: &Tenant) -> Result<Work, StoreError> {
-    let row = sql("SELECT coalesce(sum(device_seconds), 0.0) AS seconds,
-             CAST(coalesce(sum(pictures), 0) AS BIGINT) AS pictures
-         FROM work_of_days WHERE tenant = $1 AND day >= $2")
-    .bind(tenant.id())
-    .bind(day(tx.now()) - PAST_DAYS)
-    .one(tx, "adding up the work for a tenant")
-    .await?;
-    let now = sql("SELECT coalesce(sum($2 - a.begin_time), 0.0) AS seconds
-         FROM jobs j JOIN job_attempts a ON a.job = j.id
-         WHERE j.tenant = $1 AND j.state = 'RUNNING' AND a.end_time IS NULL AND a.begin_time < $2")
-    .bind(tenant.id())
-    .bind(tx.now())
-    .one(tx, "adding up the running work for a tenant")
-    .await?;
-    let seconds = |row: &Row| Ok::<_, StoreError>(row.real("seconds")?.unwrap_or_default());
+    let row = sql(concat!("SELECT ", work!()))
+        .bind(tenant.id())
+        .bind(day(tx.now()) - PAST_DAYS)
+        .bind(tx.now())
+        .one(tx, "adding up the work for a tenant")
+        .await?;
+    read_work(&row)
+}
+
+fn read_work(row: &Row) -> Result<Work, StoreError> {
+    let past = row.real("past_seconds")?.unwrap_or_default();
+    let running = row.real("running_seconds")?.unwrap_or_default();
     Ok(Work {
-        device_seconds: seconds(&row)? + seconds(&now)?,
-        pictures: row.number("pictures")?,
+        device_seconds: past + running,
+        pictures: row.number("drawn")?,
     })
 }
 

@@ -1,6 +1,7 @@
 //! The pages for people: what they show, whom they answer, what their forms change, and how they follow changes.
 
 pub mod browser;
+mod crowd;
 mod events;
 pub mod forms;
 mod packing;

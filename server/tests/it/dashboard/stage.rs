@@ -31,7 +31,11 @@ pub struct Stage {
 
 impl Stage {
     pub async fn set() -> Self {
-        let service = Service::start().await;
+        Self::set_in(Service::start().await).await
+    }
+
+    /// The same in a new service.
+    pub async fn set_in(service: Service) -> Self {
         let subject = service.subject(HOSTILE).await;
         service.upload_good(&subject.name).await;
         let worker = register(&service).await;
@@ -141,7 +145,7 @@ async fn register(service: &Service) -> String {
 }
 
 /// Completes a leased ingest job with a report and a thumbnail.
-async fn ingest(service: &Service, lease: &Lease) {
+pub async fn ingest(service: &Service, lease: &Lease) {
     let job = lease.job.clone().expect("has a job");
     let Some(job_spec::Kind::Ingest(spec)) = job.spec.and_then(|spec| spec.kind) else {
         panic!("{} is no ingest job", job.name);

@@ -1,13 +1,8 @@
-//! What pages ask of the database: the number of statements does not grow with people, models and jobs.
+//! What pages ask of the database: the number of statements does not grow with people, models, jobs and workers.
 
-use super::stage::Stage;
+use super::crowd::Crowd;
 use crate::support::{ask, id, listen};
-use yoto_proto::v1::{Model, Subject};
 
-/// People, and models.
-const MANY: usize = 50;
-/// People in the model whose page is looked at.
-const TOGETHER: usize = 6;
 /// Most statements of a page.
 const MOST: u32 = 8;
 
@@ -19,58 +14,41 @@ fn statements(head: &str) -> u32 {
     number.parse().expect("is a number")
 }
 
-/// A service with as many people and models, each of a person's own; the first model has several, checkpoints, trainings,
-/// renders and exports.
-async fn crowded() -> (Stage, Vec<Subject>, Vec<Model>) {
-    let stage = Stage::set().await;
-    let service = &stage.service;
-    let mut people = Vec::new();
-    for number in 0..MANY {
-        people.push(service.ready_subject(&format!("person {number}")).await);
-    }
-    let mut model = stage.model.clone();
-    for person in people.iter().take(TOGETHER) {
-        model = service.joined(model, person).await;
-    }
-    let mut models = vec![model];
-    for person in &people {
-        let model = service.model(&format!("of {}", person.display_name)).await;
-        models.push(service.joined(model, person).await);
-    }
-    for model in models.iter().take(12) {
-        service.train(model).await;
-    }
-    stage.export("page.html", b"<!doctype html>").await;
-    (stage, people, models)
-}
-
 #[tokio::test]
 async fn a_page_sends_few_statements_however_many_people_there_are() {
-    let (stage, people, models) = crowded().await;
+    let crowd = Crowd::gathered().await;
+    let (stage, people, models) = (&crowd.stage, &crowd.people, &crowd.models);
     let (address, serving) = listen(&stage.service).await;
     let model = format!("/models/{}", id(&models[0].name));
+    let (one, other) = (id(&models[0].name), id(&models[1].name));
+    let compared = format!("/compare?one={one}&other={other}");
+    // Each page, and how often what is many shows on it.
     let pages = [
-        "/".to_owned(),
-        "/people".to_owned(),
-        format!("/people/{}", id(&people[0].name)),
-        "/models".to_owned(),
-        format!("{model}/report.html"),
-        model,
-        format!(
-            "/compare?a={}&b={}",
-            id(&models[0].name),
-            id(&models[1].name)
+        ("/".to_owned(), "class=\"panel\"", 6),
+        ("/people".to_owned(), "class=\"card\"", 51),
+        (
+            format!("/people/{}", id(&people[0].name)),
+            "view coverage",
+            2,
         ),
-        "/jobs".to_owned(),
-        format!("/{}", stage.running),
-        format!("/{}", stage.render),
-        "/workers".to_owned(),
-        "/service".to_owned(),
+        ("/models".to_owned(), "<th scope=\"row\">", 50),
+        (format!("{model}/report.html"), "Consent: ", 12),
+        (model, "class=\"card\"", 7),
+        (compared, "of person ", 100),
+        ("/jobs".to_owned(), "<th scope=\"row\">", 50),
+        (format!("/{}", stage.running), "class=\"chart\"", 2),
+        (format!("/{}", stage.render), "000000.png", 1),
+        (format!("/{}", crowd.waiting), "ahead of it", 1),
+        (format!("/{}", crowd.put_back), "000000.png", 1),
+        ("/workers".to_owned(), "training of ", 5),
+        ("/service".to_owned(), "Used by the tenant", 1),
     ];
     let mut over = Vec::new();
-    for page in &pages {
+    for (page, shown, least) in &pages {
         let (status, head, body) = ask(address, "GET", page).await;
         assert_eq!(status, 200, "{page}: {body}");
+        let times = body.matches(shown).count();
+        assert!(times >= *least, "{page} has {shown} {times} times: {body}");
         let sent = statements(&head);
         println!("{sent:4} {page}");
         if sent > MOST {
