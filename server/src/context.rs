@@ -18,7 +18,7 @@ use yoto_request::RequestError;
 use yoto_store::Store;
 
 /// The shared parts.
-pub struct Context {
+pub(crate) struct Context {
     /// Settings.
     pub config: ServerConfig,
     /// The catalogue and the queue.
@@ -51,7 +51,7 @@ pub struct Context {
 
 /// Steps of which a process does one at a time. Those of several coordinators may meet.
 #[derive(Debug, Default)]
-pub struct Alone {
+pub(crate) struct Alone {
     /// Held during a collection: a second one would find and remove the same again.
     pub collecting: tokio::sync::Mutex<()>,
     /// Held during a check of all leases: a second one would return while the first still takes jobs back.
@@ -63,7 +63,7 @@ pub struct Alone {
 impl Context {
     /// Refuses if `coming` more bytes would leave less than the configured free space on the disk of the object
     /// store, or of what its limit allows; or on the disk of the data folder, where the database is.
-    pub fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {
+    pub(crate) fn ensure_room(&self, coming: u64) -> Result<(), RequestError> {
         let min_free = self.config.storage.min_free_bytes;
         room::check(self.storage.place.room(), coming, min_free)?;
         room::check(Room::of(&self.config.data_dir), coming, min_free)

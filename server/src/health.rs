@@ -24,7 +24,7 @@ const PATIENCE: u32 = 2;
 
 /// What the checks have found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Health {
+pub(crate) struct Health {
     /// Whether the last write to the database succeeded.
     pub database: bool,
     /// Whether the object store has answered.
@@ -46,7 +46,7 @@ impl Default for Health {
 impl Health {
     /// Why nobody should come, in words for an operator; empty if all is well. The causes are in the log: strangers may read
     /// this.
-    pub fn faults(self) -> Vec<&'static str> {
+    pub(crate) fn faults(self) -> Vec<&'static str> {
         let all = [
             (self.leaving, "this coordinator is ending"),
             (!self.database, "the database can't be written"),
@@ -68,14 +68,14 @@ impl Health {
 }
 
 /// Sets the status of every service of the contract, and that of the server as a whole, whose name is empty.
-pub async fn set(reporter: &HealthReporter, health: Health) {
+pub(crate) async fn set(reporter: &HealthReporter, health: Health) {
     for name in services().chain([""]) {
         reporter.set_service_status(name, health.of(name)).await;
     }
 }
 
 /// Checks whether database and object store work.
-pub struct HealthCheck {
+pub(crate) struct HealthCheck {
     store: Arc<Store>,
     objects: Objects,
     storage: Arc<Storage>,
@@ -84,7 +84,7 @@ pub struct HealthCheck {
 
 impl HealthCheck {
     /// A check that has found nothing wrong yet.
-    pub fn new(store: &Arc<Store>, objects: &Objects, storage: &Arc<Storage>) -> Self {
+    pub(crate) fn new(store: &Arc<Store>, objects: &Objects, storage: &Arc<Storage>) -> Self {
         Self {
             store: Arc::clone(store),
             objects: objects.clone(),
@@ -94,7 +94,7 @@ impl HealthCheck {
     }
 
     /// What was found last.
-    pub fn found(&self) -> Health {
+    pub(crate) fn found(&self) -> Health {
         *self.found.borrow()
     }
 
@@ -108,13 +108,13 @@ impl HealthCheck {
     }
 
     /// Says from now on that the coordinator is about to end.
-    pub fn leave(&self) {
+    pub(crate) fn leave(&self) {
         self.change(|health| health.leaving = true);
     }
 
     /// Writes the time to the database and asks the object store at each interval, and records whether that succeeded, until
     /// `stop`.
-    pub async fn run(self: Arc<Self>, every: Duration, stop: CancellationToken) {
+    pub(crate) async fn run(self: Arc<Self>, every: Duration, stop: CancellationToken) {
         loop {
             let known = self.found();
             let pause = match known.database && known.objects {
@@ -182,7 +182,7 @@ impl HealthCheck {
     }
 
     /// Sets the status of every service to what [`Self::run`] finds. Never returns.
-    pub async fn follow(&self, reporter: &HealthReporter) {
+    pub(crate) async fn follow(&self, reporter: &HealthReporter) {
         let mut health = self.found.subscribe();
         loop {
             let known = *health.borrow_and_update();

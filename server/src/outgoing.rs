@@ -8,7 +8,7 @@ use std::sync::Arc;
 ///
 /// # Errors
 /// When the provider has no version of TLS.
-pub fn tls() -> Result<ClientConfig, rustls::Error> {
+pub(crate) fn tls() -> Result<ClientConfig, rustls::Error> {
     let mut roots = RootCertStore::empty();
     roots.add_parsable_certificates(rustls_native_certs::load_native_certs().certs);
     Ok(

@@ -20,7 +20,7 @@ pub(crate) struct ClipMasks {
 
 impl ClipMasks {
     /// The folder or video, if one was named.
-    pub fn path(&self) -> Option<&Path> {
+    pub(crate) fn path(&self) -> Option<&Path> {
         self.masks.as_deref()
     }
 }
@@ -125,7 +125,7 @@ fn height(text: &str) -> Result<f64, String> {
 
 impl ImportOptions {
     /// Whether any option was given.
-    pub fn any(&self) -> bool {
+    pub(crate) fn any(&self) -> bool {
         // A body model may come from the environment, for all commands.
         self.rest_joints.is_some()
             || self.view.is_some()
@@ -145,12 +145,12 @@ impl ImportOptions {
 
     /// Whether the tool's own tree of joints is kept.
     #[cfg(feature = "embedded")]
-    pub fn keeps_skeleton(&self) -> bool {
+    pub(crate) fn keeps_skeleton(&self) -> bool {
         self.keep_skeleton
     }
 
     /// These inputs, `frames` by position and `masks` of the clip, for an importer.
-    pub fn options(&self, frames: Option<FrameRange>, masks: Option<&Path>) -> Options {
+    pub(crate) fn options(&self, frames: Option<FrameRange>, masks: Option<&Path>) -> Options {
         let range = |range: FrameRange| {
             (
                 range.first as usize,
@@ -189,7 +189,7 @@ impl ImportOptions {
 
     /// Reads the `frames` of the capture in `source`, by position, with the clip's `masks`, and writes
     /// them to `out`, showing the progress.
-    pub fn import(
+    pub(crate) fn import(
         &self,
         format: Format,
         source: &Path,

@@ -12,14 +12,14 @@ pub(crate) struct FrameRange {
 
 impl FrameRange {
     /// All frames.
-    pub const ALL: Self = Self {
+    pub(crate) const ALL: Self = Self {
         first: 0,
         end: u32::MAX,
         step: 1,
     };
 
     /// The pictures of a film in the range.
-    pub fn of_film(self) -> FilmRange {
+    pub(crate) fn of_film(self) -> FilmRange {
         FilmRange {
             first: self.first,
             count: self.count(),
@@ -29,7 +29,7 @@ impl FrameRange {
 
     /// The frames of a capture's motion with numbers in the range, every `step`-th stored one. The motion is the
     /// actor's own until a driver is set. A range from 0 on begins at the capture's first frame, whatever its number.
-    pub fn of_capture(self) -> CaptureMotion {
+    pub(crate) fn of_capture(self) -> CaptureMotion {
         CaptureMotion {
             driver: String::new(),
             first_frame: (self.first > 0).then_some(self.first),
@@ -41,7 +41,7 @@ impl FrameRange {
     }
 
     /// Number of frames in the range, if each number has one; 0 if it has no end.
-    pub fn count(self) -> u32 {
+    pub(crate) fn count(self) -> u32 {
         match self.end {
             u32::MAX => 0,
             end => (end - self.first).div_ceil(self.step),

@@ -54,7 +54,7 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    pub async fn connect(&self) -> Result<YotoClient, ClientError> {
+    pub(crate) async fn connect(&self) -> Result<YotoClient, ClientError> {
         let (addresses, key) = (self.addresses()?, self.key()?);
         if key.is_some() && addresses.are_open() {
             tell!(
@@ -66,14 +66,14 @@ impl Server {
     }
 
     /// Where the service is.
-    pub fn addresses(&self) -> Result<Addresses, ClientError> {
+    pub(crate) fn addresses(&self) -> Result<Addresses, ClientError> {
         let addresses = Addresses::parse(&self.server)?;
         addresses.with_certificates(self.ca.as_deref(), self.client_cert.as_deref())
     }
 
     /// The caller's key, from the file or the variable [`KEY`]. No option takes a key, because others can see the
     /// arguments of a process.
-    pub fn key(&self) -> Result<Option<Key>, ClientError> {
+    pub(crate) fn key(&self) -> Result<Option<Key>, ClientError> {
         let (place, text) = match &self.key_file {
             Some(path) => {
                 let text = std::fs::read_to_string(path);
@@ -135,7 +135,7 @@ enum PriorityName {
 
 impl QueueArgs {
     /// A connection that gives new jobs this priority and owner.
-    pub fn apply(&self, client: YotoClient) -> YotoClient {
+    pub(crate) fn apply(&self, client: YotoClient) -> YotoClient {
         client.with_queue_options(QueueOptions {
             priority: match self.priority {
                 PriorityName::Low => JobPriority::Low,
@@ -184,7 +184,7 @@ pub(crate) struct MattingArgs {
 
 impl MattingArgs {
     /// The model, if one was named.
-    pub fn model(&self) -> Option<MattingModel> {
+    pub(crate) fn model(&self) -> Option<MattingModel> {
         let path = self.matting_model.clone();
         path.map(|path| MattingModel {
             path,
@@ -230,7 +230,7 @@ impl IngestArgs {
     ///
     /// # Errors
     /// When the pose model can't be used.
-    pub fn settings(&self) -> anyhow::Result<IngestSettings> {
+    pub(crate) fn settings(&self) -> anyhow::Result<IngestSettings> {
         let pose_model = self.pose_model.as_deref().map(|path| {
             // The process that reads an upload runs in another folder.
             let path = std::path::absolute(path).with_context(|| path.display().to_string())?;

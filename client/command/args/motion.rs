@@ -25,13 +25,13 @@ pub(crate) struct MotionArgs {
 
 impl MotionArgs {
     /// Whether any option was given; a body model may come from the environment, for all commands.
-    pub fn any(&self) -> bool {
+    pub(crate) fn any(&self) -> bool {
         self.joint_map.is_some() || self.up.is_some() || self.keep_skeleton
     }
 
     /// No options.
     #[cfg(test)]
-    pub fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self {
             joint_map: None,
             smpl: None,
@@ -42,7 +42,7 @@ impl MotionArgs {
 
     /// The joint map alone, and whether a BVH file moves joints with the names of its own skeleton.
     #[cfg(feature = "embedded")]
-    pub fn of_joints(joint_map: Option<PathBuf>, keep_skeleton: bool) -> Self {
+    pub(crate) fn of_joints(joint_map: Option<PathBuf>, keep_skeleton: bool) -> Self {
         Self {
             joint_map,
             smpl: None,
@@ -52,7 +52,7 @@ impl MotionArgs {
     }
 
     /// Reads a motion and prints its assumptions.
-    pub fn read(&self, file: &Path) -> anyhow::Result<Motion> {
+    pub(crate) fn read(&self, file: &Path) -> anyhow::Result<Motion> {
         let options = MotionOptions {
             joint_map: self.joint_map.clone(),
             body_model: self.smpl.clone(),

@@ -53,7 +53,7 @@ impl PersonArgs {
     ///
     /// # Errors
     /// Options that do not belong together.
-    pub fn source(&self) -> anyhow::Result<ModelSource<'_>> {
+    pub(crate) fn source(&self) -> anyhow::Result<ModelSource<'_>> {
         if let Some(folder) = &self.model_dir {
             return Ok(ModelSource::Folder(folder.clone()));
         }
@@ -95,7 +95,7 @@ pub(crate) struct ChosenPerson {
 #[cfg(feature = "embedded")]
 impl ChosenPerson {
     /// The folder of the model.
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 }
@@ -103,7 +103,7 @@ impl ChosenPerson {
 #[cfg(feature = "embedded")]
 impl PersonArgs {
     /// The person in a folder.
-    pub fn in_folder(&self, folder: PathBuf) -> ChosenPerson {
+    pub(crate) fn in_folder(&self, folder: PathBuf) -> ChosenPerson {
         let slot = self.slot.unwrap_or(0);
         ChosenPerson {
             model: folder.display().to_string(),

@@ -33,7 +33,7 @@ pub(crate) struct TrainArgs {
 
 impl TrainArgs {
     /// The training that these options describe, with the service's defaults for everything else and no model yet.
-    pub fn spec(&self) -> TrainSpec {
+    pub(crate) fn spec(&self) -> TrainSpec {
         TrainSpec {
             seed: self.seed,
             refine_poses: self.refine_poses.map_or(0, |when| when.message().into()),
@@ -59,7 +59,7 @@ pub(crate) enum RefinePoses {
 
 impl RefinePoses {
     /// The choice as the service's message has it.
-    pub fn message(self) -> PoseRefinement {
+    pub(crate) fn message(self) -> PoseRefinement {
         match self {
             Self::Always => PoseRefinement::Always,
             Self::Never => PoseRefinement::Never,
@@ -79,7 +79,7 @@ pub(crate) enum Init {
 
 impl Init {
     /// The choice as the service's message has it; the service's own is no choice.
-    pub fn message(self) -> AppearancePrior {
+    pub(crate) fn message(self) -> AppearancePrior {
         match self {
             Self::People => AppearancePrior::Unspecified,
             Self::None => AppearancePrior::None,
@@ -100,7 +100,7 @@ pub(crate) enum Exposure {
 
 impl Exposure {
     /// The choice as the service's message has it.
-    pub fn message(self) -> ExposureLearning {
+    pub(crate) fn message(self) -> ExposureLearning {
         match self {
             Self::Auto => ExposureLearning::Auto,
             Self::Always => ExposureLearning::Always,

@@ -16,7 +16,7 @@ mod page;
 mod report;
 mod summary;
 
-pub use report::AvatarReport;
+pub(crate) use report::AvatarReport;
 
 use crate::show;
 use crate::studio::folder;
@@ -48,7 +48,7 @@ const LARGEST: u32 = 1024;
 
 /// What to make an avatar of, and how.
 #[derive(Debug)]
-pub struct AvatarOptions {
+pub(crate) struct AvatarOptions {
     /// The clip, or a capture.
     pub source: PathBuf,
     /// Its format.
@@ -105,7 +105,7 @@ fn folders(out: &Path) -> anyhow::Result<[PathBuf; 4]> {
 ///
 /// # Errors
 /// The first failure; a capture whose check fails is one, unless the options say otherwise.
-pub async fn run(options: &AvatarOptions) -> anyhow::Result<AvatarReport> {
+pub(crate) async fn run(options: &AvatarOptions) -> anyhow::Result<AvatarReport> {
     let started = Instant::now();
     let out = &options.out;
     ensure_replaceable(options)?;

@@ -28,7 +28,7 @@ pub(super) enum ShownMotion<'a> {
 
 impl ShownMotion<'_> {
     /// The caption of its pictures.
-    pub fn caption(&self) -> &'static str {
+    pub(super) fn caption(&self) -> &'static str {
         match self {
             Self::Clip(_) => "In the clip's own motion.",
             Self::Given(_) | Self::BuiltIn => "In a motion that the clip does not have.",
@@ -37,7 +37,12 @@ impl ShownMotion<'_> {
 
     /// What to render of `subject`, whose clip has `fps` frames per second, and the pictures' frames per
     /// second.
-    pub fn what(&self, subject: &Subject, size: u32, fps: f64) -> anyhow::Result<(What, f32)> {
+    pub(super) fn what(
+        &self,
+        subject: &Subject,
+        size: u32,
+        fps: f64,
+    ) -> anyhow::Result<(What, f32)> {
         let frames = match self {
             Self::Given(motion) => return clip(Some(motion), size).map(clip_of),
             Self::BuiltIn => return clip(None, size).map(clip_of),

@@ -14,7 +14,7 @@ const ORBIT_MOMENT: f64 = 0.4;
 
 /// What was made of a clip.
 #[derive(Clone, Debug, Serialize)]
-pub struct AvatarReport {
+pub(crate) struct AvatarReport {
     /// Name of the person.
     pub name: String,
     /// Frames with the person, and the pictures' width and height in pixels.
@@ -47,7 +47,7 @@ pub struct AvatarReport {
 
 /// A training in figures.
 #[derive(Clone, Debug, Serialize)]
-pub struct Training {
+pub(crate) struct Training {
     /// Steps.
     pub steps: u64,
     /// PSNR on held-out frames of the clip within the person's box, dB.
@@ -68,7 +68,7 @@ pub struct Training {
 
 /// Seconds of each part.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Seconds {
+pub(crate) struct Seconds {
     /// Reading the clip and its poses.
     pub import: f64,
     /// The check.

@@ -35,7 +35,7 @@ const VARIANT: &str = "yoto";
 
 /// What to show.
 #[derive(Debug, Clone)]
-pub struct DemoOptions {
+pub(crate) struct DemoOptions {
     /// Output folder.
     pub out: PathBuf,
     /// Number of people in the model.
@@ -51,7 +51,7 @@ pub struct DemoOptions {
 }
 
 /// The main output files, with descriptions; the pages come last, where a terminal shows them.
-pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
+pub(crate) fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
     let mut files = vec![
         (
             options.out.join("report.json"),
@@ -100,7 +100,7 @@ pub fn products(options: &DemoOptions) -> Vec<(PathBuf, &'static str)> {
 }
 
 /// The page that leads to everything else.
-pub fn index(options: &DemoOptions) -> PathBuf {
+pub(crate) fn index(options: &DemoOptions) -> PathBuf {
     page::path(&options.out)
 }
 
@@ -108,7 +108,7 @@ pub fn index(options: &DemoOptions) -> PathBuf {
 ///
 /// # Errors
 /// The first failure.
-pub async fn run(options: &DemoOptions) -> anyhow::Result<DemoReport> {
+pub(crate) async fn run(options: &DemoOptions) -> anyhow::Result<DemoReport> {
     let started = Instant::now();
     let (subjects, size, seed) = (options.subjects, options.size, options.seed);
     let data = folder::fresh(&options.out, "service", "demo")?;

@@ -8,7 +8,7 @@ use yoto_avatar::evaluate::{SplitScores, SubjectScore, split_table};
 
 /// `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DemoReport {
+pub(crate) struct DemoReport {
     /// One entry per person.
     pub subjects: Vec<SubjectScore>,
     /// The subjects' figures, averaged.
@@ -41,7 +41,7 @@ pub struct DemoReport {
 
 /// The settings behind a report's figures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Quality tier.
     pub tier: String,
     /// Model variant.
@@ -57,7 +57,7 @@ impl DemoReport {
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn write(&self, path: &Path) -> std::io::Result<()> {
+    pub(crate) fn write(&self, path: &Path) -> std::io::Result<()> {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder)?;
         }
@@ -67,7 +67,7 @@ impl DemoReport {
     }
 
     /// The figures as a readable table, with a line on steps, time and device.
-    pub fn table(&self) -> String {
+    pub(crate) fn table(&self) -> String {
         let mut lines = split_table(&self.subjects, &self.mean);
         lines.push(format!(
             "{} steps in {:.0} s ({:.1} steps/s, objective {}) on {}; {:.2} M parameters, checkpoint {:.1} MB, {:.2} s per rendered frame",

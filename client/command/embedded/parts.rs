@@ -5,10 +5,10 @@ use std::time::Duration;
 use tokio::task::{JoinError, JoinHandle};
 
 /// How a part ends.
-pub type Outcome<E> = Result<(), E>;
+pub(super) type Outcome<E> = Result<(), E>;
 
 /// The reason for an unexpected end of a part; never returns while the part runs, or without a part.
-pub async fn ended_early<E>(
+pub(super) async fn ended_early<E>(
     part: &mut Option<JoinHandle<Outcome<E>>>,
     name: &'static str,
 ) -> EmbeddedError
@@ -27,7 +27,7 @@ where
 }
 
 /// Outcome of a part, which must end within `limit`.
-pub async fn joined<E>(
+pub(super) async fn joined<E>(
     part: Option<JoinHandle<Outcome<E>>>,
     name: &'static str,
     limit: Duration,

@@ -21,7 +21,7 @@ pub(crate) struct Numbered {
 
 impl Numbered {
     /// The motion of the capture in `dir`, whose first camera gives the up direction of its world.
-    pub fn capture(dir: &Path) -> anyhow::Result<Self> {
+    pub(super) fn capture(dir: &Path) -> anyhow::Result<Self> {
         let source = dir.display().to_string();
         let track = read_track(dir)?;
         let frame = |number: u32| format!("{source}: frame {number}");
@@ -56,7 +56,7 @@ impl Numbered {
     }
 
     /// The frames in `range` of the `motion` in `file`.
-    pub fn file(file: &Path, motion: &Motion, range: FrameRange) -> anyhow::Result<Self> {
+    pub(super) fn file(file: &Path, motion: &Motion, range: FrameRange) -> anyhow::Result<Self> {
         let source = file.display().to_string();
         let [first, end, step] = [range.first, range.end, range.step].map(|it| it as usize);
         let clip = motion.clip(first, end, step, 0);
@@ -76,7 +76,7 @@ impl Numbered {
     }
 
     /// The frames in `range` of the capture of `driver`, a subject of the service called `name`.
-    pub fn driver(name: &str, driver: String, range: Option<FrameRange>) -> Self {
+    pub(super) fn driver(name: &str, driver: String, range: Option<FrameRange>) -> Self {
         let capture = CaptureMotion {
             driver,
             ..range.unwrap_or(FrameRange::ALL).of_capture()
@@ -93,7 +93,7 @@ impl Numbered {
 
     /// The motion with the pose of the frame with this `number`, and that frame's number in it: of a motion of
     /// this disk, the pose alone.
-    pub fn still(self, number: u32) -> anyhow::Result<(ExportMotion, u32)> {
+    pub(super) fn still(self, number: u32) -> anyhow::Result<(ExportMotion, u32)> {
         let Self {
             mut motion,
             source,

@@ -22,7 +22,7 @@ pub(crate) struct Written {
 
 impl Written {
     /// The files of a `form` whose main one is `out`; others stand beside it.
-    pub fn new(out: &Path, form: ExportForm) -> Self {
+    pub(crate) fn new(out: &Path, form: ExportForm) -> Self {
         let extensions = form.extensions().iter();
         let beside = extensions.skip(1).map(|it| out.with_extension(it));
         Self {
@@ -33,7 +33,7 @@ impl Written {
     }
 
     /// Their paths, the main one first.
-    pub fn files(&self) -> &[PathBuf] {
+    pub(crate) fn files(&self) -> &[PathBuf] {
         &self.files
     }
 
@@ -41,7 +41,7 @@ impl Written {
     ///
     /// # Errors
     /// If it is not UTF-8, or no plain name although there are several files.
-    pub fn stem(&self) -> anyhow::Result<&str> {
+    pub(crate) fn stem(&self) -> anyhow::Result<&str> {
         let stem = self.out.file_stem().and_then(|stem| stem.to_str());
         let alone = self.files.len() == 1;
         match stem.filter(|stem| is_file_name(stem)) {
@@ -52,7 +52,7 @@ impl Written {
     }
 
     /// Writes `contents`, one for each file, and prints what is in them.
-    pub fn write(&self, contents: &[Vec<u8>], result: &ExportResult) -> anyhow::Result<()> {
+    pub(crate) fn write(&self, contents: &[Vec<u8>], result: &ExportResult) -> anyhow::Result<()> {
         // The main one last: where it is, all are.
         for (path, bytes) in self.files.iter().zip(contents).rev() {
             write(path, bytes)?;

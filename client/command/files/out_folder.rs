@@ -26,7 +26,7 @@ impl OutFolder {
     ///
     /// # Errors
     /// If it holds one, with the first such name; if the folder can't be read.
-    pub fn ensure_free(&self, is_ours: impl Fn(&str) -> bool) -> anyhow::Result<()> {
+    pub(crate) fn ensure_free(&self, is_ours: impl Fn(&str) -> bool) -> anyhow::Result<()> {
         if self.force {
             return Ok(());
         }
@@ -44,7 +44,7 @@ impl OutFolder {
     ///
     /// # Errors
     /// If the folder can't be read or a file can't be removed.
-    pub fn remove_others(
+    pub(crate) fn remove_others(
         &self,
         is_ours: impl Fn(&str) -> bool,
         written: &[PathBuf],
@@ -64,7 +64,7 @@ impl OutFolder {
     }
 
     /// Prints which files were written: each of a few, or the number of many.
-    pub fn show(&self, written: &[PathBuf]) {
+    pub(crate) fn show(&self, written: &[PathBuf]) {
         output::put("files", output::paths(written));
         match written {
             [first, .., last] if written.len() > FEW => {

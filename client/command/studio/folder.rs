@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// When a folder of this name was not made by `maker`; when it can't be replaced or made.
-pub fn fresh(out: &Path, name: &str, maker: &str) -> anyhow::Result<PathBuf> {
+pub(crate) fn fresh(out: &Path, name: &str, maker: &str) -> anyhow::Result<PathBuf> {
     let folder = out.join(name);
     if folder.exists() {
         ensure!(
@@ -31,7 +31,7 @@ pub fn fresh(out: &Path, name: &str, maker: &str) -> anyhow::Result<PathBuf> {
 }
 
 /// Whether `maker` made `folder`.
-pub fn is_of(folder: &Path, maker: &str) -> bool {
+pub(crate) fn is_of(folder: &Path, maker: &str) -> bool {
     marker(folder, maker).is_file()
 }
 
@@ -43,7 +43,7 @@ fn marker(folder: &Path, maker: &str) -> PathBuf {
 ///
 /// # Errors
 /// When something can't be moved.
-pub fn move_into(from: &Path, to: &Path) -> anyhow::Result<()> {
+pub(crate) fn move_into(from: &Path, to: &Path) -> anyhow::Result<()> {
     let reading = || format!("reading {}", from.display());
     for entry in std::fs::read_dir(from).with_context(reading)? {
         let entry = entry.with_context(reading)?;

@@ -8,10 +8,10 @@
 //!                                           → trained (a checkpoint's files)
 //! ```
 
-pub mod folder;
-pub mod person;
+pub(crate) mod folder;
+pub(crate) mod person;
 pub(crate) mod players;
-pub mod service;
-pub mod shots;
+pub(crate) mod service;
+pub(crate) mod shots;
 pub(crate) mod trained;
-pub mod training;
+pub(crate) mod training;

@@ -13,7 +13,7 @@ use yoto_terminal::progress::{ProgressDisplay, count};
 ///
 /// # Errors
 /// A capture that can't be read or is rejected, with its faults.
-pub async fn upload(
+pub(crate) async fn upload(
     client: &YotoClient,
     name: &str,
     consent: &str,

@@ -13,7 +13,7 @@ use yoto_server::ServerConfig;
 ///
 /// # Errors
 /// When the work fails, the service fails or can't start, or the user interrupts.
-pub async fn with_service<T>(
+pub(crate) async fn with_service<T>(
     data: PathBuf,
     ingest: IngestSettings,
     lpips: Option<LpipsWeights>,

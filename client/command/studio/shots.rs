@@ -11,7 +11,7 @@ const ANIMATION: &str = "animation.png";
 
 /// Renders with one trained model.
 #[derive(Clone, Copy, Debug)]
-pub struct Shots<'a> {
+pub(crate) struct Shots<'a> {
     /// A client of the model's service.
     pub client: &'a YotoClient,
     /// The trained model.
@@ -20,7 +20,7 @@ pub struct Shots<'a> {
 
 /// What to render, and where to.
 #[derive(Debug)]
-pub struct Shot<'a> {
+pub(crate) struct Shot<'a> {
     /// For the progress.
     pub label: String,
     /// The person.
@@ -37,7 +37,7 @@ pub struct Shot<'a> {
 
 /// The files of a finished render job.
 #[derive(Debug)]
-pub struct Finished {
+pub(crate) struct Finished {
     /// The job.
     pub job: Job,
     /// The pictures, in order.
@@ -51,7 +51,7 @@ impl Shots<'_> {
     ///
     /// # Errors
     /// When the job fails or its files can't be written.
-    pub async fn render(&self, shot: Shot<'_>) -> anyhow::Result<Finished> {
+    pub(crate) async fn render(&self, shot: Shot<'_>) -> anyhow::Result<Finished> {
         let spec = RenderSpec {
             model: self.model.name.clone(),
             subject: shot.subject.name.clone(),

@@ -9,7 +9,7 @@ use yoto_terminal::progress::{ProgressDisplay, duration};
 ///
 /// # Errors
 /// When the job fails.
-pub async fn train(
+pub(crate) async fn train(
     client: &YotoClient,
     label: &str,
     spec: TrainSpec,

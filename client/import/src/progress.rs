@@ -128,20 +128,20 @@ pub(crate) struct Running<'a> {
 
 impl Running<'_> {
     /// Reports that `done` of `total` units are done.
-    pub fn count(&self, done: usize, total: usize) {
+    pub(crate) fn count(&self, done: usize, total: usize) {
         let stage = self.stage;
         self.progress
             .report(ProgressEvent::Counted { stage, done, total });
     }
 
     /// Reports frames and bytes that are written.
-    pub fn written(&self, done: usize, total: usize, bytes: u64) {
+    pub(crate) fn written(&self, done: usize, total: usize, bytes: u64) {
         self.progress
             .report(ProgressEvent::Written { done, total, bytes });
     }
 
     /// Ends the stage with one line about the outcome.
-    pub fn finish(mut self, outcome: String) {
+    pub(crate) fn finish(mut self, outcome: String) {
         self.outcome = Some(outcome);
     }
 }

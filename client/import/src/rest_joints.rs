@@ -19,7 +19,7 @@ pub(crate) enum RestJoints {
 
 impl RestJoints {
     /// The source that the user gave; `None` without one.
-    pub fn find(options: &Options) -> Result<Option<Self>, ImportError> {
+    pub(crate) fn find(options: &Options) -> Result<Option<Self>, ImportError> {
         match (&options.rest_joints, &options.body_model) {
             (Some(path), _) => given(path).map(|joints| Some(Self::Given(joints))),
             (None, Some(path)) => BodyModel::open(path).map(|model| Some(Self::Model(model))),
@@ -28,7 +28,11 @@ impl RestJoints {
     }
 
     /// Finds rest joints as [`Self::find`] does, for formats whose files have only shape parameters.
-    pub fn needed(options: &Options, source: &Source, file: &str) -> Result<Self, ImportError> {
+    pub(crate) fn needed(
+        options: &Options,
+        source: &Source,
+        file: &str,
+    ) -> Result<Self, ImportError> {
         Self::find(options)?.ok_or_else(|| {
             let message = "rest joints of these shape parameters need your copy of SMPL's body \
                            model (--smpl FILE), or the joints themselves (--rest-joints FILE)";
@@ -37,7 +41,7 @@ impl RestJoints {
     }
 
     /// Whether the shape parameters are SMPL-X's; `None` for given joints, which need no shape.
-    pub fn is_smplx(&self) -> Option<bool> {
+    pub(crate) fn is_smplx(&self) -> Option<bool> {
         match self {
             Self::Model(model) => Some(model.is_smplx()),
             Self::Given(_) => None,
@@ -45,7 +49,7 @@ impl RestJoints {
     }
 
     /// The 24 rest joints, metres.
-    pub fn joints(&self, betas: &[f64]) -> Vec<Vec3> {
+    pub(crate) fn joints(&self, betas: &[f64]) -> Vec<Vec3> {
         match self {
             Self::Model(model) => model.joints(betas),
             Self::Given(joints) => joints.clone(),

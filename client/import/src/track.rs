@@ -29,7 +29,7 @@ impl WorldPose {
     /// The body turned as a whole by `rh` about the *origin* and then moved by `th`, as in EasyMocap
     /// and HumanNeRF; `pelvis` is the root's rest position before that. A root rotation in
     /// `pose` turns about the pelvis, before `rh`.
-    pub fn about_origin(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
+    pub(crate) fn about_origin(pose: SmplPose, rh: Vec3, th: Vec3, pelvis: Vec3) -> Self {
         let whole = rodrigues(rh);
         Self {
             pose: with_root(pose, &matmul(&whole, &rodrigues(root(&pose)))),
@@ -39,7 +39,7 @@ impl WorldPose {
 
     /// The body moved by `translation` after its pose, as in SMPL's own programs: the root
     /// turns about the pelvis, which keeps the position of the shape.
-    pub fn about_pelvis(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
+    pub(crate) fn about_pelvis(pose: SmplPose, translation: Vec3, pelvis: Vec3) -> Self {
         Self {
             pose,
             root: add(pelvis, translation),
@@ -47,7 +47,7 @@ impl WorldPose {
     }
 
     /// A frame of a track whose root rests at `rest_root`.
-    pub fn frame(&self, index: u32, rest_root: Vec3, camera: &Camera) -> Frame {
+    pub(crate) fn frame(&self, index: u32, rest_root: Vec3, camera: &Camera) -> Frame {
         Frame {
             index,
             pose: self.pose.to_vec(),
@@ -77,7 +77,7 @@ pub(crate) struct Camera {
 impl Camera {
     /// The camera with these intrinsics, whose pixel coordinates count from the first pixel's centre, as in
     /// OpenCV's calibration and in all imported formats.
-    pub fn from_centres(mut k: [[f64; 3]; 3], e: [[f64; 4]; 4]) -> Self {
+    pub(crate) fn from_centres(mut k: [[f64; 3]; 3], e: [[f64; 4]; 4]) -> Self {
         k[0][2] += 0.5;
         k[1][2] += 0.5;
         Self { k, e }

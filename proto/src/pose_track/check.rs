@@ -16,15 +16,15 @@ const MAX_DISTORTION: f64 = 100.0;
 pub(super) struct Violations(Vec<Violation>);
 
 impl Violations {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self(Vec::new())
     }
 
-    pub fn into_violations(self) -> Vec<Violation> {
+    pub(super) fn into_violations(self) -> Vec<Violation> {
         self.0
     }
 
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         code: &str,
         frame: Option<u32>,

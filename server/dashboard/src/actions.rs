@@ -23,7 +23,7 @@ const REQUEST: &str = "request";
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn form(
+pub(crate) fn form(
     asker: &Asker,
     path: &str,
     fields: &[(&str, &str)],
@@ -46,12 +46,16 @@ pub fn form(
 ///
 /// # Errors
 /// As [`token::checked`].
-pub async fn sent(asker: &Asker, headers: &HeaderMap, body: Body) -> Result<Fields, Fault> {
+pub(crate) async fn sent(asker: &Asker, headers: &HeaderMap, body: Body) -> Result<Fields, Fault> {
     token::checked(&asker.token()?, headers, body).await
 }
 
 /// `/sign-out`: ends the session.
-pub async fn sign_out(asker: Asker, headers: HeaderMap, body: Body) -> Result<Response, Fault> {
+pub(crate) async fn sign_out(
+    asker: Asker,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Fault> {
     sent(&asker, &headers, body).await?;
     if let Some(key) = asker.key() {
         asker.backend().sign_out(&key).await?;
@@ -60,7 +64,7 @@ pub async fn sign_out(asker: Asker, headers: HeaderMap, body: Body) -> Result<Re
 }
 
 /// The id of the request that a form makes.
-pub fn request_of(form: &Fields) -> String {
+pub(crate) fn request_of(form: &Fields) -> String {
     form.get(REQUEST).to_owned()
 }
 
@@ -68,14 +72,14 @@ pub fn request_of(form: &Fields) -> String {
 ///
 /// # Errors
 /// Never in practice: when the path can't be an address.
-pub fn see(path: &str) -> Result<Response, Fault> {
+pub(crate) fn see(path: &str) -> Result<Response, Fault> {
     let failed = |_| Fault::of(StatusCode::INTERNAL_SERVER_ERROR, "the page has no address");
     let location = HeaderValue::try_from(path).map_err(failed)?;
     Ok((StatusCode::SEE_OTHER, [(LOCATION, location)]).into_response())
 }
 
 /// `POST /jobs/{id}/cancel`
-pub async fn cancel(
+pub(crate) async fn cancel(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,
@@ -95,7 +99,7 @@ pub async fn cancel(
 }
 
 /// `POST /jobs/{id}/retry`
-pub async fn retry(
+pub(crate) async fn retry(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,
@@ -115,7 +119,11 @@ pub async fn retry(
 }
 
 /// `POST /workers/cordon`
-pub async fn cordon(asker: Asker, headers: HeaderMap, body: Body) -> Result<Response, Fault> {
+pub(crate) async fn cordon(
+    asker: Asker,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Fault> {
     let form = sent(&asker, &headers, body).await?;
     let request = CordonWorkerRequest {
         display_name: form.get("worker").to_owned(),
@@ -130,7 +138,11 @@ pub async fn cordon(asker: Asker, headers: HeaderMap, body: Body) -> Result<Resp
 }
 
 /// `POST /workers/uncordon`
-pub async fn uncordon(asker: Asker, headers: HeaderMap, body: Body) -> Result<Response, Fault> {
+pub(crate) async fn uncordon(
+    asker: Asker,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Fault> {
     let form = sent(&asker, &headers, body).await?;
     let request = UncordonWorkerRequest {
         display_name: form.get("worker").to_owned(),

@@ -18,7 +18,7 @@ use yoto_request::{Caller, tenant_of};
 use yoto_store::Tenant;
 
 /// What all pages share.
-pub struct Site {
+pub(crate) struct Site {
     /// The services that pages call.
     pub services: Services,
     /// What no call tells.
@@ -30,7 +30,7 @@ pub struct Site {
 }
 
 /// Who asks: the services that a page calls, and the extensions of the request, in which the layers have put the tenant.
-pub struct Asker {
+pub(crate) struct Asker {
     site: Arc<Site>,
     extensions: Extensions,
 }
@@ -48,12 +48,12 @@ impl FromRequestParts<Arc<Site>> for Asker {
 
 impl Asker {
     /// The call that gRPC would make with `message`: the only place in which a page's calls are made.
-    pub fn request<T>(&self, message: T) -> Request<T> {
+    pub(crate) fn request<T>(&self, message: T) -> Request<T> {
         Request::from_parts(MetadataMap::new(), self.extensions.clone(), message)
     }
 
     /// What no call tells.
-    pub fn backend(&self) -> &dyn Backend {
+    pub(crate) fn backend(&self) -> &dyn Backend {
         &*self.site.backend
     }
 
@@ -61,28 +61,28 @@ impl Asker {
     ///
     /// # Errors
     /// When no layer has told the tenant.
-    pub fn tenant(&self) -> Result<Tenant, Status> {
+    pub(crate) fn tenant(&self) -> Result<Tenant, Status> {
         Ok(tenant_of(&self.request(()))?)
     }
 
     /// The id of the asker's key; none if no key is asked for.
-    pub fn key(&self) -> Option<String> {
+    pub(crate) fn key(&self) -> Option<String> {
         let caller = Caller::of(&self.request(())).ok()?;
         caller.key().map(str::to_owned)
     }
 
     /// The service's time, seconds since 1970.
-    pub fn now(&self) -> f64 {
+    pub(crate) fn now(&self) -> f64 {
         self.site.backend.now()
     }
 
     /// Ends the streams of events.
-    pub fn drain(&self) -> &CancellationToken {
+    pub(crate) fn drain(&self) -> &CancellationToken {
         &self.site.drain
     }
 
     /// Makes a call over HTTP as the asker: `request` has the asker's extensions.
-    pub async fn call(&self, request: axum::extract::Request) -> Response {
+    pub(crate) async fn call(&self, request: axum::extract::Request) -> Response {
         match self.site.calls.clone().oneshot(request).await {
             Ok(answer) => answer,
             Err(never) => match never {},
@@ -93,18 +93,18 @@ impl Asker {
     ///
     /// # Errors
     /// When no layer has told the tenant.
-    pub fn token(&self) -> Result<String, Status> {
+    pub(crate) fn token(&self) -> Result<String, Status> {
         let tenant = self.tenant()?;
         Ok(token::of(self.site.backend.store_id(), &tenant))
     }
 
     /// The id of a request that a form makes: a form that is sent twice asks once.
-    pub fn request_id() -> String {
+    pub(crate) fn request_id() -> String {
         Uuid::new_v4().to_string()
     }
 
     /// The services of the contract.
-    pub fn services(&self) -> &Services {
+    pub(crate) fn services(&self) -> &Services {
         &self.site.services
     }
 }

@@ -11,7 +11,7 @@ use yoto_proto::sha256_hex;
 
 /// A file in the program.
 #[derive(Debug)]
-pub struct Asset {
+pub(crate) struct Asset {
     /// Where it is served.
     pub path: String,
     content_type: &'static str,
@@ -29,28 +29,28 @@ impl Asset {
     }
 
     /// What it is.
-    pub fn content_type(&self) -> &'static str {
+    pub(crate) fn content_type(&self) -> &'static str {
         self.content_type
     }
 
     /// The text of the file.
-    pub fn content(&self) -> &'static str {
+    pub(crate) fn content(&self) -> &'static str {
         self.content
     }
 }
 
 /// The style sheet.
-pub static STYLE: LazyLock<Asset> = LazyLock::new(|| {
+pub(crate) static STYLE: LazyLock<Asset> = LazyLock::new(|| {
     let text = include_str!("assets/page.css");
     Asset::new("page.css", "text/css; charset=utf-8", text)
 });
 /// The script.
-pub static SCRIPT: LazyLock<Asset> = LazyLock::new(|| {
+pub(crate) static SCRIPT: LazyLock<Asset> = LazyLock::new(|| {
     let text = include_str!("assets/page.js");
     Asset::new("page.js", "text/javascript; charset=utf-8", text)
 });
 /// The script that sends a person's files.
-pub static UPLOAD: LazyLock<Asset> = LazyLock::new(|| {
+pub(crate) static UPLOAD: LazyLock<Asset> = LazyLock::new(|| {
     // One module: what these say is seen by those behind them.
     let text = concat!(
         include_str!("assets/upload/sha256.js"),
@@ -61,12 +61,12 @@ pub static UPLOAD: LazyLock<Asset> = LazyLock::new(|| {
     Asset::new("upload.js", "text/javascript; charset=utf-8", text)
 });
 /// The icon.
-pub static ICON: LazyLock<Asset> = LazyLock::new(|| {
+pub(crate) static ICON: LazyLock<Asset> = LazyLock::new(|| {
     let text = include_str!("assets/icon.svg");
     Asset::new("icon.svg", "image/svg+xml", text)
 });
 /// What the pages of this program are made with: a page of another program loads itself anew.
-pub static BUILD: LazyLock<String> = LazyLock::new(|| {
+pub(crate) static BUILD: LazyLock<String> = LazyLock::new(|| {
     let version = env!("CARGO_PKG_VERSION");
     let all = format!("{version}{}{}{}", STYLE.path, SCRIPT.path, UPLOAD.path);
     sha256_hex(all.as_bytes())[..12].to_owned()
@@ -90,7 +90,7 @@ fn element() -> Response {
 }
 
 /// An asset.
-pub async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
+pub(crate) async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
     if name == ELEMENT {
         return Ok(element());
     }

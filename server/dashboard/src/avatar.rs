@@ -30,7 +30,11 @@ const VARIANT: &str = "yoto";
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn form_of(asker: &Asker, subject: &Subject, others: &[Membership]) -> Result<Markup, Status> {
+pub(crate) fn form_of(
+    asker: &Asker,
+    subject: &Subject,
+    others: &[Membership],
+) -> Result<Markup, Status> {
     let path = format!("{}/avatar", page_of(&subject.name));
     Ok(html! {
         details #avatar .act {
@@ -52,7 +56,7 @@ pub fn form_of(asker: &Asker, subject: &Subject, others: &[Membership]) -> Resul
 
 /// `POST /people/{id}/avatar`: a model for the person, a slot in it, and a training. In a model that was trained already, only what is
 /// theirs is trained, and others stay as they are.
-pub async fn make(
+pub(crate) async fn make(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,

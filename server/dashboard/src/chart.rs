@@ -14,7 +14,7 @@ const WIDE: f64 = 12.0;
 
 /// A curve.
 #[derive(Debug, Clone, Default)]
-pub struct Series {
+pub(crate) struct Series {
     /// x and y, in the order of x.
     pub points: Vec<(f64, f64)>,
     /// Whether it is one of earlier runs, which stand back.
@@ -25,7 +25,7 @@ pub struct Series {
 
 /// Curves in one drawing.
 #[derive(Debug, Clone)]
-pub struct Chart<'a> {
+pub(crate) struct Chart<'a> {
     /// What is drawn.
     pub title: &'a str,
     /// What x is.
@@ -153,7 +153,7 @@ fn unit(value: f64) -> String {
 
 impl Chart<'_> {
     /// The drawing, with its title above it; nothing without points.
-    pub fn draw(&self) -> Markup {
+    pub(crate) fn draw(&self) -> Markup {
         let finite = |it: &&(f64, f64)| it.0.is_finite() && it.1.is_finite();
         let known =
             |it: &Series| -> Vec<(f64, f64)> { it.points.iter().filter(finite).copied().collect() };

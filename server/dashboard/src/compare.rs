@@ -33,7 +33,7 @@ struct Side {
 }
 
 /// `/compare?one={id}&other={id}`
-pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
     let query = Fields::of_query(query);
     let request = ListModelsRequest {
         page_size: CHOICES,

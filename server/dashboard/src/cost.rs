@@ -10,7 +10,7 @@ use yoto_process::statements::counted;
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
 /// Adds the number of statements that the page sent to the database, and the time until its answer.
-pub async fn told(request: Request, next: Next) -> Response {
+pub(crate) async fn told(request: Request, next: Next) -> Response {
     let began = Instant::now();
     let (mut answer, statements) = counted(next.run(request)).await;
     let milliseconds = 1e3 * began.elapsed().as_secs_f64();

@@ -15,7 +15,7 @@ const ROWS: usize = 12;
 ///
 /// # Errors
 /// When the service can't tell.
-pub async fn of<'j>(
+pub(crate) async fn of<'j>(
     asker: &Asker,
     jobs: impl Iterator<Item = &'j Job>,
 ) -> Result<Vec<Vec<MetricPoint>>, Status> {
@@ -26,7 +26,7 @@ pub async fn of<'j>(
 }
 
 /// The curves of trainings, the one of interest last; nothing without figures.
-pub fn curves(trainings: &[Vec<MetricPoint>]) -> Markup {
+pub(crate) fn curves(trainings: &[Vec<MetricPoint>]) -> Markup {
     let series = |value: fn(&MetricPoint) -> Option<f64>| -> Vec<Series> {
         let mut all: Vec<Series> = trainings
             .iter()
@@ -66,7 +66,7 @@ pub fn curves(trainings: &[Vec<MetricPoint>]) -> Markup {
 }
 
 /// Whether there is anything to draw.
-pub fn any(trainings: &[Vec<MetricPoint>]) -> bool {
+pub(crate) fn any(trainings: &[Vec<MetricPoint>]) -> bool {
     trainings.iter().any(|it| !it.is_empty())
 }
 
@@ -102,7 +102,7 @@ fn table(points: &[MetricPoint]) -> Markup {
 }
 
 /// A figure, or a dash without it.
-pub fn figure(value: Option<f64>, decimals: usize) -> String {
+pub(crate) fn figure(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "–".to_owned(), |it| format!("{it:.decimals$}"))
 }
 

@@ -7,7 +7,7 @@ use maud::{DOCTYPE, Markup, html};
 
 /// A page as an answer.
 #[derive(Debug)]
-pub struct Page(pub String);
+pub(crate) struct Page(pub String);
 
 impl IntoResponse for Page {
     fn into_response(self) -> Response {
@@ -28,12 +28,12 @@ const PARTS: [(&str, &str); 6] = [
 /// A page that is shown again after each of `events`, the query of their stream. `part` is the path of its part of the navigation.
 ///
 /// The script compares elements at the same place. So a part of `body` that comes and goes stands in an element that stays.
-pub fn live(title: &str, part: &str, events: &str, body: Markup) -> Page {
+pub(crate) fn live(title: &str, part: &str, events: &str, body: Markup) -> Page {
     document(title, Some(part), Some(events), body)
 }
 
 /// A page that stays as it is.
-pub fn still(title: &str, body: Markup) -> Page {
+pub(crate) fn still(title: &str, body: Markup) -> Page {
     document(title, Some(""), None, body)
 }
 

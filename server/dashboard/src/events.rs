@@ -31,7 +31,7 @@ const TOGETHER: usize = 64;
 const DIGEST: usize = 16;
 
 /// `/events`: with `job`, the changes of one job; with `model`, those of its jobs; else those of all.
-pub async fn stream(
+pub(crate) async fn stream(
     asker: Asker,
     RawQuery(query): RawQuery,
     headers: HeaderMap,

@@ -9,14 +9,14 @@ use tonic::{Code, Status};
 
 /// Why a page can't be shown.
 #[derive(Debug)]
-pub struct Fault {
+pub(crate) struct Fault {
     status: StatusCode,
     words: String,
 }
 
 impl Fault {
     /// One with these words.
-    pub fn of(status: StatusCode, words: impl Into<String>) -> Self {
+    pub(crate) fn of(status: StatusCode, words: impl Into<String>) -> Self {
         Self {
             status,
             words: words.into(),

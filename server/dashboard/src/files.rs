@@ -21,7 +21,7 @@ use yoto_proto::v1::DownloadObjectRequest;
 const KEPT: &str = "private, max-age=86400, immutable";
 
 /// A file of a job.
-pub async fn of_job(
+pub(crate) async fn of_job(
     asker: Asker,
     Path((id, file)): Path<(String, String)>,
 ) -> Result<Response, Fault> {
@@ -30,7 +30,7 @@ pub async fn of_job(
 }
 
 /// The person of a capture.
-pub async fn thumbnail(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
+pub(crate) async fn thumbnail(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
     let name = names::object(&format!("captures/{id}"), THUMBNAIL);
     answer(&asker, name, FileKind::of(THUMBNAIL)).await
 }

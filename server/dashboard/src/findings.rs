@@ -17,7 +17,7 @@ const MOST: usize = 40;
 /// The report, as far as it is shown. A worker of another version may leave parts out.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub struct Report {
+pub(crate) struct Report {
     grade: String,
     looked_at: u64,
     measures: Vec<Measure>,
@@ -47,7 +47,7 @@ struct Cause {
 ///
 /// # Errors
 /// When the service can't read it.
-pub async fn read(asker: &Asker, capture: &CaptureFiles) -> Result<Option<Report>, Status> {
+pub(crate) async fn read(asker: &Asker, capture: &CaptureFiles) -> Result<Option<Report>, Status> {
     let Some(object) = capture.object(CHECK) else {
         return Ok(None);
     };
@@ -67,12 +67,12 @@ pub async fn read(asker: &Asker, capture: &CaptureFiles) -> Result<Option<Report
 
 impl Report {
     /// The worst grade, as a badge.
-    pub fn grade(&self) -> Markup {
+    pub(crate) fn grade(&self) -> Markup {
         grade(&self.grade)
     }
 
     /// The measures, the worst first, and what they mean.
-    pub fn table(&self) -> Markup {
+    pub(crate) fn table(&self) -> Markup {
         let rank = |it: &&Measure| match it.grade.as_str() {
             "fail" => 0,
             "warn" => 1,
@@ -129,7 +129,7 @@ fn grade(grade: &str) -> Markup {
 }
 
 /// Faults of a user's files, each with its place.
-pub fn violations(violations: &[Violation]) -> Markup {
+pub(crate) fn violations(violations: &[Violation]) -> Markup {
     html! {
         @if !violations.is_empty() {
             ul .faults {

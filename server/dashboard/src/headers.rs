@@ -12,12 +12,12 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; i
      frame-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'self'";
 
 /// Adds the headers that an answer has not set itself.
-pub async fn secured(response: Response) -> Response {
+pub(crate) async fn secured(response: Response) -> Response {
     secure(response)
 }
 
 /// [`secured`], of an answer that no route has made.
-pub fn secure(mut response: Response) -> Response {
+pub(crate) fn secure(mut response: Response) -> Response {
     let all = [
         (CONTENT_SECURITY_POLICY, POLICY),
         (X_CONTENT_TYPE_OPTIONS, "nosniff"),

@@ -26,7 +26,7 @@ const FILES: usize = 200;
 const PICTURES: usize = 24;
 
 /// `/jobs/{id}`
-pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let name = format!("jobs/{id}");
     let request = GetJobRequest { name: name.clone() };
     let job = asker.services().jobs.get_job(asker.request(request));
@@ -237,13 +237,13 @@ fn outcome_badge(outcome: Outcome) -> Markup {
 }
 
 /// Where a file of the job with this id is.
-pub fn file_path(id: &str, file: &str) -> String {
+pub(crate) fn file_path(id: &str, file: &str) -> String {
     let file = utf8_percent_encode(file, NON_ALPHANUMERIC);
     format!("/jobs/{id}/files/{file}")
 }
 
 /// The player of a file of the job with this id. Its script has an origin of its own.
-pub fn frame(id: &str, file: &str) -> Markup {
+pub(crate) fn frame(id: &str, file: &str) -> Markup {
     html! {
         iframe .player src=(file_path(id, file)) sandbox="allow-scripts" loading="lazy" title={ "Player of " (told(file)) } {}
     }

@@ -25,7 +25,7 @@ const CHOICES: [(&str, &str, &[job::State]); 4] = [
 ];
 
 /// `/jobs`
-pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
     let query = Fields::of_query(query);
     let chosen = query.get("show");
     let states = CHOICES.iter().find(|it| it.0 == chosen);
@@ -64,7 +64,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
 }
 
 /// Jobs, one per row.
-pub fn table(jobs: &[Job], names: &Names, now: f64) -> Markup {
+pub(crate) fn table(jobs: &[Job], names: &Names, now: f64) -> Markup {
     html! {
         @if jobs.is_empty() { p .empty { "None." } }
         @else {
@@ -95,7 +95,7 @@ fn row(job: &Job, names: &Names, now: f64) -> Markup {
 }
 
 /// How long a job ran, or runs.
-pub fn took(job: &Job, now: f64) -> String {
+pub(crate) fn took(job: &Job, now: f64) -> String {
     match &job.start_time {
         Some(start) => {
             let end = job.end_time.as_ref().map_or(now, seconds);

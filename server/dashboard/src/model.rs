@@ -27,7 +27,7 @@ const EXPORTS: u32 = 4;
 const PICTURES: usize = 8;
 
 /// `/models/{id}`
-pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let resource = format!("models/{id}");
     let request = GetModelRequest {
         name: resource.clone(),

@@ -17,7 +17,7 @@ const PER_PAGE: i32 = 50;
 const NAMED: usize = 4;
 
 /// `/models`
-pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
     let query = Fields::of_query(query);
     let request = ListModelsRequest {
         page_size: PER_PAGE,
@@ -40,13 +40,13 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
 }
 
 /// The people whom [`table`] names.
-pub fn people(models: &[Model]) -> impl Iterator<Item = &str> {
+pub(crate) fn people(models: &[Model]) -> impl Iterator<Item = &str> {
     let slots = models.iter().flat_map(|it| it.slots.iter().take(NAMED));
     slots.map(|it| it.subject.as_str())
 }
 
 /// Models, one per row.
-pub fn table(models: &[Model], names: &Names, now: f64) -> Markup {
+pub(crate) fn table(models: &[Model], names: &Names, now: f64) -> Markup {
     let mut rows = Vec::new();
     for model in models {
         let slots = model.slots.iter().take(NAMED);

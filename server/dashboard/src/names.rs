@@ -9,10 +9,10 @@ use yoto_proto::v1::Job;
 
 /// The names of what a page mentions, by resource. What was deleted has none.
 #[derive(Debug, Default)]
-pub struct Names(HashMap<String, String>);
+pub(crate) struct Names(HashMap<String, String>);
 
 /// What a job is about: its model, or its capture; empty if both were deleted.
-pub fn about(job: &Job) -> &str {
+pub(crate) fn about(job: &Job) -> &str {
     match job.model.as_str() {
         "" => &job.capture,
         model => model,
@@ -24,7 +24,7 @@ impl Names {
     ///
     /// # Errors
     /// When the service can't tell.
-    pub async fn read<'r>(
+    pub(crate) async fn read<'r>(
         asker: &Asker,
         resources: impl IntoIterator<Item = &'r str>,
     ) -> Result<Self, Status> {
@@ -35,18 +35,18 @@ impl Names {
     }
 
     /// The name of one resource, which is known.
-    pub fn of(resource: &str, display_name: &str) -> Self {
+    pub(crate) fn of(resource: &str, display_name: &str) -> Self {
         Self([(resource.to_owned(), display_name.to_owned())].into())
     }
 
     /// The name for people of a resource, or the beginning of its id if it was deleted.
-    pub fn plain(&self, resource: &str) -> String {
+    pub(crate) fn plain(&self, resource: &str) -> String {
         let found = self.0.get(resource).cloned();
         found.unwrap_or_else(|| short(resource))
     }
 
     /// The name of a resource, linked to its page if it has one.
-    pub fn link(&self, resource: &str) -> Markup {
+    pub(crate) fn link(&self, resource: &str) -> Markup {
         match self.0.get(resource) {
             Some(found) if !resource.starts_with("captures/") => {
                 html! { a href=(page_of(resource)) { (name(found)) } }
@@ -57,7 +57,7 @@ impl Names {
     }
 
     /// What a job is about: its model, or the person of its capture.
-    pub fn about(&self, job: &Job) -> Markup {
+    pub(crate) fn about(&self, job: &Job) -> Markup {
         match about(job) {
             "" => html! { "–" },
             about => self.link(about),
@@ -65,7 +65,7 @@ impl Names {
     }
 
     /// `training of ada`.
-    pub fn title(&self, job: &Job) -> String {
+    pub(crate) fn title(&self, job: &Job) -> String {
         match about(job) {
             "" => kind(job).to_owned(),
             about => format!("{} of {}", kind(job), told(&self.plain(about))),

@@ -35,7 +35,7 @@ const WALL: f32 = 0.85;
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn forms(
+pub(crate) fn forms(
     asker: &Asker,
     model: &Model,
     people: &[(Person, bool)],
@@ -115,7 +115,7 @@ fn number(form: &Fields, field: &str, least: f64, most: f64) -> Result<f64, Faul
 ///
 /// # Errors
 /// When it is another text.
-pub fn minutes(form: &Fields, longest: u32) -> Result<u32, Fault> {
+pub(crate) fn minutes(form: &Fields, longest: u32) -> Result<u32, Fault> {
     let minutes = form.get("minutes").trim().parse::<u32>();
     let minutes = minutes.ok().filter(|it| (1..=longest).contains(it));
     minutes.ok_or_else(|| {
@@ -128,7 +128,11 @@ pub fn minutes(form: &Fields, longest: u32) -> Result<u32, Fault> {
 ///
 /// # Errors
 /// Those of `CreateJob`.
-pub async fn order(asker: &Asker, form: &Fields, kind: job_spec::Kind) -> Result<Response, Fault> {
+pub(crate) async fn order(
+    asker: &Asker,
+    form: &Fields,
+    kind: job_spec::Kind,
+) -> Result<Response, Fault> {
     let request = CreateJobRequest {
         spec: Some(JobSpec { kind: Some(kind) }),
         request_id: request_of(form),
@@ -143,7 +147,7 @@ pub async fn order(asker: &Asker, form: &Fields, kind: job_spec::Kind) -> Result
 }
 
 /// `POST /models/{id}/train`
-pub async fn train(
+pub(crate) async fn train(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,
@@ -159,7 +163,7 @@ pub async fn train(
 }
 
 /// `POST /models/{id}/film`
-pub async fn film(
+pub(crate) async fn film(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,
@@ -203,7 +207,7 @@ pub async fn film(
 }
 
 /// `POST /models/{id}/player`
-pub async fn player(
+pub(crate) async fn player(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,

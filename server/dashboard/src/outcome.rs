@@ -8,7 +8,7 @@ use yoto_proto::progress::duration;
 use yoto_proto::v1::{EvaluateResult, Job, JobError, JobResult, TrainResult, job, job_result};
 
 /// Why a job failed.
-pub fn error(error: &JobError) -> Markup {
+pub(crate) fn error(error: &JobError) -> Markup {
     html! {
         div .message .bad role="alert" {
             p { (told(&error.message)) @if !error.code.is_empty() { " " code { (told(&error.code)) } } }
@@ -18,7 +18,7 @@ pub fn error(error: &JobError) -> Markup {
 }
 
 /// The outcome in one line for a list: the result, the first fault, or how far it is.
-pub fn line(job: &Job) -> String {
+pub(crate) fn line(job: &Job) -> String {
     match job.state() {
         job::State::Running => job.progress.as_ref().map_or_else(String::new, |it| {
             format!(
@@ -81,7 +81,7 @@ fn brief(result: &JobResult) -> String {
 }
 
 /// A result in full.
-pub fn result(result: &JobResult) -> Markup {
+pub(crate) fn result(result: &JobResult) -> Markup {
     match &result.kind {
         Some(job_result::Kind::Ingest(it)) => html! {
             p { (brief(result)) }
@@ -132,12 +132,12 @@ fn train(it: &TrainResult) -> Markup {
 }
 
 /// What was noted in a training, and what was active at its end.
-pub fn train_notes(it: &TrainResult) -> Markup {
+pub(crate) fn train_notes(it: &TrainResult) -> Markup {
     notes(it.notes.iter().chain(&it.active_parts))
 }
 
 /// Figures of each person.
-pub fn evaluate(it: &EvaluateResult) -> Markup {
+pub(crate) fn evaluate(it: &EvaluateResult) -> Markup {
     html! {
         div .scroll tabindex="0" role="group" aria-label="Table" { table {
             caption { (told(&it.protocol)) " pictures of the checkpoint at step " (short_step(&it.checkpoint)) ", on " (told(&it.device)) }

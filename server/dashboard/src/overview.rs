@@ -20,7 +20,7 @@ const ENDED: u32 = 8;
 const MODELS: i32 = 6;
 
 /// `/`
-pub async fn page(asker: Asker) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
     let status = asker
         .services()
         .status

@@ -15,7 +15,7 @@ use yoto_store::Person;
 const PER_PAGE: i32 = 60;
 
 /// `/people`
-pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
     let query = Fields::of_query(query);
     let request = ListSubjectsRequest {
         page_size: PER_PAGE,
@@ -50,7 +50,7 @@ pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault
 }
 
 /// The link to the next page of a list.
-pub fn more(path: &str, token: &str) -> Markup {
+pub(crate) fn more(path: &str, token: &str) -> Markup {
     html! {
         @if !token.is_empty() {
             // A token is hex.
@@ -60,12 +60,12 @@ pub fn more(path: &str, token: &str) -> Markup {
 }
 
 /// The capture by which pages show a person: the newest one that is ready, or else the newest.
-pub fn portrayed(person: &Person) -> Option<&Capture> {
+pub(crate) fn portrayed(person: &Person) -> Option<&Capture> {
     person.portrait.as_ref().map(|it| &it.capture)
 }
 
 /// A person with a picture.
-pub fn card(subject: &Subject, capture: Option<&Capture>) -> Markup {
+pub(crate) fn card(subject: &Subject, capture: Option<&Capture>) -> Markup {
     let frames = capture.map_or(0, |it| it.frames);
     html! {
         a .card href=(page_of(&subject.name)) {
@@ -81,7 +81,7 @@ pub fn card(subject: &Subject, capture: Option<&Capture>) -> Markup {
 }
 
 /// The thumbnail of a capture, or a place for it.
-pub fn portrait(name: &str, capture: Option<&Capture>) -> Markup {
+pub(crate) fn portrait(name: &str, capture: Option<&Capture>) -> Markup {
     let shown = capture.filter(|it| !it.thumbnail.is_empty());
     html! {
         @match shown {

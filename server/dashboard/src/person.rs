@@ -18,7 +18,7 @@ use yoto_proto::v1::{Consent, ConsentPurpose, GetSubjectRequest, capture, subjec
 use yoto_store::CaptureFiles;
 
 /// `/people/{id}`
-pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let resource = format!("subjects/{id}");
     let request = GetSubjectRequest {
         name: resource.clone(),
@@ -88,7 +88,7 @@ pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
 }
 
 /// A record of what the person agrees to.
-pub fn agreed(now: f64, consent: &Consent) -> Markup {
+pub(crate) fn agreed(now: f64, consent: &Consent) -> Markup {
     html! {
         "to "
         @for (place, item) in consent.items.iter().enumerate() {

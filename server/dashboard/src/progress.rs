@@ -5,7 +5,7 @@ use yoto_proto::progress::describe;
 use yoto_proto::v1::{Job, Progress, job};
 
 /// A bar with what the job does; nothing unless it runs.
-pub fn bar(job: &Job) -> Markup {
+pub(crate) fn bar(job: &Job) -> Markup {
     let Some(progress) = job
         .progress
         .as_ref()
@@ -23,7 +23,7 @@ pub fn bar(job: &Job) -> Markup {
 }
 
 /// The completed share, percent.
-pub fn percent(progress: &Progress) -> u32 {
+pub(crate) fn percent(progress: &Progress) -> u32 {
     (100.0 * progress.fraction.clamp(0.0, 1.0)).floor() as u32
 }
 

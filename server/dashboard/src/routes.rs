@@ -33,7 +33,7 @@ pub struct PageRule {
 }
 
 /// A page.
-pub struct Route {
+pub(crate) struct Route {
     /// The path, as the router reads it.
     pub path: &'static str,
     call: &'static str,
@@ -50,7 +50,7 @@ fn page(path: &'static str, call: &'static str, answers: MethodRouter<Arc<Site>>
 }
 
 /// All pages.
-pub fn all() -> Vec<Route> {
+pub(crate) fn all() -> Vec<Route> {
     vec![
         page("/", "/yoto.v1.StatusService/GetStatus", get(overview::page)),
         page(

@@ -11,7 +11,7 @@ use yoto_proto::v1::{
 };
 
 /// `/service`
-pub async fn page(asker: Asker) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
     let status = asker
         .services()
         .status
@@ -77,7 +77,7 @@ async fn signed_in(asker: &Asker) -> Result<Markup, Fault> {
 /// What keeps jobs from being taken.
 ///
 /// `now` is in seconds since 1970.
-pub fn notices(status: &ServiceStatus, now: f64) -> Markup {
+pub(crate) fn notices(status: &ServiceStatus, now: f64) -> Markup {
     html! {
         @if let Some(draining) = &status.draining {
             p .message .warn {

@@ -42,7 +42,7 @@ const DAY: f64 = 86_400.0;
 ///
 /// # Errors
 /// When the service can't tell.
-pub async fn of_job(asker: &Asker, job: &Job) -> Result<Markup, Status> {
+pub(crate) async fn of_job(asker: &Asker, job: &Job) -> Result<Markup, Status> {
     if job.kind() != JobKind::Export || page_of_export(job).is_none() {
         return Ok(html! {});
     }
@@ -132,7 +132,7 @@ fn state(share: &Share, now: f64) -> Markup {
 }
 
 /// `POST /jobs/{id}/share`: the answer alone shows the link.
-pub async fn create(
+pub(crate) async fn create(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,
@@ -203,7 +203,7 @@ fn qr_code(address: &str) -> Markup {
 }
 
 /// `POST /shares/{id}/revoke`
-pub async fn revoke(
+pub(crate) async fn revoke(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,

@@ -13,16 +13,16 @@ use yoto_proto::sha256_hex;
 use yoto_store::Tenant;
 
 /// The field of a form with the token.
-pub const FIELD: &str = "token";
+pub(crate) const FIELD: &str = "token";
 /// The header of a script's request with the token.
-pub const HEADER: &str = "x-yoto-token";
+pub(crate) const HEADER: &str = "x-yoto-token";
 /// Maximum length of a form, bytes.
 const LONGEST: usize = 64 << 10;
 /// What a browser says of the site that sends a form.
 const SITE: &str = "sec-fetch-site";
 
 /// The token of the forms of `tenant`, with the id of the object store.
-pub fn of(store_id: &str, tenant: &Tenant) -> String {
+pub(crate) fn of(store_id: &str, tenant: &Tenant) -> String {
     sha256_hex(format!("form\0{store_id}\0{tenant}").as_bytes())
 }
 
@@ -31,7 +31,7 @@ pub fn of(store_id: &str, tenant: &Tenant) -> String {
 ///
 /// # Errors
 /// When it has no token, or the browser says that another site sends it.
-pub fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> {
+pub(crate) fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> {
     let refused = |words: &str| Err(Fault::of(StatusCode::FORBIDDEN, words));
     if is_of_other_site(headers) {
         return refused("another site's page has sent this");
@@ -57,7 +57,7 @@ fn is_same(sent: &[u8], token: &str) -> bool {
 ///
 /// # Errors
 /// When it is none, has no token, or the browser says that another site sends it.
-pub async fn checked(token: &str, headers: &HeaderMap, body: Body) -> Result<Fields, Fault> {
+pub(crate) async fn checked(token: &str, headers: &HeaderMap, body: Body) -> Result<Fields, Fault> {
     let refused = |words: &str| Err(Fault::of(StatusCode::FORBIDDEN, words));
     let is_form = headers.get(CONTENT_TYPE).is_some_and(|kind| {
         kind.as_bytes()

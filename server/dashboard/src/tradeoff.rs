@@ -47,7 +47,7 @@ impl Point {
 ///
 /// # Errors
 /// When the service can't read it.
-pub async fn of(asker: &Asker, checkpoints: &[Checkpoint]) -> Result<Markup, Status> {
+pub(crate) async fn of(asker: &Asker, checkpoints: &[Checkpoint]) -> Result<Markup, Status> {
     let mut measured = checkpoints.iter().filter(|it| it.tradeoff.is_some());
     let found = measured
         .find(|it| it.best)

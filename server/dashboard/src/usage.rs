@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use yoto_proto::v1::{StoredBytes, Usage};
 
 /// A table of the tenant's usage; a quota that is reached is marked.
-pub fn table(usage: &Usage) -> Markup {
+pub(crate) fn table(usage: &Usage) -> Markup {
     let quota = usage.quota.unwrap_or_default();
     let seconds = |it: u64| span(it as f64);
     let most_seconds = quota.device_seconds.map(|it| it as u64);

@@ -9,23 +9,23 @@ use yoto_proto::v1::{Job, JobKind, capture, job, subject};
 const ID: usize = 8;
 
 /// What others wrote, as one line without hidden characters. Markup in it is escaped where it is printed.
-pub fn told(text: &str) -> String {
+pub(crate) fn told(text: &str) -> String {
     one_line(text, LINE_CHARACTERS)
 }
 
 /// What others wrote, apart from the direction of the text around it.
-pub fn name(text: &str) -> Markup {
+pub(crate) fn name(text: &str) -> Markup {
     html! { bdi { (told(text)) } }
 }
 
 /// The beginning of the id in a resource's name.
-pub fn short(name: &str) -> String {
+pub(crate) fn short(name: &str) -> String {
     let id = name.rsplit('/').next().unwrap_or_default();
     id.chars().take(ID).collect()
 }
 
 /// Where the page of a resource is.
-pub fn page_of(name: &str) -> String {
+pub(crate) fn page_of(name: &str) -> String {
     match name.strip_prefix("subjects/") {
         Some(id) => format!("/people/{id}"),
         None => format!("/{name}"),
@@ -33,7 +33,7 @@ pub fn page_of(name: &str) -> String {
 }
 
 /// A time span in its largest unit.
-pub fn span(seconds: f64) -> String {
+pub(crate) fn span(seconds: f64) -> String {
     let seconds = seconds.max(0.0) as u64;
     match seconds {
         0..60 => format!("{seconds} s"),
@@ -44,7 +44,7 @@ pub fn span(seconds: f64) -> String {
 }
 
 /// A number of bytes.
-pub fn bytes(number: u64) -> String {
+pub(crate) fn bytes(number: u64) -> String {
     let units = ["KiB", "MiB", "GiB", "TiB"];
     let mut value = number as f64;
     if value < 1024.0 {
@@ -62,7 +62,7 @@ pub fn bytes(number: u64) -> String {
 }
 
 /// A whole number, with a thin space between its thousands.
-pub fn whole(number: u64) -> String {
+pub(crate) fn whole(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::with_capacity(digits.len() + digits.len() / 3);
     for (at, digit) in digits.chars().enumerate() {
@@ -75,7 +75,7 @@ pub fn whole(number: u64) -> String {
 }
 
 /// `1 frame`, `2 frames`.
-pub fn count(number: u64, what: &str) -> String {
+pub(crate) fn count(number: u64, what: &str) -> String {
     match number {
         1 => format!("1 {what}"),
         number => format!("{} {what}s", whole(number)),
@@ -83,12 +83,12 @@ pub fn count(number: u64, what: &str) -> String {
 }
 
 /// Seconds since 1970.
-pub fn seconds(time: &Timestamp) -> f64 {
+pub(crate) fn seconds(time: &Timestamp) -> f64 {
     time.seconds as f64 + f64::from(time.nanos) * 1e-9
 }
 
 /// How long before `now`, seconds since 1970, something was; with the exact time for programs and as a hint.
-pub fn ago(now: f64, time: Option<&Timestamp>) -> Markup {
+pub(crate) fn ago(now: f64, time: Option<&Timestamp>) -> Markup {
     let Some(time) = time else {
         return html! { "–" };
     };
@@ -97,12 +97,12 @@ pub fn ago(now: f64, time: Option<&Timestamp>) -> Markup {
 }
 
 /// The word of a job's kind.
-pub fn kind(job: &Job) -> &'static str {
+pub(crate) fn kind(job: &Job) -> &'static str {
     kind_word(job.kind())
 }
 
 /// The word of a kind of jobs.
-pub fn kind_word(kind: JobKind) -> &'static str {
+pub(crate) fn kind_word(kind: JobKind) -> &'static str {
     match kind {
         JobKind::Ingest => "ingest",
         JobKind::Train => "training",
@@ -114,7 +114,7 @@ pub fn kind_word(kind: JobKind) -> &'static str {
 }
 
 /// The state of a job, with a colour beside the word.
-pub fn job_state(job: &Job) -> Markup {
+pub(crate) fn job_state(job: &Job) -> Markup {
     let (class, word) = match job.state() {
         job::State::Queued if job.waiting.is_some() => ("warn", "waiting"),
         job::State::Queued => ("calm", "queued"),
@@ -129,7 +129,7 @@ pub fn job_state(job: &Job) -> Markup {
 }
 
 /// The state of a person.
-pub fn subject_state(state: subject::State) -> Markup {
+pub(crate) fn subject_state(state: subject::State) -> Markup {
     let (class, word) = match state {
         subject::State::Uploading => ("busy", "uploading"),
         subject::State::Ingesting => ("busy", "being read"),
@@ -143,7 +143,7 @@ pub fn subject_state(state: subject::State) -> Markup {
 }
 
 /// The state of a capture.
-pub fn capture_state(state: capture::State) -> Markup {
+pub(crate) fn capture_state(state: capture::State) -> Markup {
     let (class, word) = match state {
         capture::State::Uploading => ("busy", "uploading"),
         capture::State::Ingesting => ("busy", "being read"),
@@ -156,7 +156,7 @@ pub fn capture_state(state: capture::State) -> Markup {
 }
 
 /// A word with a colour, which repeats what the word says.
-pub fn badge(class: &str, word: &str) -> Markup {
+pub(crate) fn badge(class: &str, word: &str) -> Markup {
     html! { span class={ "badge " (class) } { (word) } }
 }
 

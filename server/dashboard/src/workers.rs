@@ -23,7 +23,7 @@ use yoto_store::JobGroup;
 const PER_PAGE: i32 = 50;
 
 /// `/workers`
-pub async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
     let query = Fields::of_query(query);
     let status = asker
         .services()

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 /// Calls of each kind.
 #[derive(Default)]
-pub struct Costs(BTreeMap<&'static str, Calls>);
+pub(crate) struct Costs(BTreeMap<&'static str, Calls>);
 
 /// Calls of one kind.
 #[derive(Default)]
@@ -21,14 +21,14 @@ struct Calls {
 }
 
 /// A call that has begun.
-pub struct Begun {
+pub(crate) struct Begun {
     at: Instant,
     computed: f64,
 }
 
 impl Begun {
     /// A call that begins now.
-    pub fn now() -> Self {
+    pub(crate) fn now() -> Self {
         Self {
             at: Instant::now(),
             computed: computed(),
@@ -47,7 +47,7 @@ fn computed() -> f64 {
 
 impl Costs {
     /// Times a call.
-    pub async fn time<T>(&mut self, kind: &'static str, call: impl Future<Output = T>) -> T {
+    pub(crate) async fn time<T>(&mut self, kind: &'static str, call: impl Future<Output = T>) -> T {
         let begun = Begun::now();
         let answer = call.await;
         self.ended(kind, &begun);
@@ -55,7 +55,7 @@ impl Costs {
     }
 
     /// Adds a call that ends now.
-    pub fn ended(&mut self, kind: &'static str, begun: &Begun) {
+    pub(crate) fn ended(&mut self, kind: &'static str, begun: &Begun) {
         let calls = self.0.entry(kind).or_default();
         calls.seconds.push(begun.at.elapsed().as_secs_f64());
         calls.computed += computed() - begun.computed;
@@ -63,7 +63,7 @@ impl Costs {
 
     /// A row for each kind: calls per simulated second of `span`, their cost, and the shares of that time for which the service
     /// would be busy with them, one after the other, and for which a processor computes.
-    pub fn table(mut self, span: f64) -> String {
+    pub(crate) fn table(mut self, span: f64) -> String {
         let mut table =
             "| call | per second | p50, ms | p99, ms | computed, ms | busy | processor |\n\
                          |---|---:|---:|---:|---:|---:|---:|\n"

@@ -52,7 +52,7 @@ struct Worker {
 }
 
 /// A simulation.
-pub struct Day<'a> {
+pub(crate) struct Day<'a> {
     stage: &'a Stage,
     clock: &'a ManualClock,
     plan: &'a Plan,
@@ -70,7 +70,7 @@ pub struct Day<'a> {
 
 /// What a simulation has shown.
 #[derive(Default)]
-pub struct Report {
+pub(crate) struct Report {
     /// Simulated seconds.
     pub span: f64,
     trained: usize,
@@ -96,7 +96,7 @@ impl fmt::Display for Report {
 }
 
 impl<'a> Day<'a> {
-    pub fn new(
+    pub(crate) fn new(
         stage: &'a Stage,
         clock: &'a ManualClock,
         plan: &'a Plan,
@@ -119,7 +119,7 @@ impl<'a> Day<'a> {
     }
 
     /// Simulates until all trainings have ended.
-    pub async fn run(mut self, costs: &mut Costs) -> Result<Report> {
+    pub(crate) async fn run(mut self, costs: &mut Costs) -> Result<Report> {
         for number in 0..self.plan.workers {
             let name = self.stage.register(number, JobKind::Train).await?;
             self.workers.push(Worker {

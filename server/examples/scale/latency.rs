@@ -14,7 +14,9 @@ const TIMES: usize = 40;
 const POLL: f64 = 2.0;
 
 /// Measures with hints and without.
-pub async fn run(database: impl Fn() -> std::result::Result<Database, &'static str>) -> Result<()> {
+pub(crate) async fn run(
+    database: impl Fn() -> std::result::Result<Database, &'static str>,
+) -> Result<()> {
     for hints in [false, true] {
         let stage = Stage::open(Some(database()?), |config| config.hints = hints).await?;
         let model = stage.model_of_somebody().await?;

@@ -27,17 +27,17 @@ use yoto_server::clock::ManualClock;
 use yoto_server::{Coordinator, ServerConfig, in_memory};
 use yoto_test_postgres::Database;
 
-pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
+pub(crate) type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Longer than any simulation: what a coordinator does by itself is done by events.
 const NEVER: Duration = Duration::from_secs(1 << 20);
 /// People that are made at the same time.
 const AT_ONCE: usize = 8;
 /// Owners of trainings.
-pub const OWNERS: usize = 10;
+pub(crate) const OWNERS: usize = 10;
 
 /// Two coordinators on PostgreSQL, or one on SQLite.
-pub struct Stage {
+pub(crate) struct Stage {
     pub coordinators: Vec<Coordinator>,
     pub channels: Vec<Channel>,
     pub objects: Objects,
@@ -47,7 +47,10 @@ pub struct Stage {
 
 impl Stage {
     /// On a clock that is set: what coordinators do by themselves is done by events.
-    pub async fn simulated(database: Option<Database>, clock: &Arc<ManualClock>) -> Result<Self> {
+    pub(crate) async fn simulated(
+        database: Option<Database>,
+        clock: &Arc<ManualClock>,
+    ) -> Result<Self> {
         let clock = Arc::clone(clock);
         let settings = move |config: &mut ServerConfig| {
             config.clock = Arc::clone(&clock) as _;
@@ -58,7 +61,7 @@ impl Stage {
         Self::open(database, settings).await
     }
 
-    pub async fn open(
+    pub(crate) async fn open(
         database: Option<Database>,
         settings: impl Fn(&mut ServerConfig),
     ) -> Result<Self> {
@@ -94,20 +97,20 @@ impl Stage {
     }
 
     /// The channel of the coordinator that the `number`-th caller uses.
-    pub fn channel(&self, number: usize) -> Channel {
+    pub(crate) fn channel(&self, number: usize) -> Channel {
         self.channels[number % self.channels.len()].clone()
     }
 
-    pub fn workers(&self, number: usize) -> WorkerServiceClient<Channel> {
+    pub(crate) fn workers(&self, number: usize) -> WorkerServiceClient<Channel> {
         WorkerServiceClient::new(self.channel(number))
     }
 
-    pub fn jobs(&self, number: usize) -> JobServiceClient<Channel> {
+    pub(crate) fn jobs(&self, number: usize) -> JobServiceClient<Channel> {
         JobServiceClient::new(self.channel(number))
     }
 
     /// Makes people with captures that are READY, a model for each of the first, and their trainings. Returns the jobs.
-    pub async fn fill(&self, plan: &Plan) -> Result<Vec<String>> {
+    pub(crate) async fn fill(&self, plan: &Plan) -> Result<Vec<String>> {
         let mut readers = Vec::new();
         for number in 0..self.channels.len() {
             readers.push(self.register(number, JobKind::Ingest).await?);
@@ -122,7 +125,7 @@ impl Stage {
     }
 
     /// A model of a person who is made for it.
-    pub async fn model_of_somebody(&self) -> Result<String> {
+    pub(crate) async fn model_of_somebody(&self) -> Result<String> {
         let reader = self.register(0, JobKind::Ingest).await?;
         let subject = self.person(0, &reader).await?;
         self.model(0, subject).await
@@ -211,7 +214,7 @@ impl Stage {
     }
 
     /// Orders a training.
-    pub async fn train(&self, number: usize, model: &str) -> Result<String> {
+    pub(crate) async fn train(&self, number: usize, model: &str) -> Result<String> {
         let spec = TrainSpec {
             model: model.to_owned(),
             seconds: 1.0,
@@ -232,7 +235,7 @@ impl Stage {
             .name)
     }
 
-    pub async fn register(&self, number: usize, kind: JobKind) -> Result<String> {
+    pub(crate) async fn register(&self, number: usize, kind: JobKind) -> Result<String> {
         let request = RegisterWorkerRequest {
             display_name: format!("worker {number}"),
             device: Some(WorkerDevice::default()),
@@ -244,7 +247,7 @@ impl Stage {
         Ok(answer.into_inner().worker)
     }
 
-    pub async fn lease(&self, number: usize, worker: &str) -> Result<Option<Lease>> {
+    pub(crate) async fn lease(&self, number: usize, worker: &str) -> Result<Option<Lease>> {
         let request = LeaseJobRequest {
             worker: worker.into(),
             help: true,
@@ -254,13 +257,13 @@ impl Stage {
         Ok(answer.into_inner().lease)
     }
 
-    pub async fn put(&self, key: &str, bytes: &[u8]) -> Result<ObjectRef> {
+    pub(crate) async fn put(&self, key: &str, bytes: &[u8]) -> Result<ObjectRef> {
         let bytes = bytes.to_vec().into();
         Ok(self.objects.put(key, bytes).await?)
     }
 
     /// Ends a lease with a result.
-    pub async fn end(
+    pub(crate) async fn end(
         &self,
         number: usize,
         worker: &str,
@@ -277,7 +280,7 @@ impl Stage {
 }
 
 /// What a worker says with each report.
-pub fn claim(worker: &str, lease: &Lease) -> Claim {
+pub(crate) fn claim(worker: &str, lease: &Lease) -> Claim {
     Claim {
         job: lease
             .job

@@ -19,7 +19,7 @@ const SITE: &str = "sec-fetch-site";
 ///
 /// # Errors
 /// [`ErrorReason::OtherSite`].
-pub fn check(uri: &Uri, headers: &HeaderMap, on_loopback: bool) -> Result<(), RequestError> {
+pub(super) fn check(uri: &Uri, headers: &HeaderMap, on_loopback: bool) -> Result<(), RequestError> {
     // All of them: one that a proxy adds doesn't hide another.
     let mut named = Vec::new();
     if let Some(authority) = uri.authority() {
@@ -51,7 +51,7 @@ pub fn check(uri: &Uri, headers: &HeaderMap, on_loopback: bool) -> Result<(), Re
 
 /// Whether a browser asks for a page to show it by itself, as after a click on a link in another site: that site sees nothing of it,
 /// and asking for a page changes nothing.
-pub fn shows_page(method: &Method, headers: &HeaderMap) -> bool {
+pub(super) fn shows_page(method: &Method, headers: &HeaderMap) -> bool {
     let says = |name: &str, value: &str| headers.get(name).is_some_and(|it| it == value);
     method == Method::GET
         && says("sec-fetch-mode", "navigate")

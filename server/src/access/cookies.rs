@@ -20,7 +20,7 @@ const AT_ISSUER: Duration = Duration::from_secs(600);
 
 /// What is known of somebody who was sent to the issuer. It stands in the browser, so that any coordinator can go on.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Begun {
+pub(crate) struct Begun {
     /// What the issuer sends back: nobody else's browser has begun this.
     pub state: String,
     /// What the ID token must contain: it was made for this sign-in.
@@ -32,23 +32,23 @@ pub struct Begun {
 }
 
 /// The key of a session.
-pub fn session_of(headers: &HeaderMap) -> Option<String> {
+pub(crate) fn session_of(headers: &HeaderMap) -> Option<String> {
     value(headers, SESSION)
 }
 
 /// Begins the session of `key`, for as long as `life`; until the browser is closed without one.
-pub fn session(key: &str, life: Option<Duration>, encrypted: bool) -> Option<HeaderValue> {
+pub(crate) fn session(key: &str, life: Option<Duration>, encrypted: bool) -> Option<HeaderValue> {
     cookie(SESSION, key, life, encrypted)
 }
 
 /// Ends the session in the browser.
-pub fn no_session() -> [Option<HeaderValue>; 2] {
+pub(crate) fn no_session() -> [Option<HeaderValue>; 2] {
     gone(SESSION)
 }
 
 impl Begun {
     /// What an earlier answer has told the browser.
-    pub fn of(headers: &HeaderMap) -> Option<Self> {
+    pub(crate) fn of(headers: &HeaderMap) -> Option<Self> {
         let text = value(headers, BEGUN)?;
         let mut parts = text.split('.').map(|part| {
             let text = percent_decode_str(part).decode_utf8();
@@ -64,20 +64,20 @@ impl Begun {
     }
 
     /// Tells the browser.
-    pub fn cookie(&self, encrypted: bool) -> Option<HeaderValue> {
+    pub(crate) fn cookie(&self, encrypted: bool) -> Option<HeaderValue> {
         let parts = [&self.state, &self.nonce, &self.verifier, &self.to];
         let parts = parts.map(|it| utf8_percent_encode(it, NON_ALPHANUMERIC).to_string());
         cookie(BEGUN, &parts.join("."), Some(AT_ISSUER), encrypted)
     }
 
     /// Has the browser forget it: a code is used once.
-    pub fn over() -> [Option<HeaderValue>; 2] {
+    pub(crate) fn over() -> [Option<HeaderValue>; 2] {
         gone(BEGUN)
     }
 }
 
 /// Whether the page from which a form comes was encrypted on its way, perhaps by a proxy.
-pub fn is_encrypted(headers: &HeaderMap) -> bool {
+pub(crate) fn is_encrypted(headers: &HeaderMap) -> bool {
     let origin = headers.get(ORIGIN).and_then(|it| it.to_str().ok());
     origin.is_some_and(|it| it.starts_with("https://"))
 }

@@ -14,7 +14,7 @@ use yoto_request::RequestError;
 const BASIC: &str = "Basic ";
 
 /// What of a call says who makes it.
-pub struct CallHead {
+pub(super) struct CallHead {
     pub method: Method,
     pub uri: Uri,
     pub headers: HeaderMap,
@@ -22,7 +22,7 @@ pub struct CallHead {
 }
 
 /// What a caller has sent as its key; empty if it is none.
-pub enum SentKey {
+pub(super) enum SentKey {
     /// By a program, which chose to send it.
     Chosen(String),
     /// By a browser, in the cookie of a session or as the password of a user of any name. It sends it with every request to this
@@ -35,7 +35,7 @@ impl SentKey {
     ///
     /// # Errors
     /// When a page of another site has the browser send it.
-    pub fn of_caller(&self, head: &CallHead) -> Result<&str, RequestError> {
+    pub(super) fn of_caller(&self, head: &CallHead) -> Result<&str, RequestError> {
         match self {
             Self::Chosen(key) => Ok(key),
             Self::Kept(key) => {
@@ -51,7 +51,7 @@ impl SentKey {
 impl CallHead {
     /// Takes the key out of the request: nothing behind the layer needs it, or can log it. For a `page`, it can be in a cookie, or a
     /// password.
-    pub fn of(request: &mut Request<Body>, page: bool) -> Self {
+    pub(super) fn of(request: &mut Request<Body>, page: bool) -> Self {
         let sent = request.headers_mut().remove(HEADER);
         let chosen = sent
             .as_ref()

@@ -14,12 +14,12 @@ use tonic::codegen::http::HeaderMap;
 use yoto_request::RequestError;
 
 /// The end of a caller's right, as an answer.
-pub type Ended = Pin<Box<dyn Future<Output = Status> + Send>>;
+pub(super) type Ended = Pin<Box<dyn Future<Output = Status> + Send>>;
 
 /// Ready once the caller with the key of this SHA-256 may not call any more; without a key, once one is asked for. Looks at every
 /// change by this process, and at those of others every [`FRESH`]: a key that another coordinator has revoked ends a stream
 /// after at most twice that time and a read.
-pub fn ended(callers: Arc<Callers>, admission: Admission, sha256: Option<String>) -> Ended {
+pub(super) fn ended(callers: Arc<Callers>, admission: Admission, sha256: Option<String>) -> Ended {
     Box::pin(async move {
         let mut changes = callers.ring.changes();
         loop {
@@ -44,7 +44,7 @@ pub fn ended(callers: Arc<Callers>, admission: Admission, sha256: Option<String>
 }
 
 /// A response that ends with the caller's right.
-pub struct Guarded {
+pub(super) struct Guarded {
     inner: Body,
     ended: Ended,
     over: bool,
@@ -52,7 +52,7 @@ pub struct Guarded {
 
 impl Guarded {
     /// `inner`, until `ended`.
-    pub fn new(inner: Body, ended: Ended) -> Self {
+    pub(super) fn new(inner: Body, ended: Ended) -> Self {
         Self {
             inner,
             ended,

@@ -13,13 +13,13 @@ use yoto_request::RequestError;
 use yoto_store::{KeyRow, Store, StoreError};
 
 /// Age up to which the keys in memory are used.
-pub const FRESH: Duration = Duration::from_millis(500);
+pub(crate) const FRESH: Duration = Duration::from_millis(500);
 /// Interval of the notes of a key's use: one per call would be a write per call.
 const NOTE_EVERY: Duration = Duration::from_secs(600);
 
 /// Keys as they were at one moment.
 #[derive(Debug)]
-pub struct Keys {
+pub(crate) struct Keys {
     /// Before they were read.
     read: Instant,
     /// The time then, seconds since 1970.
@@ -30,17 +30,17 @@ pub struct Keys {
 
 impl Keys {
     /// Whether the service has or had a key: one that was revoked does not open the service again.
-    pub fn any(&self) -> bool {
+    pub(crate) fn any(&self) -> bool {
         !self.rows.is_empty()
     }
 
     /// The time of the database, seconds since 1970.
-    pub fn now(&self) -> f64 {
+    pub(crate) fn now(&self) -> f64 {
         self.time + self.read.elapsed().as_secs_f64()
     }
 
     /// Whether the key with this id is that of a session.
-    pub fn is_session(&self, id: &str) -> bool {
+    pub(crate) fn is_session(&self, id: &str) -> bool {
         self.rows.values().any(|it| it.id == id && it.session)
     }
 
@@ -48,7 +48,7 @@ impl Keys {
     ///
     /// # Errors
     /// When there is none, or it has ended.
-    pub fn find(&self, sha256: &str) -> Result<&KeyRow, RequestError> {
+    pub(crate) fn find(&self, sha256: &str) -> Result<&KeyRow, RequestError> {
         let refused = |reason, message: &str| Err(RequestError::refused(reason, message));
         let Some(row) = self.rows.get(sha256) else {
             return refused(
@@ -68,7 +68,7 @@ impl Keys {
 
 /// The keys of this process.
 #[derive(Debug, Default)]
-pub struct KeyRing {
+pub(crate) struct KeyRing {
     known: Mutex<Option<Arc<Keys>>>,
     /// Wakes the guards of streams after a change by this process.
     changed: watch::Sender<()>,
@@ -81,7 +81,7 @@ impl KeyRing {
     ///
     /// # Errors
     /// When the database can't be read: nobody knows then whose key was revoked.
-    pub async fn current(&self, store: &Store) -> Result<Arc<Keys>, StoreError> {
+    pub(crate) async fn current(&self, store: &Store) -> Result<Arc<Keys>, StoreError> {
         let mut known = self.known.lock().await;
         if let Some(keys) = &*known
             && keys.read.elapsed() < FRESH
@@ -101,18 +101,18 @@ impl KeyRing {
     }
 
     /// Reads the keys anew at the next call, and has running streams check theirs now. Waits for a read that began earlier.
-    pub async fn renew(&self) {
+    pub(crate) async fn renew(&self) {
         *self.known.lock().await = None;
         self.changed.send_replace(());
     }
 
     /// Changes by this process.
-    pub fn changes(&self) -> watch::Receiver<()> {
+    pub(crate) fn changes(&self) -> watch::Receiver<()> {
         self.changed.subscribe()
     }
 
     /// Whether a use of the key is to be noted now; it then counts as noted.
-    pub fn is_news(&self, keys: &Keys, row: &KeyRow) -> bool {
+    pub(crate) fn is_news(&self, keys: &Keys, row: &KeyRow) -> bool {
         let every = NOTE_EVERY.as_secs_f64();
         if row.used_time.is_some_and(|used| keys.now() - used < every) {
             return false;
@@ -130,12 +130,12 @@ impl KeyRing {
 }
 
 /// A new key: 244 random bits of the system.
-pub fn new_secret() -> String {
+pub(crate) fn new_secret() -> String {
     format!("{PREFIX}{}", random())
 }
 
 /// 244 random bits in 64 hexadecimal digits.
-pub fn random() -> String {
+pub(crate) fn random() -> String {
     use uuid::Uuid;
     let (one, two) = (Uuid::new_v4().simple(), Uuid::new_v4().simple());
     format!("{one}{two}")

@@ -25,7 +25,7 @@ const KEY_MISSING: &str =
 
 /// Authorizes the calls of a listener.
 #[derive(Clone)]
-pub struct AccessLayer {
+pub(crate) struct AccessLayer {
     /// Who has a key.
     pub callers: Arc<Callers>,
     /// Whom the listener admits.
@@ -36,7 +36,7 @@ pub struct AccessLayer {
 
 /// Makes the page in place of one that somebody may not see without a key, from the page that is shown after a sign-in, and why
 /// they are asked.
-pub type SignInPage = Arc<dyn Fn(&str, &str) -> Response<axum::body::Body> + Send + Sync>;
+pub(crate) type SignInPage = Arc<dyn Fn(&str, &str) -> Response<axum::body::Body> + Send + Sync>;
 
 impl<S> Layer<S> for AccessLayer {
     type Service = Authorized<S>;
@@ -51,7 +51,7 @@ impl<S> Layer<S> for AccessLayer {
 
 /// Services whose calls are authorized.
 #[derive(Clone)]
-pub struct Authorized<S> {
+pub(crate) struct Authorized<S> {
     inner: S,
     access: AccessLayer,
 }

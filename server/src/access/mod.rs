@@ -9,16 +9,16 @@
 //! rule is answered like one that does not exist, so nothing is allowed by being forgotten.
 
 mod browser;
-pub mod cookies;
+pub(crate) mod cookies;
 mod credentials;
 mod guard;
-pub mod keys;
+pub(crate) mod keys;
 mod layer;
 mod rates;
 mod rules;
 
-pub use layer::{AccessLayer, SignInPage};
-pub use rules::{brings_file, changes_something, is_of_script, page_of};
+pub(crate) use layer::{AccessLayer, SignInPage};
+pub(crate) use rules::{brings_file, changes_something, is_of_script, page_of};
 
 use keys::{KeyRing, Keys};
 use rates::Rates;
@@ -29,7 +29,7 @@ use yoto_store::{Store, StoreError, Tenant};
 
 /// Who may call: the keys of the service, and the calls per second of each tenant.
 #[derive(Debug)]
-pub struct Callers {
+pub(crate) struct Callers {
     store: Arc<Store>,
     ring: KeyRing,
     rates: Rates,
@@ -39,7 +39,7 @@ pub struct Callers {
 
 impl Callers {
     /// Those of the service with this `store`, who may sign in at an issuer.
-    pub fn new(store: &Arc<Store>, at_issuer: bool) -> Self {
+    pub(crate) fn new(store: &Arc<Store>, at_issuer: bool) -> Self {
         Self {
             store: Arc::clone(store),
             ring: KeyRing::default(),
@@ -52,12 +52,12 @@ impl Callers {
     ///
     /// # Errors
     /// When the database can't be read: nobody knows then whose key was revoked.
-    pub async fn keys(&self) -> Result<Arc<Keys>, StoreError> {
+    pub(crate) async fn keys(&self) -> Result<Arc<Keys>, StoreError> {
         self.ring.current(&self.store).await
     }
 
     /// Reads the keys anew at the next call, and has running streams check theirs now.
-    pub async fn renew_keys(&self) {
+    pub(crate) async fn renew_keys(&self) {
         self.ring.renew().await;
     }
 }
@@ -66,7 +66,7 @@ impl Callers {
 ///
 /// # Errors
 /// [`OtherSite`](yoto_proto::v1::ErrorReason::OtherSite).
-pub fn check_site(uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
+pub(crate) fn check_site(uri: &Uri, headers: &HeaderMap) -> Result<(), RequestError> {
     browser::check(uri, headers, false)
 }
 

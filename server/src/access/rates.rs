@@ -13,7 +13,7 @@ const LEAST: f64 = 10.0;
 
 /// The buckets of this process.
 #[derive(Debug, Default)]
-pub struct Rates {
+pub(super) struct Rates {
     buckets: Mutex<HashMap<String, Bucket>>,
 }
 
@@ -28,7 +28,7 @@ impl Rates {
     ///
     /// # Errors
     /// When there is none.
-    pub fn take(&self, tenant: &Tenant, rate: f64) -> Result<(), RequestError> {
+    pub(super) fn take(&self, tenant: &Tenant, rate: f64) -> Result<(), RequestError> {
         self.take_at(tenant, rate, Instant::now())
     }
 

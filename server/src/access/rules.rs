@@ -11,7 +11,7 @@ use yoto_proto::v1::Scope;
 
 /// What a caller needs for a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rule {
+pub(super) enum Rule {
     /// Nothing: probes of balancers, which learn one word, and links to pages.
     Open,
     /// Any key.
@@ -52,7 +52,7 @@ const SHARES: &str = "/share/*";
 static RULES: LazyLock<HashMap<String, Rule>> = LazyLock::new(all);
 
 /// The rule of a request; `None` if nothing is there.
-pub fn of_request(verb: &http::Method, path: &str) -> Option<Rule> {
+pub(super) fn of_request(verb: &http::Method, path: &str) -> Option<Rule> {
     if !transcoding::is_request(path) {
         return of(path);
     }
@@ -85,7 +85,7 @@ fn page(path: &str) -> Option<&'static PageRule> {
 }
 
 /// Whether the method at this path is one that people call to change something.
-pub fn changes_something(path: &str) -> bool {
+pub(crate) fn changes_something(path: &str) -> bool {
     let scope = match of(path) {
         Some(Rule::Scope { scope, .. }) => scope,
         _ => return false,
@@ -100,27 +100,27 @@ fn looks(path: &str) -> bool {
 }
 
 /// Whether the path is that of a page for people, into which a browser signs in.
-pub fn is_of_dashboard(path: &str) -> bool {
+pub(super) fn is_of_dashboard(path: &str) -> bool {
     page(path).is_some()
 }
 
 /// The pattern of that page, with `*` for ids.
-pub fn page_of(path: &str) -> Option<&'static str> {
+pub(crate) fn page_of(path: &str) -> Option<&'static str> {
     page(path).map(|it| it.pattern.as_str())
 }
 
 /// Whether the path is one that only the script of a page asks for.
-pub fn is_of_script(path: &str) -> bool {
+pub(crate) fn is_of_script(path: &str) -> bool {
     page(path).is_some_and(|it| it.of_script)
 }
 
 /// Whether the request to a page for people, or its answer, lasts: an answer of events, or a file that comes or goes.
-pub fn streams(verb: &http::Method, path: &str) -> bool {
+pub(super) fn streams(verb: &http::Method, path: &str) -> bool {
     page(path).is_some_and(|it| it.lasts) || brings_file(verb, path)
 }
 
 /// Whether a page's script sends bytes of a file by this request. It may be long, so nothing waits for all of it.
-pub fn brings_file(verb: &http::Method, path: &str) -> bool {
+pub(crate) fn brings_file(verb: &http::Method, path: &str) -> bool {
     verb == http::Method::PUT && page(path).is_some_and(|it| it.takes_file)
 }
 

@@ -10,7 +10,7 @@ use yoto_request::RequestError;
 use yoto_store::Tenant;
 
 /// `SetAlias`.
-pub async fn set(
+pub(super) async fn set(
     api: &ModelApi,
     tenant: &Tenant,
     request: &SetAliasRequest,
@@ -29,7 +29,7 @@ pub async fn set(
 }
 
 /// `RemoveAlias`.
-pub async fn remove(
+pub(super) async fn remove(
     context: &Context,
     tenant: &Tenant,
     request: &RemoveAliasRequest,
@@ -43,7 +43,7 @@ pub async fn remove(
 }
 
 /// The checkpoint called `name` in this field, by its step or an alias.
-pub async fn checkpoint(
+pub(super) async fn checkpoint(
     api: &ModelApi,
     tenant: &Tenant,
     field: &str,

@@ -26,7 +26,7 @@ const PURPOSES: [ConsentPurpose; 4] = [
 ];
 
 /// `GrantConsent`.
-pub async fn grant(
+pub(super) async fn grant(
     context: &Context,
     tenant: &Tenant,
     request: GrantConsentRequest,
@@ -65,7 +65,7 @@ pub async fn grant(
 }
 
 /// `RevokeConsent`.
-pub async fn revoke(
+pub(super) async fn revoke(
     context: &Context,
     tenant: &Tenant,
     request: RevokeConsentRequest,
@@ -103,7 +103,7 @@ fn evidence(content: Vec<u8>, name: &str) -> Result<Option<NewEvidence>, Request
 }
 
 /// `GetConsentEvidence`.
-pub async fn get_evidence(
+pub(super) async fn get_evidence(
     context: &Context,
     tenant: &Tenant,
     request: &GetConsentEvidenceRequest,
@@ -121,7 +121,7 @@ pub async fn get_evidence(
 }
 
 /// `ListConsents`.
-pub async fn list(
+pub(super) async fn list(
     context: &Context,
     tenant: &Tenant,
     request: &ListConsentsRequest,

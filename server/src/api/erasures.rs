@@ -11,7 +11,7 @@ use yoto_request::RequestError;
 use yoto_store::Tenant;
 
 /// `EraseSubject`.
-pub async fn begin(
+pub(super) async fn begin(
     context: &Context,
     tenant: &Tenant,
     request: &EraseSubjectRequest,
@@ -43,7 +43,7 @@ pub async fn begin(
 }
 
 /// `GetErasure`.
-pub async fn get(
+pub(super) async fn get(
     context: &Context,
     tenant: &Tenant,
     request: &GetErasureRequest,
@@ -53,7 +53,7 @@ pub async fn get(
 }
 
 /// `ListErasures`.
-pub async fn list(
+pub(super) async fn list(
     context: &Context,
     tenant: &Tenant,
     request: &ListErasuresRequest,

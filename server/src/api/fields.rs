@@ -11,14 +11,14 @@ use yoto_request::validation::{all, both};
 use yoto_store::{JobKind, NewJob, RequestKey};
 
 /// The id in a resource name.
-pub fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {
+pub(crate) fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {
     let id = collection.parse(name);
     id.map(str::to_owned)
         .map_err(|error| RequestError::invalid(field, error.to_string()))
 }
 
 /// A display name: one line, not empty, without the comma that separates names in lists.
-pub fn display_name(name: &str) -> Result<String, RequestError> {
+pub(crate) fn display_name(name: &str) -> Result<String, RequestError> {
     let name = name.trim();
     if name.is_empty() || name.len() > DISPLAY_NAME_BYTES || name.chars().any(is_hidden) {
         let message = format!("a display name is one line of 1 to {DISPLAY_NAME_BYTES} bytes");
@@ -32,7 +32,7 @@ pub fn display_name(name: &str) -> Result<String, RequestError> {
 }
 
 /// A line for people, which may be empty.
-pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestError> {
+pub(crate) fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestError> {
     let text = text.trim();
     if text.chars().count() > longest || text.chars().any(is_hidden) {
         let message = format!("one line of at most {longest} characters is allowed");
@@ -42,7 +42,7 @@ pub fn line(field: &str, text: &str, longest: usize) -> Result<String, RequestEr
 }
 
 /// Checks a text of several lines for people, which may be empty.
-pub fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError> {
+pub(crate) fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError> {
     let hidden = |it: char| is_hidden(it) && !matches!(it, '\n' | '\r' | '\t');
     if text.len() > longest || text.chars().any(hidden) {
         let message = format!("at most {longest} bytes of printable text are allowed");
@@ -52,7 +52,7 @@ pub fn lines(field: &str, text: &str, longest: usize) -> Result<(), RequestError
 }
 
 /// Kinds of jobs. An unknown kind is refused: it would match no job.
-pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
+pub(crate) fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestError> {
     let known = |number: &i32| job_kind(field, *number);
     let mut kinds = all(numbers.iter().map(known))?;
     // Each is a parameter of a statement, of which databases take a limited number.
@@ -62,13 +62,13 @@ pub fn job_kinds(field: &str, numbers: &[i32]) -> Result<Vec<JobKind>, RequestEr
 }
 
 /// A kind of jobs.
-pub fn job_kind(field: &str, number: i32) -> Result<JobKind, RequestError> {
+pub(crate) fn job_kind(field: &str, number: i32) -> Result<JobKind, RequestError> {
     JobKind::of_proto(number)
         .ok_or_else(|| RequestError::invalid(field, format!("{number} is not a kind of job")))
 }
 
 /// An order as a call gives it, which is well-formed.
-pub fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, RequestError> {
+pub(crate) fn new_job(spec: JobSpec, priority: i32, owner: &str) -> Result<NewJob, RequestError> {
     let of_queue = both(column(priority), line("owner", owner, OWNER_CHARACTERS));
     let ((priority, owner), ()) = both(of_queue, queue::check_order(&spec))?;
     Ok(NewJob {
@@ -87,7 +87,7 @@ fn column(priority: i32) -> Result<u8, RequestError> {
 }
 
 /// A request id: printable, and not too long.
-pub fn request_id(request_id: &str) -> Result<(), RequestError> {
+pub(crate) fn request_id(request_id: &str) -> Result<(), RequestError> {
     if request_id.len() > REQUEST_ID_BYTES || request_id.chars().any(is_hidden) {
         let message = format!("a request id has at most {REQUEST_ID_BYTES} printable bytes");
         return Err(RequestError::invalid("request_id", message));
@@ -96,7 +96,7 @@ pub fn request_id(request_id: &str) -> Result<(), RequestError> {
 }
 
 /// The key of a repeatable request.
-pub fn request_key(
+pub(crate) fn request_key(
     method: &'static str,
     id: &str,
     body: &impl Message,

@@ -58,7 +58,7 @@ fn filter(kinds: &[i32], model: &str, owner: &str) -> Result<JobFilter, RequestE
 }
 
 /// Jobs for the workers, and their progress.
-pub struct JobApi {
+pub(crate) struct JobApi {
     /// The shared parts.
     pub context: Arc<Context>,
     /// Ends the watch streams, which would otherwise delay a shutdown.

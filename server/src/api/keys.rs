@@ -16,7 +16,7 @@ use yoto_request::{Caller, RequestError};
 use yoto_store::NewKey;
 
 /// Keys of callers.
-pub struct KeyApi {
+pub(crate) struct KeyApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }
@@ -80,7 +80,7 @@ impl KeyService for KeyApi {
 }
 
 /// The key that a request asks for, and the key itself.
-pub fn new_key(request: &CreateKeyRequest) -> Result<(NewKey, String), RequestError> {
+pub(crate) fn new_key(request: &CreateKeyRequest) -> Result<(NewKey, String), RequestError> {
     let name = fields::display_name(&request.display_name);
     let (display_name, scopes) = both(name, scopes(&request.scopes))?;
     let end = request.expire_time.as_ref();

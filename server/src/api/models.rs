@@ -39,7 +39,7 @@ fn retention(field: &str, wanted: Option<Retention>) -> Result<Retention, Reques
 }
 
 /// Shared networks and the identity slots inside them.
-pub struct ModelApi {
+pub(crate) struct ModelApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }
@@ -63,7 +63,7 @@ impl ModelApi {
 ///
 /// # Errors
 /// When the tenant has no such model, or the database fails.
-pub async fn explained(
+pub(crate) async fn explained(
     context: &Context,
     tenant: &Tenant,
     model_id: &str,

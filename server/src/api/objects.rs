@@ -24,7 +24,7 @@ use yoto_store::Tenant;
 const MAX_PAGE: i32 = 1000;
 
 /// Files that jobs have written.
-pub struct ObjectApi {
+pub(crate) struct ObjectApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

@@ -9,7 +9,7 @@ use yoto_request::validation::both;
 use yoto_store::{NewJob, RequestKey, Tenant, TraceParent};
 
 /// A job as a call orders it.
-pub struct Order {
+pub(super) struct Order {
     /// The request's id and the digest of its message, if it has an id.
     pub key: Result<Option<RequestKey>, RequestError>,
     /// What is to be done.
@@ -28,7 +28,7 @@ pub struct Order {
 ///
 /// # Errors
 /// With all faults of the request's fields; when the catalogue can't serve the order.
-pub async fn order_job(
+pub(super) async fn order_job(
     context: &Context,
     tenant: &Tenant,
     order: Order,

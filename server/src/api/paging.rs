@@ -10,7 +10,7 @@ use yoto_store::{Entry, Page};
 const DIGEST: usize = 16;
 
 /// The page of a list call.
-pub struct Request {
+pub(super) struct Request {
     /// Name of the list, and digest of its filter: the beginning of its tokens.
     list: String,
     size: u32,
@@ -20,7 +20,7 @@ pub struct Request {
 impl Request {
     /// Reads `page_size` and `page_token` of a call on `list`. A token is one of this list with the same `filter`: the rest
     /// of the request.
-    pub fn read(
+    pub(super) fn read(
         list: &str,
         size: i32,
         token: &str,
@@ -47,7 +47,7 @@ impl Request {
     }
 
     /// Query of the store: one entry more than requested shows whether another page follows.
-    pub fn page(&self) -> Page {
+    pub(super) fn page(&self) -> Page {
         Page {
             limit: self.size + 1,
             after: self.after,
@@ -55,7 +55,7 @@ impl Request {
     }
 
     /// Entries from this page on, of a list that is read as a whole.
-    pub fn of_all<T>(&self, all: Vec<T>) -> Vec<Entry<T>> {
+    pub(super) fn of_all<T>(&self, all: Vec<T>) -> Vec<Entry<T>> {
         let entries = (1_i64..).zip(all);
         let entries = entries.map(|(position, item)| Entry { position, item });
         let after = self.after.unwrap_or(0);
@@ -66,7 +66,7 @@ impl Request {
     }
 
     /// The page's entries, and the next page's token (empty after the last).
-    pub fn cut<T: Message>(&self, entries: Vec<Entry<T>>) -> (Vec<T>, String) {
+    pub(super) fn cut<T: Message>(&self, entries: Vec<Entry<T>>) -> (Vec<T>, String) {
         let mut items = Vec::with_capacity(entries.len());
         let (mut bytes, mut last) = (0, 0);
         for entry in entries {

@@ -4,7 +4,7 @@
 use yoto_proto::v1::{Job, ObjectRef, job_result};
 
 /// `job` without the keys of its objects.
-pub fn job(mut job: Job) -> Job {
+pub(crate) fn job(mut job: Job) -> Job {
     let result = job.result.as_mut().and_then(|result| result.kind.as_mut());
     match result {
         Some(job_result::Kind::Ingest(it)) => {

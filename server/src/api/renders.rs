@@ -10,7 +10,7 @@ use yoto_proto::v1::{CreateRenderRequest, Job, JobSpec, job_spec};
 use yoto_request::{tenant_of, trace_parent_of};
 
 /// Requests for pictures.
-pub struct RenderApi {
+pub(crate) struct RenderApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

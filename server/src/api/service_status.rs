@@ -18,7 +18,7 @@ use yoto_request::validation::both;
 use yoto_request::{RequestError, tenant_of};
 
 /// The state of the service as a whole.
-pub struct StatusApi {
+pub(crate) struct StatusApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

@@ -19,7 +19,7 @@ use yoto_request::{RequestError, tenant_of};
 use yoto_store::{NewShare, ShareFilter};
 
 /// Links to pages of exports.
-pub struct ShareApi {
+pub(crate) struct ShareApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

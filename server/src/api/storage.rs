@@ -9,7 +9,7 @@ use yoto_proto::v1::storage_service_server::StorageService;
 use yoto_proto::v1::{CollectGarbageRequest, CollectGarbageResponse, GarbageFolder};
 
 /// The object store, for operators.
-pub struct StorageApi {
+pub(crate) struct StorageApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

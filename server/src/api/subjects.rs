@@ -22,7 +22,7 @@ use yoto_request::{RequestError, tenant_of};
 use yoto_store::{NewSubject, SubjectChange, Target};
 
 /// People, and the captures of them.
-pub struct SubjectApi {
+pub(crate) struct SubjectApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

@@ -10,7 +10,7 @@ use yoto_proto::v1::{
 use yoto_request::{Caller, RequestError};
 
 /// Usage and quotas of tenants.
-pub struct TenantApi {
+pub(crate) struct TenantApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

@@ -17,7 +17,7 @@ use yoto_proto::v1::{
 use yoto_request::tenant_of;
 
 /// Captures on their way into the service.
-pub struct UploadApi {
+pub(crate) struct UploadApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

@@ -17,7 +17,7 @@ use yoto_request::{RequestError, tenant_of};
 use yoto_store::NewWebhook;
 
 /// Addresses that are told when jobs end.
-pub struct WebhookApi {
+pub(crate) struct WebhookApi {
     /// The shared parts.
     pub context: Arc<Context>,
 }

@@ -29,13 +29,13 @@ fn cut_list(lines: &mut Vec<String>) {
 }
 
 /// A short text, such as a version.
-pub fn line(mut line: String) -> String {
+pub(super) fn line(mut line: String) -> String {
     cut_lines([&mut line]);
     line
 }
 
 /// The error of a job.
-pub fn error(mut error: JobError) -> JobError {
+pub(super) fn error(mut error: JobError) -> JobError {
     cut(&mut error.code);
     cut(&mut error.message);
     error.violations.truncate(VIOLATIONS);
@@ -51,14 +51,14 @@ pub fn error(mut error: JobError) -> JobError {
 }
 
 /// The device of a worker.
-pub fn device(mut device: WorkerDevice) -> WorkerDevice {
+pub(super) fn device(mut device: WorkerDevice) -> WorkerDevice {
     cut(&mut device.backend);
     cut(&mut device.adapter);
     device
 }
 
 /// The progress of a job. Figures that are not finite become 0 or absent.
-pub fn progress(mut progress: Progress) -> Progress {
+pub(super) fn progress(mut progress: Progress) -> Progress {
     cut_lines([
         &mut progress.phase,
         &mut progress.objective,
@@ -87,7 +87,7 @@ pub fn progress(mut progress: Progress) -> Progress {
 }
 
 /// The texts for people in a job's result. Names of resources and files are checked elsewhere.
-pub fn result(mut result: JobResult) -> JobResult {
+pub(super) fn result(mut result: JobResult) -> JobResult {
     match &mut result.kind {
         Some(job_result::Kind::Ingest(it)) => {
             cut_list(&mut it.warnings);

@@ -29,7 +29,7 @@ use yoto_store::{Ending, LeaseKey, NewWorker, Tenant};
 const LONGEST_WAIT: Duration = Duration::from_secs(10);
 
 /// The workers' side of the coordinator.
-pub struct WorkerApi {
+pub(crate) struct WorkerApi {
     /// The shared parts.
     pub context: Arc<Context>,
     /// Once cancelled, no new leases are given; running jobs may still report.

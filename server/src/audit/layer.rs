@@ -25,7 +25,11 @@ const OK: &str = "OK";
 const CUT_OFF: &str = "CUT_OFF";
 
 /// Records the call, if it changes something.
-pub async fn record(State(audit): State<Arc<Audit>>, request: Request, next: Next) -> Response {
+pub(crate) async fn record(
+    State(audit): State<Arc<Audit>>,
+    request: Request,
+    next: Next,
+) -> Response {
     let Some((call, named)) = recorded(&request) else {
         return next.run(request).await;
     };

@@ -11,6 +11,6 @@ mod names;
 mod task;
 mod writer;
 
-pub use layer::record;
-pub use task::run;
-pub use writer::Audit;
+pub(crate) use layer::record;
+pub(crate) use task::run;
+pub(crate) use writer::Audit;

@@ -19,7 +19,7 @@ const PREFIX: usize = 5;
 
 /// The names in the message of a unary call, with spaces between them, and the call as it was. Texts that are not names of
 /// resources are left out: they may name people.
-pub async fn of(request: Request, message: &str) -> (Request, String) {
+pub(super) async fn of(request: Request, message: &str) -> (Request, String) {
     let (head, body) = request.into_parts();
     let (read, body) = beginning(body).await;
     let mut names = BTreeSet::new();
@@ -32,7 +32,7 @@ pub async fn of(request: Request, message: &str) -> (Request, String) {
 
 /// The name of the resource in the answer of a unary call, and the answer as it was. It is the answer itself, or a message in it;
 /// empty if there is none.
-pub async fn of_answer(answer: Response, message: &str) -> (Response, String) {
+pub(super) async fn of_answer(answer: Response, message: &str) -> (Response, String) {
     let (head, body) = answer.into_parts();
     let (read, body) = beginning(body).await;
     let name = decoded(message, &read).and_then(|it| {

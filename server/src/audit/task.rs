@@ -8,7 +8,7 @@ use tokio_util::sync::CancellationToken;
 use yoto_store::Store;
 
 /// Writes what comes until the service ends, and then what waits.
-pub async fn run(audit: Arc<Audit>, store: Arc<Store>, stop: CancellationToken) {
+pub(crate) async fn run(audit: Arc<Audit>, store: Arc<Store>, stop: CancellationToken) {
     let Some(mut receiver) = audit.receiver().await else {
         return;
     };

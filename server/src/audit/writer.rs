@@ -16,7 +16,7 @@ pub(super) struct QueuedEntry {
 
 /// The way to the writer.
 #[derive(Debug)]
-pub struct Audit {
+pub(crate) struct Audit {
     sender: mpsc::Sender<QueuedEntry>,
     receiver: tokio::sync::Mutex<Option<mpsc::Receiver<QueuedEntry>>>,
 }
@@ -47,7 +47,7 @@ impl Audit {
     ///
     /// # Errors
     /// When the entry can't be written: the call must not begin.
-    pub async fn begin(&self, entry: NewAuditEntry) -> Result<u64, RequestError> {
+    pub(crate) async fn begin(&self, entry: NewAuditEntry) -> Result<u64, RequestError> {
         let (written, number) = oneshot::channel();
         let wanted = QueuedEntry {
             entry,
@@ -59,7 +59,7 @@ impl Audit {
     }
 
     /// Writes that a call has ended, some time later.
-    pub async fn end(&self, entry: NewAuditEntry) {
+    pub(crate) async fn end(&self, entry: NewAuditEntry) {
         let wanted = QueuedEntry {
             entry,
             written: None,
@@ -70,7 +70,7 @@ impl Audit {
     }
 
     /// [`Self::end`] for a caller who can't wait. The entry is lost if too many wait already.
-    pub fn end_now(&self, entry: NewAuditEntry) {
+    pub(crate) fn end_now(&self, entry: NewAuditEntry) {
         let wanted = QueuedEntry {
             entry,
             written: None,

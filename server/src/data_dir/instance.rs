@@ -13,7 +13,7 @@ const FILE: &str = "instance";
 ///
 /// # Errors
 /// When the file can't be read or written.
-pub fn of(data_dir: &Path) -> Result<String, ServerError> {
+pub(crate) fn of(data_dir: &Path) -> Result<String, ServerError> {
     let path = data_dir.join(FILE);
     let failed = |cause| ServerError::DataDir {
         path: path.clone(),

@@ -10,14 +10,14 @@ use yoto_process::private;
 
 /// Holds the lock of a data folder until it is dropped or released.
 #[derive(Debug)]
-pub struct DataDirLock(File);
+pub(crate) struct DataDirLock(File);
 
 impl DataDirLock {
     /// Takes the lock of `data_dir`, an existing folder.
     ///
     /// # Errors
     /// [`ServerError::DataDirInUse`] when another coordinator has it.
-    pub fn take(data_dir: &Path) -> Result<Self, ServerError> {
+    pub(crate) fn take(data_dir: &Path) -> Result<Self, ServerError> {
         let path = data_dir.join("lock");
         let file = private::writable()
             .create(true)
@@ -37,7 +37,7 @@ impl DataDirLock {
     }
 
     /// Unlocks the folder while other owners of this value may remain.
-    pub fn release(&self) {
+    pub(crate) fn release(&self) {
         if let Err(error) = self.0.unlock() {
             tracing::warn!(%error, "could not release the data folder's lock");
         }

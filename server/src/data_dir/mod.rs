@@ -3,8 +3,8 @@
 mod instance;
 mod lock;
 
-pub use instance::of as instance;
-pub use lock::DataDirLock;
+pub(crate) use instance::of as instance;
+pub(crate) use lock::DataDirLock;
 
 use crate::config::ServerConfig;
 use crate::error::ServerError;
@@ -14,12 +14,12 @@ use yoto_process::private;
 use yoto_store::{Store, StoreError};
 
 /// The database's file in the data folder, unless the configuration names a database of PostgreSQL.
-pub const DATABASE_FILE: &str = "yoto.db";
+pub(crate) const DATABASE_FILE: &str = "yoto.db";
 /// The objects' folder in the data folder.
-pub const OBJECTS_FOLDER: &str = "objects";
+pub(crate) const OBJECTS_FOLDER: &str = "objects";
 
 /// Where the objects are.
-pub fn objects_url(config: &ServerConfig, data_dir: &Path) -> Result<Url, ServerError> {
+pub(crate) fn objects_url(config: &ServerConfig, data_dir: &Path) -> Result<Url, ServerError> {
     match &config.objects {
         Some(url) => Ok(url.clone()),
         None => folder_url(&data_dir.join(OBJECTS_FOLDER)),
@@ -27,7 +27,10 @@ pub fn objects_url(config: &ServerConfig, data_dir: &Path) -> Result<Url, Server
 }
 
 /// Opens the database, and brings its schema up to date.
-pub async fn open_store(config: &ServerConfig, data_dir: &Path) -> Result<Store, StoreError> {
+pub(crate) async fn open_store(
+    config: &ServerConfig,
+    data_dir: &Path,
+) -> Result<Store, StoreError> {
     let clock = config.clock.clone();
     let store = match &config.database {
         Some(url) => Store::open_postgres(url, clock).await?,
@@ -37,7 +40,7 @@ pub async fn open_store(config: &ServerConfig, data_dir: &Path) -> Result<Store,
 }
 
 /// Creates the data folder if it is missing, for the service's user alone. Returns its absolute path.
-pub fn create_dir(path: &Path) -> Result<PathBuf, ServerError> {
+pub(crate) fn create_dir(path: &Path) -> Result<PathBuf, ServerError> {
     let failed = |cause| ServerError::DataDir {
         path: path.to_owned(),
         cause,
@@ -54,7 +57,7 @@ pub fn create_dir(path: &Path) -> Result<PathBuf, ServerError> {
 
 /// The data folder of a running coordinator.
 #[derive(Debug)]
-pub struct OwnDataDir {
+pub(crate) struct OwnDataDir {
     /// Keeps other coordinators off the folder.
     pub lock: DataDirLock,
     /// Which of several coordinators of one database has the folder: the same after each start.
@@ -62,7 +65,7 @@ pub struct OwnDataDir {
 }
 
 /// The URL of a folder with an absolute path.
-pub fn folder_url(path: &Path) -> Result<Url, ServerError> {
+pub(crate) fn folder_url(path: &Path) -> Result<Url, ServerError> {
     Url::from_directory_path(path)
         .map_err(|()| ServerError::Config(format!("{} is not absolute", path.display())))
 }

@@ -22,7 +22,7 @@ use yoto_request::RequestError;
 use yoto_store::{Counted, JobKind, Leaving, OpenErasure, Reference, StoreError, Work};
 
 /// Goes on with erasures until the coordinator stops.
-pub async fn run(context: Arc<Context>) {
+pub(crate) async fn run(context: Arc<Context>) {
     let mut ticks = interval(context.config.reap_interval);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -34,7 +34,7 @@ pub async fn run(context: Arc<Context>) {
 }
 
 /// Goes on with all open erasures. A failure is logged, and the step is tried again.
-pub async fn tick(context: &Context) {
+pub(crate) async fn tick(context: &Context) {
     let open = match context.store.open_erasures().await {
         Ok(open) => open,
         Err(error) => return tracing::error!(%error, "could not look for erasures"),

@@ -9,7 +9,7 @@ const VERSION: u32 = 1;
 
 /// What was removed, and what was searched for afterwards.
 #[derive(Debug, Serialize)]
-pub struct Report<'a> {
+pub(super) struct Report<'a> {
     version: u32,
     /// `erasures/{id}`.
     erasure: &'a str,
@@ -27,7 +27,7 @@ pub struct Report<'a> {
 
 /// What was searched for after the removal.
 #[derive(Debug, Serialize)]
-pub struct Search<'a> {
+pub(super) struct Search<'a> {
     /// Folders of the store that were listed.
     pub folders: usize,
     /// Objects that are still in them.
@@ -40,7 +40,7 @@ pub struct Search<'a> {
 
 impl<'a> Report<'a> {
     /// The report of an erasure that has removed what `work` says.
-    pub fn new(
+    pub(super) fn new(
         (erasure, subject, name_sha256): (&'a str, &'a str, &'a str),
         work: &'a Work,
         objects: &'a BTreeMap<String, Counted>,
@@ -63,7 +63,7 @@ impl<'a> Report<'a> {
     ///
     /// # Errors
     /// When it can't be written as JSON.
-    pub fn to_json(&self) -> Result<String, StoreError> {
+    pub(super) fn to_json(&self) -> Result<String, StoreError> {
         serde_json::to_string_pretty(self).map_err(|error| StoreError::Corrupt {
             what: "erasures.report",
             detail: error.to_string(),

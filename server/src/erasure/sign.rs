@@ -16,7 +16,7 @@ const FILE: &str = "erasure.key";
 ///
 /// # Errors
 /// When the key can't be read or written.
-pub fn sign(data_dir: &Path, json: String) -> std::io::Result<SignedReport> {
+pub(super) fn sign(data_dir: &Path, json: String) -> std::io::Result<SignedReport> {
     let pkcs8 = key(&data_dir.join(FILE))?;
     let pair = Ed25519KeyPair::from_pkcs8(&pkcs8);
     let pair = pair.map_err(|error| {

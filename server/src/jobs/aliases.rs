@@ -10,7 +10,7 @@ use yoto_store::Tenant;
 ///
 /// # Errors
 /// When no checkpoint of the model is called so.
-pub async fn resolve(
+pub(super) async fn resolve(
     context: &Context,
     tenant: &Tenant,
     spec: &mut JobSpec,

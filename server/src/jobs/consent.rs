@@ -7,7 +7,10 @@ use yoto_store::StoreError;
 ///
 /// # Errors
 /// When the store fails. Jobs that have not ended are found again.
-pub async fn stop(context: &Context, subject_id: Option<&str>) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn stop(
+    context: &Context,
+    subject_id: Option<&str>,
+) -> Result<Vec<String>, StoreError> {
     let stopped = context.store.stop_without_consent(subject_id).await?;
     let mut jobs = Vec::with_capacity(stopped.len());
     for it in stopped {

@@ -18,7 +18,7 @@ const MARGIN: usize = 64;
 ///
 /// # Errors
 /// When the store fails.
-pub async fn register(
+pub(crate) async fn register(
     context: &Context,
     tenant: &Tenant,
     new: NewWorker,
@@ -52,7 +52,7 @@ pub async fn register(
 ///
 /// # Errors
 /// When the worker is unknown or the store fails.
-pub async fn lease(
+pub(crate) async fn lease(
     context: &Context,
     tenant: &Tenant,
     worker_id: &str,

@@ -2,11 +2,11 @@
 
 mod aliases;
 mod checks;
-pub mod consent;
-pub mod lease;
-pub mod queue;
-pub mod reaper;
-pub mod report;
-pub mod retry;
-pub mod watch;
-pub mod watch_all;
+pub(crate) mod consent;
+pub(crate) mod lease;
+pub(crate) mod queue;
+pub(crate) mod reaper;
+pub(crate) mod report;
+pub(crate) mod retry;
+pub(crate) mod watch;
+pub(crate) mod watch_all;

@@ -19,7 +19,7 @@ use yoto_store::{JobKind, NewJob, RequestKey, Tenant};
 ///
 /// # Errors
 /// When the spec names a missing resource, or can't be served yet.
-pub async fn create(
+pub(crate) async fn create(
     context: &Context,
     tenant: &Tenant,
     mut new: NewJob,
@@ -46,7 +46,7 @@ pub async fn create(
 ///
 /// # Errors
 /// As [`create`].
-pub async fn validate(
+pub(crate) async fn validate(
     context: &Context,
     tenant: &Tenant,
     mut new: NewJob,
@@ -78,7 +78,7 @@ fn id_of(request: &Option<RequestKey>) -> String {
 ///
 /// # Errors
 /// With all faults of its fields.
-pub fn check_order(spec: &JobSpec) -> Result<(), RequestError> {
+pub(crate) fn check_order(spec: &JobSpec) -> Result<(), RequestError> {
     let faults = checks::job(spec).into_iter();
     let faults = faults.map(|it| Err(RequestError::invalid(path(&it.field), it.message)));
     all::<()>(faults).map(drop)
@@ -96,7 +96,7 @@ fn path(field: &str) -> String {
 ///
 /// # Errors
 /// When the job does not exist.
-pub async fn cancel(
+pub(crate) async fn cancel(
     context: &Context,
     tenant: &Tenant,
     id: &str,

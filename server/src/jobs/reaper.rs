@@ -9,7 +9,7 @@ use yoto_store::{Reaped, StoreError};
 
 /// Reaps until the coordinator stops. A failure is logged and retried at the next tick:
 /// nothing else takes the jobs back.
-pub async fn run(context: Arc<Context>) {
+pub(crate) async fn run(context: Arc<Context>) {
     let mut ticks = interval(context.config.reap_interval);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -30,7 +30,7 @@ pub async fn run(context: Arc<Context>) {
 ///
 /// # Errors
 /// When the store fails.
-pub async fn tick(context: &Context) -> Result<(), StoreError> {
+pub(crate) async fn tick(context: &Context) -> Result<(), StoreError> {
     let _one_at_a_time = context.alone.reaping.lock().await;
     let (cap, lease_seconds) = (
         context.config.max_lost_workers,
@@ -44,7 +44,7 @@ pub async fn tick(context: &Context) -> Result<(), StoreError> {
 ///
 /// # Errors
 /// When the store fails.
-pub async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
+pub(crate) async fn take_back_embedded(context: &Context) -> Result<(), StoreError> {
     let cap = context.config.max_lost_workers;
     let taken = context
         .store

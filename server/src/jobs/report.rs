@@ -17,7 +17,7 @@ use yoto_store::{Ending, LeaseKey, StoreError, TakenRange, Tenant};
 ///
 /// # Errors
 /// When the lease is stale.
-pub async fn heartbeat(
+pub(crate) async fn heartbeat(
     context: &Context,
     tenant: &Tenant,
     lease: &LeaseKey,
@@ -42,7 +42,7 @@ pub async fn heartbeat(
 ///
 /// # Errors
 /// When the lease is stale, or the checkpoint is not one of this job and lease.
-pub async fn publish(
+pub(crate) async fn publish(
     context: &Context,
     tenant: &Tenant,
     lease: &LeaseKey,
@@ -106,7 +106,7 @@ pub async fn publish(
 ///
 /// # Errors
 /// When the lease is stale, or the file is not one of this job and lease.
-pub async fn commit_output(
+pub(crate) async fn commit_output(
     context: &Context,
     tenant: &Tenant,
     lease: &LeaseKey,
@@ -135,7 +135,7 @@ pub async fn commit_output(
 ///
 /// # Errors
 /// When the lease is stale, or not of a render.
-pub async fn take_range(
+pub(crate) async fn take_range(
     context: &Context,
     tenant: &Tenant,
     lease: &LeaseKey,
@@ -164,7 +164,7 @@ pub async fn take_range(
 /// # Errors
 /// When the lease is stale, the result is not one of this job and lease, or the worker reports a cancel
 /// that was never requested. A repeated call is accepted.
-pub async fn end(
+pub(crate) async fn end(
     context: &Context,
     tenant: &Tenant,
     lease: &LeaseKey,

@@ -13,7 +13,7 @@ use yoto_store::{NewJob, RequestKey, StoreError, Tenant, TraceParent};
 ///
 /// # Errors
 /// When the job does not exist or is in another state, or its order can't be served any more.
-pub async fn retry(
+pub(crate) async fn retry(
     context: &Context,
     tenant: &Tenant,
     id: &str,

@@ -31,7 +31,7 @@ struct Watcher {
 ///
 /// # Errors
 /// The stream fails when the job does not exist, the store fails, or `stop` is cancelled.
-pub fn watch(
+pub(crate) fn watch(
     context: Arc<Context>,
     tenant: Tenant,
     id: String,

@@ -39,7 +39,7 @@ struct Watcher {
 ///
 /// # Errors
 /// The stream fails when the store fails, or `stop` is cancelled.
-pub fn watch_all(
+pub(crate) fn watch_all(
     context: Arc<Context>,
     tenant: Tenant,
     filter: JobFilter,

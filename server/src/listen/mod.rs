@@ -4,6 +4,7 @@ mod in_memory;
 mod tcp;
 mod tls;
 
-pub use in_memory::{InMemoryConnector, InMemoryIncoming, InProcess, in_memory};
+pub(crate) use in_memory::InProcess;
+pub use in_memory::{InMemoryConnector, InMemoryIncoming, in_memory};
 pub use tcp::tcp;
 pub use tls::{Certificates, Encrypted, TlsError, TlsFiles, tls};

@@ -13,7 +13,7 @@ use yoto_store::{StoreError, Tenant};
 
 /// What is known of a watched job.
 #[derive(Debug, Clone)]
-pub enum WatchedState {
+pub(crate) enum WatchedState {
     /// It was not read yet.
     Nothing,
     /// Its newest state, without its order.
@@ -31,13 +31,13 @@ struct Watched {
 
 /// The watched jobs, by `jobs/{id}`.
 #[derive(Debug, Default)]
-pub struct JobChanges {
+pub(crate) struct JobChanges {
     watched: Mutex<HashMap<String, Watched>>,
 }
 
 impl JobChanges {
     /// The job called `jobs/{id}` changed. Costs nothing while nobody watches it.
-    pub fn announce(&self, job: &str) {
+    pub(crate) fn announce(&self, job: &str) {
         if let Some(watched) = self.lock().get(job) {
             watched.changed.notify_one();
         }
@@ -49,7 +49,7 @@ impl JobChanges {
 }
 
 /// The states of the tenant's job with this id, from now on. The caller has found that the tenant has it.
-pub fn subscribe(
+pub(crate) fn subscribe(
     notifier: &Arc<Notifier>,
     tenant: &Tenant,
     id: &str,

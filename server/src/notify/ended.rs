@@ -9,11 +9,11 @@ const MOST: usize = 1024;
 
 /// Names of ended jobs, oldest first. Beyond [`MOST`] the oldest are dropped, and counted.
 #[derive(Debug, Default)]
-pub struct EndedJobs(Mutex<VecDeque<String>>);
+pub(crate) struct EndedJobs(Mutex<VecDeque<String>>);
 
 impl EndedJobs {
     /// The job called `jobs/{id}` has ended, or may have.
-    pub fn note(&self, job: &str) {
+    pub(crate) fn note(&self, job: &str) {
         let mut waiting = self.waiting();
         if waiting.iter().any(|it| it == job) {
             return;
@@ -26,14 +26,14 @@ impl EndedJobs {
     }
 
     /// Takes the `most` oldest jobs.
-    pub fn take(&self, most: usize) -> Vec<String> {
+    pub(crate) fn take(&self, most: usize) -> Vec<String> {
         let mut waiting = self.waiting();
         let most = most.min(waiting.len());
         waiting.drain(..most).collect()
     }
 
     /// Puts back what [`Self::take`] has taken, as far as there is room.
-    pub fn put_back(&self, taken: Vec<String>) {
+    pub(crate) fn put_back(&self, taken: Vec<String>) {
         let mut waiting = self.waiting();
         let room = MOST - waiting.len();
         let beyond = taken.len().saturating_sub(room);
@@ -44,7 +44,7 @@ impl EndedJobs {
     }
 
     /// How many wait.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.waiting().len()
     }
 

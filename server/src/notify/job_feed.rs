@@ -13,7 +13,7 @@ const CHANGES: usize = 1024;
 
 /// A change of a job, which comes without its order.
 #[derive(Debug, Clone)]
-pub enum Change {
+pub(crate) enum Change {
     /// The new state.
     Job(Arc<Job>),
     /// The last known state of an open job that ended and was deleted since the last poll.
@@ -22,7 +22,7 @@ pub enum Change {
 
 /// Sends the changes of each tenant's jobs to its watchers. A tenant without watchers has no sender.
 #[derive(Debug, Default)]
-pub struct JobFeed {
+pub(crate) struct JobFeed {
     senders: Mutex<HashMap<Tenant, broadcast::Sender<Change>>>,
 }
 
@@ -30,7 +30,7 @@ pub struct JobFeed {
 ///
 /// # Errors
 /// When the store fails.
-pub async fn subscribe(
+pub(crate) async fn subscribe(
     notifier: &Arc<Notifier>,
     tenant: &Tenant,
 ) -> Result<broadcast::Receiver<Change>, StoreError> {

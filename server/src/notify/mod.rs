@@ -10,12 +10,12 @@
 //!
 //! Everything here only makes a change known sooner: whoever waits polls as well.
 
-pub mod changes;
+pub(crate) mod changes;
 mod ended;
-pub mod hints;
-pub mod job_feed;
+pub(crate) mod hints;
+pub(crate) mod job_feed;
 
-pub use ended::EndedJobs;
+pub(crate) use ended::EndedJobs;
 
 use crate::config::ServerConfig;
 use changes::JobChanges;
@@ -29,7 +29,7 @@ use yoto_store::{JobKind, Store, Tenant};
 
 /// Who is to be told of changes of jobs.
 #[derive(Debug)]
-pub struct Notifier {
+pub(crate) struct Notifier {
     store: Arc<Store>,
     changes: JobChanges,
     feed: JobFeed,
@@ -48,7 +48,7 @@ pub struct Notifier {
 
 impl Notifier {
     /// That of a coordinator called `instance`. Its watches end with `stop`.
-    pub fn new(
+    pub(crate) fn new(
         store: &Arc<Store>,
         config: &ServerConfig,
         instance: &str,
@@ -70,13 +70,13 @@ impl Notifier {
     }
 
     /// The job called `jobs/{id}` has changed: its watchers look at it, at each coordinator.
-    pub fn announce(&self, job: &str) {
+    pub(crate) fn announce(&self, job: &str) {
         self.changes.announce(job);
         self.hints.tell(Hint::Changed(job.to_owned()));
     }
 
     /// [`Self::announce`] for a job that has ended, or may have: a lease of it has.
-    pub fn announce_end(&self, job: &str) {
+    pub(crate) fn announce_end(&self, job: &str) {
         self.announce(job);
         if let Some(ended) = &self.ended {
             ended.note(job);
@@ -84,13 +84,13 @@ impl Notifier {
     }
 
     /// A job of this kind waits for a worker: one that waits at this coordinator asks for it, and one at each other.
-    pub fn queued(&self, tenant: &Tenant, kind: JobKind) {
+    pub(crate) fn queued(&self, tenant: &Tenant, kind: JobKind) {
         self.hints.waiting.wake(tenant, kind);
         self.hints.tell(Hint::queued(tenant, kind));
     }
 
     /// The hints for workers that wait.
-    pub fn hints(&self) -> &Hints {
+    pub(crate) fn hints(&self) -> &Hints {
         &self.hints
     }
 

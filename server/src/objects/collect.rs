@@ -22,7 +22,7 @@ const CONCURRENCY: usize = 8;
 
 /// How to collect.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Options {
+pub(crate) struct Options {
     /// Change nothing.
     pub dry_run: bool,
     /// Do not wait for the time of grace for objects of deleted resources.
@@ -31,7 +31,7 @@ pub struct Options {
 
 /// A folder that is garbage.
 #[derive(Debug, Clone)]
-pub struct Garbage {
+pub(crate) struct Garbage {
     /// The folder.
     pub folder: Folder,
     /// Whether it belonged to a deleted resource.
@@ -43,7 +43,7 @@ pub struct Garbage {
 }
 
 /// Collects at once and then at each interval, until the coordinator stops.
-pub async fn run(context: Arc<Context>) {
+pub(crate) async fn run(context: Arc<Context>) {
     let mut ticks = interval(context.config.storage.collect_interval);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -73,7 +73,10 @@ pub async fn run(context: Arc<Context>) {
 ///
 /// # Errors
 /// When a store fails. A folder that can't be removed is logged, stays, and is not due in the answer.
-pub async fn collect(context: &Context, options: Options) -> Result<Vec<Garbage>, RequestError> {
+pub(crate) async fn collect(
+    context: &Context,
+    options: Options,
+) -> Result<Vec<Garbage>, RequestError> {
     let _one_at_a_time = context.alone.collecting.lock().await;
     if !options.dry_run {
         let idle = context.config.upload.expiry.as_secs_f64();

@@ -10,7 +10,7 @@ use yoto_proto::keys;
 
 /// The folder of a local object store, for operations that the object store's interface lacks.
 #[derive(Debug, Clone)]
-pub struct ObjectDisk {
+pub(crate) struct ObjectDisk {
     pub(super) root: PathBuf,
 }
 
@@ -19,7 +19,7 @@ impl ObjectDisk {
     ///
     /// # Errors
     /// When the URL names no folder, or the folder can't be used.
-    pub fn open(url: &Url) -> Result<(Self, Objects), ObjectsError> {
+    pub(crate) fn open(url: &Url) -> Result<(Self, Objects), ObjectsError> {
         let disk = Self::create(yoto_objects::folder(url)?)?;
         Ok((disk, Objects::open(url)?))
     }
@@ -28,13 +28,13 @@ impl ObjectDisk {
     ///
     /// # Errors
     /// When it can't be used.
-    pub fn create(root: PathBuf) -> Result<Self, ObjectsError> {
+    pub(crate) fn create(root: PathBuf) -> Result<Self, ObjectsError> {
         private::create_dir_all(&root).map_err(|error| failed("creating", &root, error))?;
         Ok(Self { root })
     }
 
     /// Free and total bytes; `None` if the system does not report them.
-    pub fn room(&self) -> Option<Room> {
+    pub(crate) fn room(&self) -> Option<Room> {
         Room::of(&self.root)
     }
 
@@ -43,7 +43,7 @@ impl ObjectDisk {
     ///
     /// # Errors
     /// When the disk fails.
-    pub async fn make_private(&self, folder: &str) -> Result<(), ObjectsError> {
+    pub(crate) async fn make_private(&self, folder: &str) -> Result<(), ObjectsError> {
         let path = self.root.join(folder);
         let made = {
             let path = path.clone();
@@ -57,7 +57,7 @@ impl ObjectDisk {
     ///
     /// # Errors
     /// When it does not, or can't be seen.
-    pub async fn is_there(&self) -> Result<(), ObjectsError> {
+    pub(crate) async fn is_there(&self) -> Result<(), ObjectsError> {
         let seen = tokio::fs::metadata(&self.root).await;
         seen.map(drop)
             .map_err(|error| failed("looking for", &self.root, error))
@@ -67,7 +67,7 @@ impl ObjectDisk {
     ///
     /// # Errors
     /// When the disk fails; some objects may be gone then.
-    pub async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
+    pub(crate) async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
         let path = self.root.join(folder);
         match tokio::fs::remove_dir_all(&path).await {
             Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -90,7 +90,7 @@ impl ObjectDisk {
     }
 }
 
-pub fn failed(action: &'static str, path: &Path, cause: io::Error) -> ObjectsError {
+pub(crate) fn failed(action: &'static str, path: &Path, cause: io::Error) -> ObjectsError {
     ObjectsError::Disk {
         action,
         path: path.to_owned(),

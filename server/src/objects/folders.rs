@@ -9,7 +9,7 @@ use yoto_proto::keys;
 
 /// A folder of the object store ([`keys::FolderOwner`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Folder {
+pub(crate) struct Folder {
     /// Its key.
     pub key: String,
     /// Number of files in it, including incomplete ones.
@@ -24,7 +24,7 @@ impl ObjectDisk {
     ///
     /// # Errors
     /// When a folder can't be read.
-    pub async fn folders(&self) -> Result<Vec<Folder>, ObjectsError> {
+    pub(crate) async fn folders(&self) -> Result<Vec<Folder>, ObjectsError> {
         let root = self.root.clone();
         let walked = tokio::task::spawn_blocking(move || {
             let mut found = Vec::new();

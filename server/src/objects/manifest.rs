@@ -18,7 +18,7 @@ const FIELD: &str = "checkpoint.manifest";
 ///
 /// # Errors
 /// [`ErrorReason::CheckpointTorn`] if it is no such manifest; an error of the store.
-pub async fn read(context: &Context, object: &ObjectRef) -> Result<Manifest, RequestError> {
+pub(crate) async fn read(context: &Context, object: &ObjectRef) -> Result<Manifest, RequestError> {
     let torn = |message| RequestError::precondition(ErrorReason::CheckpointTorn, message);
     if object.bytes > LONGEST {
         return Err(torn(format!("the manifest has more than {LONGEST} bytes")));
@@ -45,7 +45,7 @@ pub async fn read(context: &Context, object: &ObjectRef) -> Result<Manifest, Req
 ///
 /// # Errors
 /// When it is not, naming the field; an error of the store.
-pub async fn check(context: &Context, object: &ObjectRef) -> Result<(), RequestError> {
+pub(crate) async fn check(context: &Context, object: &ObjectRef) -> Result<(), RequestError> {
     let manifest = match read(context, object).await {
         Ok(manifest) => manifest,
         Err(RequestError::Precondition { message, .. }) => {

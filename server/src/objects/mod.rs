@@ -1,19 +1,19 @@
 //! The coordinator's side of the object store: free space, and collection of garbage.
 
-pub mod checksum;
-pub mod collect;
-pub mod disk;
+pub(crate) mod checksum;
+pub(crate) mod collect;
+pub(crate) mod disk;
 mod folders;
-pub mod manifest;
-pub mod place;
-pub mod room;
+pub(crate) mod manifest;
+pub(crate) mod place;
+pub(crate) mod room;
 
 use place::ObjectsPlace;
 use url::Url;
 
 /// Where the objects of a coordinator are.
 #[derive(Debug)]
-pub struct Storage {
+pub(crate) struct Storage {
     /// The URL, for workers to open.
     pub url: Url,
     /// The id of the object store: a random number that only the database and the store have.

@@ -17,7 +17,7 @@ const UNKNOWN: u64 = u64::MAX;
 
 /// The place of the objects.
 #[derive(Debug)]
-pub struct ObjectsPlace {
+pub(crate) struct ObjectsPlace {
     store: Backing,
     /// Bytes that the store may have.
     limit: Option<u64>,
@@ -36,7 +36,10 @@ impl ObjectsPlace {
     ///
     /// # Errors
     /// When the store can't be used, with what to do about it.
-    pub async fn open(url: &Url, config: &ServerConfig) -> Result<(Self, Objects), ObjectsError> {
+    pub(crate) async fn open(
+        url: &Url,
+        config: &ServerConfig,
+    ) -> Result<(Self, Objects), ObjectsError> {
         let (store, objects) = match url.scheme() {
             "file" => {
                 let (disk, objects) = ObjectDisk::open(url)?;
@@ -60,7 +63,7 @@ impl ObjectsPlace {
     ///
     /// # Errors
     /// When it does not, or can't be seen.
-    pub async fn is_there(&self) -> Result<(), ObjectsError> {
+    pub(crate) async fn is_there(&self) -> Result<(), ObjectsError> {
         match &self.store {
             Backing::Folder(disk) => disk.is_there().await,
             Backing::Remote(_) => Ok(()),
@@ -71,7 +74,7 @@ impl ObjectsPlace {
     ///
     /// # Errors
     /// When the disk fails.
-    pub async fn make_private(&self, folder: &str) -> Result<(), ObjectsError> {
+    pub(crate) async fn make_private(&self, folder: &str) -> Result<(), ObjectsError> {
         match &self.store {
             Backing::Folder(disk) => disk.make_private(folder).await,
             Backing::Remote(_) => Ok(()),
@@ -82,7 +85,7 @@ impl ObjectsPlace {
     ///
     /// # Errors
     /// When the store fails.
-    pub async fn folders(&self) -> Result<Vec<Folder>, ObjectsError> {
+    pub(crate) async fn folders(&self) -> Result<Vec<Folder>, ObjectsError> {
         let found = match &self.store {
             Backing::Folder(disk) => disk.folders().await?,
             Backing::Remote(objects) => remote_folders(objects).await?,
@@ -96,7 +99,7 @@ impl ObjectsPlace {
     ///
     /// # Errors
     /// When the store fails; some objects may be gone then.
-    pub async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
+    pub(crate) async fn delete_folder(&self, folder: &str) -> Result<(), ObjectsError> {
         match &self.store {
             Backing::Folder(disk) => disk.delete_folder(folder).await,
             Backing::Remote(objects) => objects.delete_folder(folder).await,
@@ -105,7 +108,7 @@ impl ObjectsPlace {
 
     /// Free and total bytes: what the limit leaves as of the last collection, and what the disk has if the store is a
     /// folder of it. `None` if neither is known.
-    pub fn room(&self) -> Option<Room> {
+    pub(crate) fn room(&self) -> Option<Room> {
         let disk = match &self.store {
             Backing::Folder(disk) => disk.room(),
             Backing::Remote(_) => None,

@@ -5,7 +5,7 @@ use yoto_request::RequestError;
 
 /// Room on a disk, bytes.
 #[derive(Debug, Clone, Copy)]
-pub struct Room {
+pub(crate) struct Room {
     /// Bytes that are free for this process.
     pub free: u64,
     /// All bytes.
@@ -14,7 +14,7 @@ pub struct Room {
 
 impl Room {
     /// Of the disk with `folder`; `None` if the system does not report it.
-    pub fn of(folder: &Path) -> Option<Self> {
+    pub(crate) fn of(folder: &Path) -> Option<Self> {
         Some(Self {
             free: fs4::available_space(folder).ok()?,
             total: fs4::total_space(folder).ok()?,
@@ -24,7 +24,7 @@ impl Room {
 
 /// Refuses if `disk` would have less than `min_free` bytes free with `coming` more. A disk whose figures
 /// can't be told is taken to have room.
-pub fn check(disk: Option<Room>, coming: u64, min_free: u64) -> Result<(), RequestError> {
+pub(crate) fn check(disk: Option<Room>, coming: u64, min_free: u64) -> Result<(), RequestError> {
     let needed = min_free.saturating_add(coming);
     match disk {
         Some(Room { free, .. }) if free < needed => Err(RequestError::DiskFull { free, needed }),

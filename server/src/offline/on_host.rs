@@ -12,7 +12,7 @@ use yoto_store::{PostgresUrl, Store};
 ///
 /// # Errors
 /// When no service was in the folder, or one of an earlier version.
-pub async fn in_folder(folder: &Path) -> Result<Store, ServerError> {
+pub(super) async fn in_folder(folder: &Path) -> Result<Store, ServerError> {
     let path = folder.join(DATABASE_FILE);
     Ok(Store::open_sqlite_as_it_is(&path, Arc::new(SystemClock)).await?)
 }
@@ -21,6 +21,6 @@ pub async fn in_folder(folder: &Path) -> Result<Store, ServerError> {
 ///
 /// # Errors
 /// When the database can't be reached, or is in use by a coordinator of another version.
-pub async fn in_postgres(url: &PostgresUrl) -> Result<Store, ServerError> {
+pub(super) async fn in_postgres(url: &PostgresUrl) -> Result<Store, ServerError> {
     Ok(Store::open_postgres(url, Arc::new(SystemClock)).await?)
 }

@@ -9,12 +9,12 @@ use std::time::{SystemTime, UNIX_EPOCH};
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// An attribute with a text.
-pub fn text(key: &str, value: impl Into<String>) -> KeyValue {
+pub(super) fn text(key: &str, value: impl Into<String>) -> KeyValue {
     of(key, Value::StringValue(value.into()))
 }
 
 /// An attribute with an integer.
-pub fn number(key: &str, value: u64) -> KeyValue {
+pub(super) fn number(key: &str, value: u64) -> KeyValue {
     of(
         key,
         Value::IntValue(i64::try_from(value).unwrap_or(i64::MAX)),
@@ -30,7 +30,7 @@ fn of(key: &str, value: Value) -> KeyValue {
 }
 
 /// The coordinator `instance`.
-pub fn resource(instance: &str) -> Resource {
+pub(super) fn resource(instance: &str) -> Resource {
     Resource {
         attributes: vec![
             text("service.name", "yoto"),
@@ -42,7 +42,7 @@ pub fn resource(instance: &str) -> Resource {
 }
 
 /// The part of the program that measures: all of it.
-pub fn scope() -> InstrumentationScope {
+pub(super) fn scope() -> InstrumentationScope {
     InstrumentationScope {
         name: "yoto".to_owned(),
         version: VERSION.to_owned(),
@@ -51,7 +51,7 @@ pub fn scope() -> InstrumentationScope {
 }
 
 /// Nanoseconds since 1970; 0 before.
-pub fn nanos(at: SystemTime) -> u64 {
+pub(super) fn nanos(at: SystemTime) -> u64 {
     let since = at.duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }

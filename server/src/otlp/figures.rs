@@ -25,7 +25,7 @@ const CUMULATIVE: i32 = AggregationTemporality::Cumulative as i32;
 
 /// A time from `start` until `now`, nanoseconds since 1970.
 #[derive(Debug, Clone, Copy)]
-pub struct Period {
+pub(super) struct Period {
     /// When the counters were 0.
     pub start: u64,
     /// When they were read.
@@ -36,7 +36,7 @@ pub struct Period {
 ///
 /// # Errors
 /// Never in practice: when a gauge is above the largest integer.
-pub fn metrics(registry: &Registry, period: Period) -> Result<Vec<Metric>, fmt::Error> {
+pub(super) fn metrics(registry: &Registry, period: Period) -> Result<Vec<Metric>, fmt::Error> {
     let families = openmetrics_protobuf::encode(registry)?.metric_families;
     Ok(families.iter().map(|it| metric(it, period)).collect())
 }

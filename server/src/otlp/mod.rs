@@ -11,5 +11,5 @@ mod push;
 mod spans;
 mod wire;
 
-pub use push::run;
-pub use wire::Wire;
+pub(crate) use push::run;
+pub(crate) use wire::Wire;

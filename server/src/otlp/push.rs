@@ -79,7 +79,12 @@ impl Fault {
 }
 
 /// Sends every [`OtlpConfig::interval`] until the coordinator stops, and once more then.
-pub async fn run(context: Arc<Context>, config: OtlpConfig, wire: Wire, ended: Arc<EndedJobs>) {
+pub(crate) async fn run(
+    context: Arc<Context>,
+    config: OtlpConfig,
+    wire: Wire,
+    ended: Arc<EndedJobs>,
+) {
     let last = context.config.shutdown_grace / 2;
     let mut ticks = interval_at(Instant::now() + config.interval, config.interval);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -15,7 +15,7 @@ use yoto_proto::v1::{Job, JobAttempt, JobError, job};
 use yoto_store::{EndedJob, JobKind};
 
 /// The span of a job, its time in the queue, and each recorded attempt.
-pub fn of(ended: &EndedJob) -> Vec<Span> {
+pub(super) fn of(ended: &EndedJob) -> Vec<Span> {
     let job = &ended.job;
     let end = nanos(job.end_time);
     let mut spans = vec![root(ended, end), queued(job, end)];

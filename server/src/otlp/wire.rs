@@ -21,7 +21,7 @@ const HTTPS_PORT: u16 = 443;
 
 /// How to connect: channels to one collector.
 #[derive(Clone)]
-pub struct Wire {
+pub(crate) struct Wire {
     endpoint: Endpoint,
     tls: Option<Encrypted>,
 }
@@ -39,7 +39,7 @@ impl Wire {
     ///
     /// # Errors
     /// When the address is invalid, or TLS can't be used.
-    pub fn new(endpoint: &OtlpEndpoint) -> Result<Self, OtlpError> {
+    pub(crate) fn new(endpoint: &OtlpEndpoint) -> Result<Self, OtlpError> {
         let url = endpoint.url();
         let uri: Uri = match url.as_str().parse() {
             Ok(uri) => uri,
@@ -63,7 +63,7 @@ impl Wire {
     }
 
     /// A channel that connects at its first call.
-    pub fn channel(&self) -> Channel {
+    pub(crate) fn channel(&self) -> Channel {
         match &self.tls {
             None => self.endpoint.connect_lazy(),
             Some(tls) => {

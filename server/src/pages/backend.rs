@@ -12,7 +12,7 @@ use yoto_proto::v1::Key;
 use yoto_request::RequestError;
 
 /// The coordinator behind the pages.
-pub struct Coordinated(pub Arc<Context>);
+pub(crate) struct Coordinated(pub Arc<Context>);
 
 #[tonic::async_trait]
 impl Backend for Coordinated {

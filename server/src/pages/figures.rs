@@ -16,7 +16,7 @@ use yoto_store::{OpenJobs, StoreError};
 const FRESH: Duration = Duration::from_secs(1);
 
 /// The last text, and when it was written.
-pub type LastText = tokio::sync::Mutex<Option<(Instant, String)>>;
+pub(crate) type LastText = tokio::sync::Mutex<Option<(Instant, String)>>;
 
 type Real = Gauge<f64, AtomicU64>;
 
@@ -30,7 +30,7 @@ struct OfState {
 ///
 /// # Errors
 /// Never in practice: when a string can't be written to.
-pub async fn exposed(context: &Context, last: &LastText) -> Result<String, fmt::Error> {
+pub(crate) async fn exposed(context: &Context, last: &LastText) -> Result<String, fmt::Error> {
     let mut last = last.lock().await;
     if let Some((at, text)) = &*last
         && at.elapsed() < FRESH
@@ -52,7 +52,7 @@ async fn read(context: &Context) -> Result<String, fmt::Error> {
 }
 
 /// The figures beside those of [`METRICS`]. Those of rows are missing while the database can't be read.
-pub async fn read_now(context: &Context) -> Registry {
+pub(crate) async fn read_now(context: &Context) -> Registry {
     let mut registry = Registry::with_prefix("yoto");
     let ready = Gauge::<i64>::default();
     ready.set(i64::from(context.health.found().faults().is_empty()));

@@ -11,7 +11,7 @@ use axum::response::{IntoResponse, Response};
 const FORMAT: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
 /// All figures. Those of rows are missing while the database can't be read.
-pub async fn page(State(pages): State<Pages>) -> Response {
+pub(super) async fn page(State(pages): State<Pages>) -> Response {
     match exposed(&pages.context, &pages.last).await {
         Ok(text) => ([(CONTENT_TYPE, FORMAT)], text).into_response(),
         Err(error) => {

@@ -4,13 +4,13 @@
 //! [`crate::access`], without which it is not answered.
 
 mod backend;
-pub mod figures;
+pub(crate) mod figures;
 mod metrics;
 mod probes;
 mod reads;
 mod shares;
 
-pub use backend::Coordinated;
+pub(crate) use backend::Coordinated;
 
 use crate::context::Context;
 use axum::Router;
@@ -25,7 +25,7 @@ struct Pages {
 }
 
 /// The pages beside `router`.
-pub fn pages(router: Router, context: Arc<Context>) -> Router {
+pub(crate) fn pages(router: Router, context: Arc<Context>) -> Router {
     let pages = Router::new()
         .route("/healthz", get(probes::lives))
         .route("/readyz", get(probes::is_ready))

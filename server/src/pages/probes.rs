@@ -7,13 +7,13 @@ use axum::http::StatusCode;
 use std::sync::Arc;
 
 /// 200 as long as the process answers.
-pub async fn lives() -> &'static str {
+pub(super) async fn lives() -> &'static str {
     "alive\n"
 }
 
 /// 200 if the last write to the database succeeded and the object store has answered; 503 otherwise, and once the
 /// coordinator is about to end.
-pub async fn is_ready(State(context): State<Arc<Context>>) -> (StatusCode, String) {
+pub(super) async fn is_ready(State(context): State<Arc<Context>>) -> (StatusCode, String) {
     let faults = context.health.found().faults();
     match faults.is_empty() {
         true => (StatusCode::OK, "ready\n".to_owned()),

@@ -19,7 +19,10 @@ use yoto_request::RequestError;
 use yoto_store::StoreError;
 
 /// `/share/{secret}`
-pub async fn page(State(context): State<Arc<Context>>, Path(secret): Path<String>) -> Response {
+pub(super) async fn page(
+    State(context): State<Arc<Context>>,
+    Path(secret): Path<String>,
+) -> Response {
     match found(&context, &secret).await {
         Ok(Some(page)) => page,
         Ok(None) => {

@@ -13,7 +13,7 @@ use yoto_request::methods::is_unary;
 
 /// Wraps the services of a coordinator.
 #[derive(Debug, Clone)]
-pub struct FaultLayer(pub Arc<dyn Faults>);
+pub(super) struct FaultLayer(pub Arc<dyn Faults>);
 
 impl<S> Layer<S> for FaultLayer {
     type Service = Faulty<S>;
@@ -28,7 +28,7 @@ impl<S> Layer<S> for FaultLayer {
 
 /// Services whose calls are disturbed.
 #[derive(Debug, Clone)]
-pub struct Faulty<S> {
+pub(super) struct Faulty<S> {
     inner: S,
     faults: Arc<dyn Faults>,
 }

@@ -136,7 +136,7 @@ fn dashboard(context: Arc<Context>, drain: CancellationToken, calls: Router) -> 
 
 /// Serves those whom `admission` admits until `shutdown` is ready or the coordinator stops; then: health says NOT_SERVING,
 /// no new leases, watch streams end, and open calls have the configured grace to finish.
-pub async fn serve<I, IO, IE>(
+pub(crate) async fn serve<I, IO, IE>(
     context: Arc<Context>,
     admission: Admission,
     incoming: I,

@@ -12,7 +12,7 @@ const LONGEST: usize = 1 << 20;
 
 /// Why the issuer could not be asked.
 #[derive(Debug, thiserror::Error)]
-pub enum FetchError {
+pub(crate) enum FetchError {
     /// The request failed.
     #[error(transparent)]
     Request(#[from] reqwest::Error),
@@ -31,7 +31,7 @@ pub enum FetchError {
 ///
 /// # Errors
 /// When the machine has no usable TLS.
-pub fn client() -> Result<reqwest::Client, FetchError> {
+pub(super) fn client() -> Result<reqwest::Client, FetchError> {
     let builder = reqwest::Client::builder()
         .tls_backend_preconfigured(outgoing::tls()?)
         .redirect(Policy::none())
@@ -43,7 +43,7 @@ pub fn client() -> Result<reqwest::Client, FetchError> {
 ///
 /// # Errors
 /// When the request fails or times out, or the answer is too long.
-pub async fn fetch(
+pub(super) async fn fetch(
     client: reqwest::Client,
     request: HttpRequest,
 ) -> Result<HttpResponse, FetchError> {

@@ -4,10 +4,10 @@ use crate::config::{Grant, OidcConfig};
 use serde_json::{Map, Value};
 
 /// The claims of an ID token whose signature and validity were checked.
-pub type Claims = Map<String, Value>;
+pub(super) type Claims = Map<String, Value>;
 
 /// The first grant that fits.
-pub fn of<'a>(config: &'a OidcConfig, claims: &Claims) -> Option<&'a Grant> {
+pub(super) fn of<'a>(config: &'a OidcConfig, claims: &Claims) -> Option<&'a Grant> {
     config.grants.iter().find(|it| fits(it, claims))
 }
 
@@ -48,7 +48,7 @@ fn is_like(wanted: &str, text: &str) -> bool {
 }
 
 /// What people are called in the list of keys.
-pub fn name(claims: &Claims) -> &str {
+pub(super) fn name(claims: &Claims) -> &str {
     // An address that nobody has verified may be another's.
     let email = is_verified(claims).then_some("email");
     email

@@ -31,7 +31,7 @@ type Client = CoreClient<
 
 /// Why nobody can sign in by the issuer.
 #[derive(Debug, Error)]
-pub enum IssuerError {
+pub(crate) enum IssuerError {
     /// The file of the secret can't be read.
     #[error("{}: {cause}", path.display())]
     Secret {
@@ -62,7 +62,7 @@ pub enum IssuerError {
 
 /// An issuer whose description was read.
 #[derive(Debug)]
-pub struct Issuer {
+pub(crate) struct Issuer {
     client: Client,
     http: reqwest::Client,
 }
@@ -72,7 +72,7 @@ impl Issuer {
     ///
     /// # Errors
     /// When the issuer can't be reached, or is another one.
-    pub async fn find(config: &OidcConfig) -> Result<Self, IssuerError> {
+    pub(crate) async fn find(config: &OidcConfig) -> Result<Self, IssuerError> {
         let secret = match &config.client_secret_file {
             None => None,
             Some(path) => {
@@ -100,7 +100,7 @@ impl Issuer {
     }
 
     /// Where somebody who wants to see the page `to` is sent, and what is known of them when they come back.
-    pub fn begin(&self, scopes: &[String], to: &str) -> (Url, Begun) {
+    pub(crate) fn begin(&self, scopes: &[String], to: &str) -> (Url, Begun) {
         let (challenge, verifier) = PkceCodeChallenge::new_random_sha256();
         let request = self.client.authorize_url(
             CoreAuthenticationFlow::AuthorizationCode,
@@ -125,7 +125,7 @@ impl Issuer {
     ///
     /// # Errors
     /// When the issuer does not vouch for them.
-    pub async fn claims(&self, code: &str, begun: &Begun) -> Result<Claims, IssuerError> {
+    pub(crate) async fn claims(&self, code: &str, begun: &Begun) -> Result<Claims, IssuerError> {
         let failed = |error: &dyn std::error::Error| IssuerError::Exchange(causes(error));
         let http = self.http.clone();
         let get = move |request: HttpRequest| fetch::fetch(http.clone(), request);

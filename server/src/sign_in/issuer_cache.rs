@@ -15,7 +15,7 @@ const AT_ONCE: usize = 4;
 
 /// The issuer, once it was asked.
 #[derive(Debug)]
-pub struct IssuerCache {
+pub(crate) struct IssuerCache {
     last: Mutex<Option<(Instant, Arc<Issuer>)>>,
     exchanges: Semaphore,
 }
@@ -34,7 +34,7 @@ impl IssuerCache {
     ///
     /// # Errors
     /// When it can't be found.
-    pub async fn issuer(&self, config: &OidcConfig) -> Result<Arc<Issuer>, IssuerError> {
+    pub(crate) async fn issuer(&self, config: &OidcConfig) -> Result<Arc<Issuer>, IssuerError> {
         let mut last = self.last.lock().await;
         if let Some((at, issuer)) = &*last
             && at.elapsed() < FRESH
@@ -50,7 +50,7 @@ impl IssuerCache {
     ///
     /// # Errors
     /// When the issuer does not vouch for them. The next sign-in asks for its description and keys anew.
-    pub async fn claims(
+    pub(crate) async fn claims(
         &self,
         config: &OidcConfig,
         code: &str,

@@ -17,10 +17,10 @@ mod page;
 mod routes;
 mod session;
 
-pub use issuer_cache::IssuerCache;
-pub use page::{asked, signed_out};
-pub use routes::routes;
-pub use session::sign_out;
+pub(crate) use issuer_cache::IssuerCache;
+pub(crate) use page::{asked, signed_out};
+pub(crate) use routes::routes;
+pub(crate) use session::sign_out;
 
 /// Where people sign in.
 const PAGE: &str = "/sign-in";
@@ -32,4 +32,4 @@ const START: &str = "/sign-in/start";
 const BACK: &str = "/sign-in/back";
 
 /// The paths that are open to everybody: who signs in has no key yet.
-pub const OPEN: [&str; 4] = [PAGE, BY_KEY, START, BACK];
+pub(crate) const OPEN: [&str; 4] = [PAGE, BY_KEY, START, BACK];

@@ -14,7 +14,7 @@ use yoto_dashboard as dashboard;
 const LONGEST: usize = 500;
 
 /// The page, with why somebody must sign in, who then sees the page `to`.
-pub fn shown(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
+pub(super) fn shown(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
     let to = own(to);
     let query: String = byte_serialize(to.as_bytes()).collect();
     let body = html! {
@@ -39,7 +39,7 @@ pub fn shown(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
 }
 
 /// The page in place of one that somebody may not see without a key. A form that was sent is not sent again.
-pub fn asked(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
+pub(crate) fn asked(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
     let mut answer = shown(oidc, to, why);
     *answer.status_mut() = StatusCode::UNAUTHORIZED;
     let scheme = HeaderValue::from_static("Bearer");
@@ -48,7 +48,7 @@ pub fn asked(oidc: Option<&OidcConfig>, to: &str, why: &str) -> Response {
 }
 
 /// A page with what has gone wrong.
-pub fn failed(status: StatusCode, words: &str) -> Response {
+pub(super) fn failed(status: StatusCode, words: &str) -> Response {
     let body = html! {
         h1 { "Nobody was signed in" }
         p .message .bad role="alert" { (words) }
@@ -58,7 +58,10 @@ pub fn failed(status: StatusCode, words: &str) -> Response {
 }
 
 /// Sends the browser to `place`, with what it is to keep.
-pub fn moved(place: &str, cookies: impl IntoIterator<Item = Option<HeaderValue>>) -> Response {
+pub(super) fn moved(
+    place: &str,
+    cookies: impl IntoIterator<Item = Option<HeaderValue>>,
+) -> Response {
     let mut answer = StatusCode::SEE_OTHER.into_response();
     let headers = answer.headers_mut();
     if let Ok(place) = HeaderValue::from_str(place) {
@@ -71,12 +74,12 @@ pub fn moved(place: &str, cookies: impl IntoIterator<Item = Option<HeaderValue>>
 }
 
 /// Where somebody is sent who has signed out.
-pub fn signed_out() -> Response {
+pub(crate) fn signed_out() -> Response {
     moved(super::PAGE, cookies::no_session())
 }
 
 /// `to` if it is a page of this service that can be asked for; otherwise the first page.
-pub fn own(to: &str) -> &str {
+pub(super) fn own(to: &str) -> &str {
     let path = to.split(['?', '#']).next().unwrap_or_default();
     let known = page_of(path).is_some() && !path.starts_with("/sign");
     match known && to.len() <= LONGEST && to.bytes().all(|it| it.is_ascii_graphic()) {

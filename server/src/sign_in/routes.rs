@@ -27,7 +27,7 @@ const HERE: &str = "here";
 const LONGEST: usize = 4 << 10;
 
 /// The requests of a sign-in.
-pub fn routes(context: Arc<Context>) -> Router {
+pub(crate) fn routes(context: Arc<Context>) -> Router {
     Router::new()
         .route(PAGE, get(page))
         .route(BY_KEY, post(by_key))

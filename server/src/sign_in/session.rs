@@ -20,7 +20,7 @@ const LONGEST_NAME: usize = 100;
 ///
 /// # Errors
 /// When the database fails, or the audit log can't be written.
-pub async fn begin(
+pub(super) async fn begin(
     context: &Context,
     config: &OidcConfig,
     claims: &Claims,
@@ -71,7 +71,7 @@ pub async fn begin(
 ///
 /// # Errors
 /// When the database fails.
-pub async fn end(context: &Context, secret: &str) -> Result<(), RequestError> {
+pub(super) async fn end(context: &Context, secret: &str) -> Result<(), RequestError> {
     let keys = context.callers.keys().await?;
     match keys.find(&sha256_hex(secret.as_bytes())) {
         Ok(row) => sign_out(context, &row.id).await,
@@ -83,7 +83,7 @@ pub async fn end(context: &Context, secret: &str) -> Result<(), RequestError> {
 ///
 /// # Errors
 /// When the database fails.
-pub async fn sign_out(context: &Context, key: &str) -> Result<(), RequestError> {
+pub(crate) async fn sign_out(context: &Context, key: &str) -> Result<(), RequestError> {
     let keys = context.callers.keys().await?;
     if keys.is_session(key) {
         context.store.revoke_key(None, key).await?;

@@ -17,7 +17,7 @@ use yoto_process::metrics::METRICS;
 
 /// A connection that counts towards the limit.
 #[derive(Debug)]
-pub struct Admitted<IO> {
+pub(crate) struct Admitted<IO> {
     io: IO,
     client: Arc<Client>,
     /// The next time to check whether the connection is idle.
@@ -28,7 +28,7 @@ pub struct Admitted<IO> {
 
 impl Traffic {
     /// Admits a connection unless the limit is reached.
-    pub fn admit<IO: Connected>(&self, io: IO) -> Option<Admitted<IO>> {
+    pub(crate) fn admit<IO: Connected>(&self, io: IO) -> Option<Admitted<IO>> {
         let Ok(place) = Arc::clone(&self.connections).try_acquire_owned() else {
             METRICS.refused();
             tracing::warn!(

@@ -46,7 +46,7 @@ enum Holds {
 
 /// An upper bound for the bytes of the decoded `message` of the type `name`, such as `.yoto.v1.JobSpec`, beside its own
 /// fields. The count ends once it is above `most`. A message of an unknown type counts as nothing.
-pub fn bytes(name: &str, message: &[u8], most: usize) -> usize {
+pub(super) fn bytes(name: &str, message: &[u8], most: usize) -> usize {
     let mut count = Count { bytes: 0, most };
     // Where a message is malformed, decoding ends as well.
     let _ = count.message(name, message, DEPTH);

@@ -21,7 +21,7 @@ use yoto_request::methods::{self, is_unary};
 
 /// Wraps the services of a listener.
 #[derive(Debug, Clone)]
-pub struct TrafficLayer(pub Arc<Traffic>);
+pub(crate) struct TrafficLayer(pub Arc<Traffic>);
 
 impl<S> Layer<S> for TrafficLayer {
     type Service = Limited<S>;
@@ -36,7 +36,7 @@ impl<S> Layer<S> for TrafficLayer {
 
 /// Services whose calls are counted.
 #[derive(Debug, Clone)]
-pub struct Limited<S> {
+pub(crate) struct Limited<S> {
     inner: S,
     traffic: Arc<Traffic>,
 }

@@ -15,7 +15,7 @@ mod decoded;
 mod incoming;
 mod layer;
 
-pub use layer::TrafficLayer;
+pub(crate) use layer::TrafficLayer;
 
 use crate::config::TrafficLimits;
 use std::sync::atomic::AtomicUsize;
@@ -27,7 +27,7 @@ use yoto_request::RequestError;
 
 /// What all clients of a listener use together.
 #[derive(Debug)]
-pub struct Traffic {
+pub(crate) struct Traffic {
     limits: TrafficLimits,
     connections: Arc<Semaphore>,
     calls: Arc<Semaphore>,
@@ -37,7 +37,7 @@ pub struct Traffic {
 
 /// What the client of one connection uses.
 #[derive(Debug)]
-pub struct Client {
+pub(crate) struct Client {
     /// Whether it is in this process.
     in_process: bool,
     calls: AtomicUsize,
@@ -49,7 +49,7 @@ pub struct Client {
 
 impl Traffic {
     /// Counts with nothing in use.
-    pub fn new(limits: &TrafficLimits) -> Arc<Self> {
+    pub(crate) fn new(limits: &TrafficLimits) -> Arc<Self> {
         Arc::new(Self {
             limits: limits.clone(),
             connections: Arc::new(Semaphore::new(limits.connections)),
@@ -70,7 +70,7 @@ impl Traffic {
 
 impl Client {
     /// Whether the call `request` came through a pipe from this process.
-    pub fn is_in_process<T>(request: &Request<T>) -> bool {
+    pub(crate) fn is_in_process<T>(request: &Request<T>) -> bool {
         let client = request.extensions().get::<Arc<Self>>();
         client.is_some_and(|it| it.in_process)
     }

@@ -10,7 +10,7 @@ use yoto_store::{JobKind, RequestKey, StoreError, StoredPart, Tenant};
 ///
 /// # Errors
 /// When the capture is in another state, or its files are gone.
-pub async fn ingest_again(
+pub(crate) async fn ingest_again(
     context: &Context,
     tenant: &Tenant,
     id: &str,

@@ -19,7 +19,7 @@ use yoto_store::{NewUpload, RequestKey, Tenant, Upload, UploadedFile};
 ///
 /// # Errors
 /// When the files break a rule, there is no such subject, or the disk is nearly full.
-pub async fn create(
+pub(crate) async fn create(
     context: &Context,
     tenant: &Tenant,
     subject_id: String,
@@ -44,7 +44,7 @@ pub async fn create(
 ///
 /// # Errors
 /// As [`create`].
-pub async fn validate(
+pub(crate) async fn validate(
     context: &Context,
     tenant: &Tenant,
     subject_id: String,
@@ -158,7 +158,7 @@ fn listed(file: &UploadedFile) -> InputFile {
 }
 
 /// An upload as its client sees it.
-pub fn describe(limits: &UploadLimits, upload: &Upload) -> v1::Upload {
+pub(crate) fn describe(limits: &UploadLimits, upload: &Upload) -> v1::Upload {
     let state = match upload.open {
         true => upload::State::Open,
         false => upload::State::Finished,

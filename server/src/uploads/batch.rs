@@ -14,7 +14,7 @@ use yoto_store::{NewPart, NewPiece, PartId, StoreError, Tenant, UploadPart};
 
 /// Checked chunks that follow the committed bytes, grouped by file in the order of arrival.
 #[derive(Debug, Default)]
-pub struct Batch {
+pub(super) struct Batch {
     pieces: Vec<NewPiece>,
     chunks: Vec<Bytes>,
     bytes: u64,
@@ -23,7 +23,7 @@ pub struct Batch {
 impl Batch {
     /// Adds as much of a chunk at `offset` of a file, where the previous chunk of the file ended, as a part of `part_bytes`
     /// has room for. Returns the number of bytes.
-    pub fn push(&mut self, path: &str, offset: u64, chunk: &Bytes, part_bytes: u64) -> u64 {
+    pub(super) fn push(&mut self, path: &str, offset: u64, chunk: &Bytes, part_bytes: u64) -> u64 {
         let room = part_bytes.saturating_sub(self.bytes);
         let length = room.min(chunk.len() as u64);
         let to = offset + length;
@@ -41,17 +41,17 @@ impl Batch {
     }
 
     /// Whether it is large enough to be committed.
-    pub fn is_full(&self, part_bytes: u64) -> bool {
+    pub(super) fn is_full(&self, part_bytes: u64) -> bool {
         self.bytes >= part_bytes || self.pieces.len() >= limits::PART_FILES
     }
 
     /// Number of pieces of files.
-    pub fn pieces(&self) -> u64 {
+    pub(super) fn pieces(&self) -> u64 {
         self.pieces.len() as u64
     }
 
     /// Whether there is nothing to commit.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
 }
@@ -82,7 +82,7 @@ impl Tail {
 
 /// The newest writer of an upload.
 #[derive(Clone)]
-pub struct Writer {
+pub(super) struct Writer {
     /// The coordinator.
     pub context: Arc<Context>,
     /// Whose upload it is.
@@ -180,7 +180,7 @@ fn is_small(part: &UploadPart, part_bytes: u64) -> bool {
 type Committed = Result<Option<Tail>, RequestError>;
 
 /// Commits one batch after another, while the next one arrives.
-pub struct Committer {
+pub(super) struct Committer {
     writer: Writer,
     /// Number of the next part.
     next: u64,
@@ -190,7 +190,7 @@ pub struct Committer {
 
 impl Committer {
     /// For the `writer` of an upload whose newest part is `newest`.
-    pub fn new(writer: Writer, newest: Option<UploadPart>) -> Self {
+    pub(super) fn new(writer: Writer, newest: Option<UploadPart>) -> Self {
         let part_bytes = writer.context.config.upload.part_bytes;
         let small = newest.filter(|part| is_small(part, part_bytes));
         Self {
@@ -205,7 +205,7 @@ impl Committer {
     ///
     /// # Errors
     /// When the previous commit failed; nothing is written after it.
-    pub async fn start(&mut self, batch: Batch) -> Result<(), RequestError> {
+    pub(super) async fn start(&mut self, batch: Batch) -> Result<(), RequestError> {
         self.wait().await?;
         if !batch.is_empty() {
             let (writer, number) = (self.writer.clone(), self.next);
@@ -221,7 +221,7 @@ impl Committer {
     ///
     /// # Errors
     /// When it could not be committed.
-    pub async fn wait(&mut self) -> Result<(), RequestError> {
+    pub(super) async fn wait(&mut self) -> Result<(), RequestError> {
         let Some(running) = self.running.take() else {
             return Ok(());
         };

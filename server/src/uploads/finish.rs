@@ -14,7 +14,7 @@ use yoto_store::{JobKind, RequestKey, Tenant, UploadFile};
 /// # Errors
 /// When bytes are missing, or a file differs from the announced one; that file has to be sent again. Its field is
 /// `files["PATH"]`: the order in which the files were announced is not kept.
-pub async fn finish(
+pub(crate) async fn finish(
     context: &Context,
     tenant: &Tenant,
     id: &str,

@@ -13,7 +13,7 @@ type SharedMutex = Arc<tokio::sync::Mutex<()>>;
 
 /// The locks of the uploads that a call writes, or whose last bytes it waits for, by upload id.
 #[derive(Debug, Default, Clone)]
-pub struct UploadLocks {
+pub(crate) struct UploadLocks {
     held: Arc<Mutex<HashMap<String, Held>>>,
 }
 
@@ -26,7 +26,7 @@ struct Held {
 
 /// The exclusive right to change an upload, until it is dropped.
 #[derive(Debug)]
-pub struct UploadLock {
+pub(crate) struct UploadLock {
     id: String,
     locks: UploadLocks,
     mutex: SharedMutex,
@@ -36,7 +36,7 @@ pub struct UploadLock {
 
 impl UploadLocks {
     /// Asks the call that holds the lock of the upload `id` to stop, and waits until it has.
-    pub async fn acquire(&self, id: &str) -> UploadLock {
+    pub(crate) async fn acquire(&self, id: &str) -> UploadLock {
         let (mutex, stop) = {
             let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
             let entry = held.entry(id.to_owned()).or_default();
@@ -59,7 +59,7 @@ impl UploadLocks {
 
 impl UploadLock {
     /// Ready once another call waits for the lock.
-    pub async fn wanted(&self) {
+    pub(crate) async fn wanted(&self) {
         self.stop.cancelled().await;
     }
 }

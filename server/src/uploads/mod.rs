@@ -15,13 +15,13 @@ mod paths;
 mod verify;
 mod write;
 
-pub use again::ingest_again;
-pub use announce::{create, describe, validate};
-pub use finish::finish;
+pub(crate) use again::ingest_again;
+pub(crate) use announce::{create, describe, validate};
+pub(crate) use finish::finish;
 use locks::UploadLock;
-pub use locks::UploadLocks;
-pub use parts::{commit_part, sign_parts};
-pub use write::receive;
+pub(crate) use locks::UploadLocks;
+pub(crate) use parts::{commit_part, sign_parts};
+pub(crate) use write::receive;
 
 use crate::context::Context;
 use std::collections::BTreeSet;
@@ -104,7 +104,7 @@ async fn open(context: &Context, tenant: &Tenant, id: &str) -> Result<Upload, Re
 ///
 /// # Errors
 /// When there is none.
-pub async fn get(
+pub(crate) async fn get(
     context: &Context,
     tenant: &Tenant,
     id: &str,

@@ -26,7 +26,7 @@ const LIFE: Duration = Duration::from_secs(120);
 /// # Errors
 /// When there is no such upload, it is finished, another writer has taken it over, a part is invalid, or the store's
 /// credentials can't be had.
-pub async fn sign_parts(
+pub(crate) async fn sign_parts(
     context: &Context,
     tenant: &Tenant,
     id: &str,
@@ -78,7 +78,7 @@ pub async fn sign_parts(
 /// # Errors
 /// When there is no such upload, the object has not arrived or has another size, the pieces don't follow the committed bytes,
 /// or another writer has taken over. The object stays: an earlier call may have committed it.
-pub async fn commit_part(
+pub(crate) async fn commit_part(
     context: &Context,
     tenant: &Tenant,
     id: &str,

@@ -8,14 +8,14 @@ use yoto_proto::limits::PATH_BYTES;
 
 /// The paths of one capture so far.
 #[derive(Debug, Default)]
-pub struct CapturePaths {
+pub(super) struct CapturePaths {
     files: HashSet<String>,
     folders: HashSet<String>,
 }
 
 impl CapturePaths {
     /// Adds `path`; the error says why it can't be part of the capture.
-    pub fn add(&mut self, path: &str) -> Result<(), String> {
+    pub(super) fn add(&mut self, path: &str) -> Result<(), String> {
         check(path)?;
         // Some file systems ignore case.
         let folded = path.to_ascii_lowercase();

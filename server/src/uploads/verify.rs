@@ -16,7 +16,7 @@ const AHEAD: usize = 4;
 
 /// The files that are not as announced.
 #[derive(Debug, Default)]
-pub struct Faults {
+pub(super) struct Faults {
     /// Files whose bytes the store has lost or altered.
     pub lost: BTreeSet<String>,
     /// Files that arrived with other bytes: path, announced and found SHA-256.
@@ -35,7 +35,7 @@ struct Hashed {
 ///
 /// # Errors
 /// When the object store fails.
-pub async fn verify(
+pub(super) async fn verify(
     context: &Context,
     files: &[UploadFile],
     parts: &[StoredPart],

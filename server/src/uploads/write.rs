@@ -21,7 +21,7 @@ use yoto_store::{StoreError, Tenant};
 /// # Errors
 /// When a chunk has a wrong offset or file, the stream breaks off or falls silent, another call writes to the
 /// upload, or the disk fails.
-pub async fn receive<S>(
+pub(crate) async fn receive<S>(
     context: Arc<Context>,
     tenant: Tenant,
     mut chunks: S,

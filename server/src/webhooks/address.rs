@@ -9,7 +9,7 @@ const LONGEST: usize = 2048;
 
 /// Why an address is not used.
 #[derive(Debug, Error, PartialEq, Eq)]
-pub enum AddressError {
+pub(crate) enum AddressError {
     #[error("{0}")]
     Url(String),
     #[error("{0} can't be found: {1}")]
@@ -24,7 +24,7 @@ pub enum AddressError {
 ///
 /// # Errors
 /// Why it is none that is told anything.
-pub fn check_url(text: &str, private: bool) -> Result<Url, AddressError> {
+pub(crate) fn check_url(text: &str, private: bool) -> Result<Url, AddressError> {
     let wrong = |message: &str| AddressError::Url(message.to_owned());
     if text.len() > LONGEST {
         return Err(wrong("is longer than 2048 bytes"));
@@ -56,7 +56,7 @@ pub fn check_url(text: &str, private: bool) -> Result<Url, AddressError> {
 ///
 /// # Errors
 /// When there is none, or one of this machine or of a private network and not `private`.
-pub async fn resolved(url: &Url, private: bool) -> Result<Vec<SocketAddr>, AddressError> {
+pub(super) async fn resolved(url: &Url, private: bool) -> Result<Vec<SocketAddr>, AddressError> {
     let host = url.host_str().unwrap_or_default().trim_matches(['[', ']']);
     let unknown = |error: String| AddressError::Unknown(host.to_owned(), error);
     let port = url.port_or_known_default().unwrap_or(443);

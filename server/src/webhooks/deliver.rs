@@ -18,7 +18,7 @@ const LONGEST: Duration = Duration::from_secs(15);
 
 /// Why an address was told nothing.
 #[derive(Debug, Error)]
-pub enum SendError {
+pub(super) enum SendError {
     #[error(transparent)]
     Address(#[from] AddressError),
     #[error("{}", causes(.0))]
@@ -46,7 +46,7 @@ fn causes(error: &reqwest::Error) -> String {
 }
 
 /// Sends requests.
-pub struct Sender {
+pub(super) struct Sender {
     private: bool,
     tls: ClientConfig,
 }
@@ -56,7 +56,7 @@ impl Sender {
     ///
     /// # Errors
     /// When TLS can't be used.
-    pub fn new(private: bool) -> Result<Self, SendError> {
+    pub(super) fn new(private: bool) -> Result<Self, SendError> {
         Ok(Self {
             private,
             tls: outgoing::tls()?,
@@ -67,7 +67,7 @@ impl Sender {
     ///
     /// # Errors
     /// When the address is not allowed, can't be reached, or answers with another status than 2xx.
-    pub async fn send(&self, delivery: &DueDelivery) -> Result<(), SendError> {
+    pub(super) async fn send(&self, delivery: &DueDelivery) -> Result<(), SendError> {
         // The operator may have allowed more when it was added.
         let url = check_url(&delivery.url, self.private)?;
         let found = tokio::time::timeout(LONGEST, resolved(&url, self.private)).await;

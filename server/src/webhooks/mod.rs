@@ -11,8 +11,8 @@ mod address;
 mod deliver;
 mod signature;
 
-pub use address::check_url;
-pub use signature::new_secret;
+pub(crate) use address::check_url;
+pub(crate) use signature::new_secret;
 
 use crate::context::Context;
 use deliver::Sender;
@@ -36,7 +36,7 @@ const LONGEST: f64 = 3600.0;
 const ATTEMPTS: u32 = 32;
 
 /// Delivers until the coordinator stops.
-pub async fn run(context: Arc<Context>) {
+pub(crate) async fn run(context: Arc<Context>) {
     let sender = match Sender::new(context.config.private_webhooks) {
         Ok(sender) => sender,
         Err(error) => {

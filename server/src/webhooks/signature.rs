@@ -14,14 +14,14 @@ const BYTES: usize = 32;
 ///
 /// # Errors
 /// When the system gives no random bytes.
-pub fn new_secret() -> Result<String, ring::error::Unspecified> {
+pub(crate) fn new_secret() -> Result<String, ring::error::Unspecified> {
     let mut bytes = [0; BYTES];
     SystemRandom::new().fill(&mut bytes)?;
     Ok(format!("{PREFIX}{}", STANDARD.encode(bytes)))
 }
 
 /// The value of `webhook-signature`; `None` if the secret has not the form of [`new_secret`].
-pub fn sign(secret: &str, id: &str, seconds: u64, body: &str) -> Option<String> {
+pub(super) fn sign(secret: &str, id: &str, seconds: u64, body: &str) -> Option<String> {
     let key = STANDARD.decode(secret.strip_prefix(PREFIX)?).ok()?;
     let key = hmac::Key::new(hmac::HMAC_SHA256, &key);
     let tag = hmac::sign(&key, format!("{id}.{seconds}.{body}").as_bytes());

@@ -11,20 +11,20 @@ use yoto_test_postgres::Database;
 
 /// A kind of database.
 #[derive(Debug, Clone, Copy)]
-pub enum Kind {
+pub(crate) enum Kind {
     Sqlite,
     Postgres,
 }
 
 /// A store with its database, which goes with this value.
-pub struct Staged {
+pub(crate) struct Staged {
     pub store: Store,
     _folder: Option<TempDir>,
     _database: Option<Database>,
 }
 
 /// Two stores on one database, as two coordinators have them. The database goes with this value.
-pub struct Pair {
+pub(crate) struct Pair {
     pub first: Store,
     pub second: Store,
     _folder: Option<TempDir>,
@@ -33,7 +33,7 @@ pub struct Pair {
 
 impl Kind {
     /// Whether this machine has it; says so if it has not.
-    pub fn is_there(self) -> bool {
+    pub(crate) fn is_there(self) -> bool {
         match self {
             Self::Sqlite => true,
             Self::Postgres => yoto_test_postgres::is_there(),
@@ -41,7 +41,7 @@ impl Kind {
     }
 
     /// A store in a new database.
-    pub async fn store(self, clock: Arc<dyn Clock>) -> Staged {
+    pub(crate) async fn store(self, clock: Arc<dyn Clock>) -> Staged {
         match self {
             Self::Sqlite => {
                 let folder = tempfile::tempdir().expect("a folder");
@@ -66,7 +66,7 @@ impl Kind {
     }
 
     /// Two stores on a new database, which is empty for both.
-    pub async fn pair(self, clock: Arc<dyn Clock>) -> Pair {
+    pub(crate) async fn pair(self, clock: Arc<dyn Clock>) -> Pair {
         match self {
             Self::Sqlite => {
                 let folder = tempfile::tempdir().expect("a folder");
@@ -125,7 +125,7 @@ pub(crate) use on_each_database;
 
 /// The training `j` runs by the token 77 of the worker `w` in a database that was brought up to date: its lease lasts, and it
 /// publishes and returns.
-pub async fn running_job_goes_on(store: &Store) {
+pub(crate) async fn running_job_goes_on(store: &Store) {
     let own = Tenant::default();
     let lease = LeaseKey {
         job_id: "j".into(),
@@ -162,7 +162,7 @@ pub async fn running_job_goes_on(store: &Store) {
 
 /// The training `j` of a worker in the only coordinator of an earlier version goes back to the queue when a coordinator of
 /// this version starts, whatever the coordinator's instance.
-pub async fn taken_back_from_the_process_before(store: &Store) {
+pub(crate) async fn taken_back_from_the_process_before(store: &Store) {
     let back = store.take_back_embedded("an instance", 5).await;
     let back: Vec<String> = (back.expect("takes back").into_iter())
         .map(|it| it.job)

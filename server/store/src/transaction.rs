@@ -13,11 +13,11 @@ const FIRST_WAIT: Duration = Duration::from_millis(25);
 
 /// How often a transaction was run again.
 #[derive(Debug, Default)]
-pub struct Tries(u32);
+pub(crate) struct Tries(u32);
 
 impl Tries {
     /// Whether to run the transaction again after it failed with `error`; waits before that.
-    pub async fn again(&mut self, error: &StoreError) -> bool {
+    pub(crate) async fn again(&mut self, error: &StoreError) -> bool {
         let Some(wait) = self.wait(error) else {
             return false;
         };

@@ -1,39 +1,14 @@
 //! A token of a list's page: one of this list with this filter that leads to a position, or an error.
 #![no_main]
 
-// The server's pages need no server: its source is a module here, beside the few types that it uses.
+// The server's pages need no server: its source is a module here.
 #[path = "../../../server/src/api/paging.rs"]
 mod paging;
 
-/// The server's error, as far as pages make one.
-mod error {
-    #[derive(Debug)]
-    pub struct RequestError;
-
-    impl RequestError {
-        pub fn invalid(_: impl Into<String>, _: impl Into<String>) -> Self {
-            Self
-        }
-    }
-}
-
-/// The store's types of pages.
-mod store {
-    pub struct Page {
-        pub limit: u32,
-        pub after: Option<i64>,
-    }
-
-    pub struct Entry<T> {
-        pub position: i64,
-        pub item: T,
-    }
-}
-
 use libfuzzer_sys::fuzz_target;
 use paging::Request;
-use store::Entry;
 use yoto_proto::v1::Job;
+use yoto_store::Entry;
 
 fuzz_target!(|input: (i32, i64, &str)| {
     let (size, position, token) = input;

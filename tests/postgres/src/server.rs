@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// The server's superuser.
-pub const USER: &str = "postgres";
+pub(crate) const USER: &str = "postgres";
 /// System users as whom the server runs if this process runs as root, which PostgreSQL refuses.
 const UNPRIVILEGED: [&str; 2] = ["postgres", "nobody"];
 /// Where Debian's packages have the programs, below a folder per version.
@@ -67,7 +67,7 @@ const UNSYNCED: [&str; 6] = [
 
 /// Whether commits survive a crash of the machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Durability {
+pub(crate) enum Durability {
     /// They need not.
     None,
     /// As PostgreSQL does it by default.
@@ -76,7 +76,7 @@ pub enum Durability {
 
 /// A running server.
 #[derive(Debug)]
-pub struct Server {
+pub(crate) struct Server {
     programs: PathBuf,
     folder: PathBuf,
     /// The shell around the server, which holds the other end of the pipe.
@@ -84,7 +84,7 @@ pub struct Server {
 }
 
 /// The folder of the programs `initdb` and `postgres`.
-pub fn programs() -> Option<PathBuf> {
+pub(crate) fn programs() -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let mut folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
     if let Ok(versions) = std::fs::read_dir(DEBIAN) {
@@ -112,7 +112,7 @@ impl Server {
     ///
     /// # Panics
     /// When it does not start, with what it says.
-    pub fn start(programs: PathBuf, durability: Durability) -> Self {
+    pub(crate) fn start(programs: PathBuf, durability: Durability) -> Self {
         let folder = tempfile::Builder::new().prefix("yoto-postgres-").tempdir();
         // The shell removes it.
         let folder = folder.expect("a temporary folder").keep();
@@ -161,17 +161,17 @@ impl Server {
     }
 
     /// The folder with its socket.
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// The socket that it listens on.
-    pub fn socket(&self) -> PathBuf {
+    pub(crate) fn socket(&self) -> PathBuf {
         self.folder.join(".s.PGSQL.5432")
     }
 
     /// A program that connects to it.
-    pub fn client(&self, program: &str) -> Command {
+    pub(crate) fn client(&self, program: &str) -> Command {
         let mut command = Command::new(self.programs.join(program));
         command
             .arg("--host")
@@ -182,7 +182,7 @@ impl Server {
     }
 
     /// Ends it at once, as a crash does. A server that ends refuses statements a while before nobody listens.
-    pub fn crash(&self) {
+    pub(crate) fn crash(&self) {
         self.order("crash");
         while UnixStream::connect(self.socket()).is_ok() {
             std::thread::sleep(Duration::from_millis(20));
@@ -190,13 +190,13 @@ impl Server {
     }
 
     /// Starts it again after [`Self::crash`].
-    pub fn restart(&self) {
+    pub(crate) fn restart(&self) {
         self.order("start");
         self.wait();
     }
 
     /// Sends a signal to each of its processes.
-    pub fn signal(&self, name: &str) {
+    pub(crate) fn signal(&self, name: &str) {
         let file = self.folder.join("data/postmaster.pid");
         let text = std::fs::read_to_string(file).expect("it runs");
         let first = text.lines().next().expect("has a process").to_owned();

@@ -32,7 +32,7 @@ const PAUSE: Duration = Duration::from_millis(150);
 ///
 /// # Errors
 /// The refusal, or the last failure when patience ends.
-pub async fn answered<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+pub(crate) async fn answered<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
 where
     F: Future<Output = Result<Response<T>, Status>>,
 {
@@ -52,27 +52,27 @@ where
 }
 
 /// Whether a broken connection or an end of the coordinator can cause this failure.
-pub fn is_transient(code: Code) -> bool {
+pub(crate) fn is_transient(code: Code) -> bool {
     failure_cause(code) == FailureCause::Connection
 }
 
 /// A client of the service.
 #[derive(Debug, Clone)]
-pub struct Calls(Channel);
+pub(crate) struct Calls(Channel);
 
 impl Calls {
     /// A client of the coordinators at `addresses`, which need not run yet.
     ///
     /// # Errors
     /// When there is no address.
-    pub fn to(addresses: &[SocketAddr]) -> Result<Self> {
+    pub(crate) fn to(addresses: &[SocketAddr]) -> Result<Self> {
         let addresses: Vec<String> = addresses.iter().map(SocketAddr::to_string).collect();
         let service = Addresses::parse(&addresses.join(",")).context("the addresses")?;
         Ok(Self(service.connect_lazy()))
     }
 
     /// The connection.
-    pub fn channel(&self) -> Channel {
+    pub(crate) fn channel(&self) -> Channel {
         self.0.clone()
     }
 
@@ -89,12 +89,12 @@ impl Calls {
     }
 
     /// The worker's side of the service.
-    pub fn workers(&self) -> WorkerServiceClient<Channel> {
+    pub(crate) fn workers(&self) -> WorkerServiceClient<Channel> {
         WorkerServiceClient::new(self.channel())
     }
 
     /// Whether the service reports that it is healthy; `None` if it does not answer.
-    pub async fn health(&self) -> Option<bool> {
+    pub(crate) async fn health(&self) -> Option<bool> {
         let mut service = HealthClient::new(self.channel());
         let asked = service.check(HealthCheckRequest::default());
         let answer = tokio::time::timeout(ANSWER, asked).await.ok()?.ok()?;
@@ -102,7 +102,7 @@ impl Calls {
     }
 
     /// Whether the service answers a question to its database, once and within `limit`.
-    pub async fn answers(&self, limit: Duration) -> bool {
+    pub(crate) async fn answers(&self, limit: Duration) -> bool {
         let request = GetJobRequest {
             name: "jobs/none".to_owned(),
         };
@@ -115,7 +115,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn create_subject(&self, display_name: &str) -> Result<String> {
+    pub(crate) async fn create_subject(&self, display_name: &str) -> Result<String> {
         let request = CreateSubjectRequest {
             display_name: display_name.to_owned(),
             consent_note: "made up".to_owned(),
@@ -133,7 +133,11 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn create_model(&self, display_name: &str, subjects: &[String]) -> Result<String> {
+    pub(crate) async fn create_model(
+        &self,
+        display_name: &str,
+        subjects: &[String],
+    ) -> Result<String> {
         let request = CreateModelRequest {
             display_name: display_name.to_owned(),
             tier: "draft".to_owned(),
@@ -170,7 +174,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn create_job(&self, request: &CreateJobRequest) -> Result<Job, Status> {
+    pub(crate) async fn create_job(&self, request: &CreateJobRequest) -> Result<Job, Status> {
         answered(|| {
             let (mut service, request) = (self.jobs(), request.clone());
             async move { service.create_job(request).await }
@@ -182,7 +186,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn job(&self, name: &str) -> Result<Job, Status> {
+    pub(crate) async fn job(&self, name: &str) -> Result<Job, Status> {
         let request = GetJobRequest {
             name: name.to_owned(),
         };
@@ -197,7 +201,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn list_jobs(&self, states: &[job::State]) -> Result<Vec<Job>, Status> {
+    pub(crate) async fn list_jobs(&self, states: &[job::State]) -> Result<Vec<Job>, Status> {
         let (mut jobs, mut page_token) = (Vec::new(), String::new());
         loop {
             let request = ListJobsRequest {
@@ -223,7 +227,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn cancel_job(&self, name: &str) -> Result<Job, Status> {
+    pub(crate) async fn cancel_job(&self, name: &str) -> Result<Job, Status> {
         let request = CancelJobRequest {
             name: name.to_owned(),
             request_id: uuid::Uuid::new_v4().to_string(),
@@ -239,7 +243,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn delete_job(&self, name: &str) -> Result<(), Status> {
+    pub(crate) async fn delete_job(&self, name: &str) -> Result<(), Status> {
         let request = DeleteJobRequest {
             name: name.to_owned(),
             ..DeleteJobRequest::default()
@@ -258,7 +262,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn capture(&self, name: &str) -> Result<Capture, Status> {
+    pub(crate) async fn capture(&self, name: &str) -> Result<Capture, Status> {
         let request = GetCaptureRequest {
             name: name.to_owned(),
         };
@@ -273,7 +277,7 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn checkpoints(&self, model: &str) -> Result<Vec<Checkpoint>, Status> {
+    pub(crate) async fn checkpoints(&self, model: &str) -> Result<Vec<Checkpoint>, Status> {
         let request = ListCheckpointsRequest {
             model: model.to_owned(),
             page_size: 1000,
@@ -290,7 +294,10 @@ impl Calls {
     ///
     /// # Errors
     /// When the service refuses.
-    pub async fn watch(&self, name: &str) -> Result<tonic::Streaming<WatchJobResponse>, Status> {
+    pub(crate) async fn watch(
+        &self,
+        name: &str,
+    ) -> Result<tonic::Streaming<WatchJobResponse>, Status> {
         let request = WatchJobRequest {
             name: name.to_owned(),
             after_sequence: 0,

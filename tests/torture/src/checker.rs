@@ -15,7 +15,7 @@ const SPARE: usize = 4;
 
 /// A job at the end.
 #[derive(Debug, Clone, Default)]
-pub struct FinalJob {
+pub(crate) struct FinalJob {
     /// Name of its state.
     pub state: String,
     /// Code and message of its error; empty without one.
@@ -28,7 +28,7 @@ pub struct FinalJob {
 
 /// What the service says and stores at the end.
 #[derive(Debug, Clone, Default)]
-pub struct Final {
+pub(crate) struct Final {
     /// All jobs by name.
     pub jobs: BTreeMap<String, FinalJob>,
     /// States of the captures of acknowledged uploads, and whether each has a reason if it is REJECTED.
@@ -108,7 +108,7 @@ impl Findings {
 }
 
 /// Checks the `events` and the state at the `end`.
-pub fn check(events: &[Event], end: &Final) -> Findings {
+pub(crate) fn check(events: &[Event], end: &Final) -> Findings {
     let mut found = Findings {
         orphans: end.orphans,
         ..Findings::default()

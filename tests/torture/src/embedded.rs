@@ -39,7 +39,7 @@ impl Drop for Ending {
 ///
 /// # Errors
 /// When it does not recover, or a promise is broken.
-pub async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
+pub(crate) async fn kill(fleet: &Fleet, history: &Arc<History>) -> Result<()> {
     let folder = fleet.folder().join("embedded");
     let port = free_port()?;
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));

@@ -14,7 +14,7 @@ use yoto_server::fsck::{Place, fsck};
 ///
 /// # Errors
 /// When the service gives no definite answer.
-pub async fn settle(calls: &Calls, limit: Duration) -> Result<()> {
+pub(crate) async fn settle(calls: &Calls, limit: Duration) -> Result<()> {
     let began = Instant::now();
     let open = [job::State::Queued, job::State::Running];
     while began.elapsed() < limit && !calls.list_jobs(&open).await?.is_empty() {
@@ -27,7 +27,7 @@ pub async fn settle(calls: &Calls, limit: Duration) -> Result<()> {
 ///
 /// # Errors
 /// When the service gives no definite answer, or can't be checked.
-pub async fn collect(
+pub(crate) async fn collect(
     calls: &Calls,
     place: &Place,
     events: &[Event],
@@ -79,7 +79,7 @@ pub async fn collect(
 ///
 /// # Errors
 /// When the service gives no definite answer, or refuses.
-pub async fn repeat(calls: &Calls, workload: &Workload, end: &mut Final) -> Result<()> {
+pub(crate) async fn repeat(calls: &Calls, workload: &Workload, end: &mut Final) -> Result<()> {
     for (request, job) in workload.asked() {
         if end.jobs.get(&job).is_some_and(|it| !it.state.is_empty()) {
             let again = calls.create_job(&request).await;

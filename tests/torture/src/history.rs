@@ -12,7 +12,7 @@ use std::time::Instant;
 /// One observation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
-pub enum Event {
+pub(crate) enum Event {
     /// The service has acknowledged a job.
     Acknowledged {
         /// `jobs/{id}`.
@@ -90,7 +90,7 @@ pub enum Event {
 
 /// An append-only record.
 #[derive(Debug)]
-pub struct History {
+pub(crate) struct History {
     began: Instant,
     inside: Mutex<(Vec<Event>, File)>,
 }
@@ -107,7 +107,7 @@ impl History {
     ///
     /// # Errors
     /// When the file can't be created.
-    pub fn create(path: &Path) -> Result<Self> {
+    pub(crate) fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).with_context(|| path.display().to_string())?;
         Ok(Self {
             began: Instant::now(),
@@ -119,7 +119,7 @@ impl History {
     ///
     /// # Errors
     /// When it can't be written.
-    pub fn record(&self, event: Event) -> Result<()> {
+    pub(crate) fn record(&self, event: Event) -> Result<()> {
         let line = Line {
             seconds: self.began.elapsed().as_secs_f64(),
             event: &event,
@@ -133,7 +133,7 @@ impl History {
     }
 
     /// All events so far.
-    pub fn events(&self) -> Vec<Event> {
+    pub(crate) fn events(&self) -> Vec<Event> {
         let inside = self.inside.lock().unwrap_or_else(PoisonError::into_inner);
         inside.0.clone()
     }

@@ -21,7 +21,7 @@ use yoto_proto::worker::v1::{
 ///
 /// # Errors
 /// When the service refuses.
-pub async fn register_stranger(calls: &Calls) -> Result<String> {
+pub(crate) async fn register_stranger(calls: &Calls) -> Result<String> {
     let request = RegisterWorkerRequest {
         display_name: "stranger".into(),
         device: Some(WorkerDevice::default()),
@@ -40,7 +40,7 @@ pub async fn register_stranger(calls: &Calls) -> Result<String> {
 ///
 /// # Errors
 /// When there is no definite answer.
-pub async fn write_late(
+pub(crate) async fn write_late(
     calls: &Calls,
     history: &History,
     records: &Records,

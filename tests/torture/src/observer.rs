@@ -16,7 +16,11 @@ const PAUSE: Duration = Duration::from_millis(250);
 ///
 /// # Errors
 /// When the service gives no definite answer, or the history can't be written.
-pub async fn observe(calls: &Calls, history: &History, done: &dyn Fn() -> bool) -> Result<()> {
+pub(crate) async fn observe(
+    calls: &Calls,
+    history: &History,
+    done: &dyn Fn() -> bool,
+) -> Result<()> {
     let mut last = HashMap::new();
     while !done() {
         look(calls, history, &mut last).await?;
@@ -53,6 +57,6 @@ async fn look(
 }
 
 /// Number of the newest attempt of a job; 0 before the first.
-pub fn newest_attempt(job: &Job) -> u64 {
+pub(crate) fn newest_attempt(job: &Job) -> u64 {
     job.attempts.last().map_or(0, |attempt| attempt.number)
 }

@@ -14,7 +14,7 @@ const PREFIX: &str = "yoto";
 
 /// The outside of a fleet.
 #[derive(Debug)]
-pub struct Outside {
+pub(crate) struct Outside {
     /// PostgreSQL, a server of its own; none: a file of SQLite.
     pub database: Option<Database>,
     /// S3; none: a folder.
@@ -28,7 +28,7 @@ impl Outside {
     ///
     /// # Errors
     /// When PostgreSQL is missing.
-    pub fn start(makeup: Makeup, folder: &Path) -> Result<Self> {
+    pub(crate) fn start(makeup: Makeup, folder: &Path) -> Result<Self> {
         let database = match makeup.postgres {
             true => {
                 let made = Database::create_durable();
@@ -48,7 +48,7 @@ impl Outside {
     }
 
     /// The data folder of the coordinator with this number.
-    pub fn data(&self, coordinator: usize) -> PathBuf {
+    pub(crate) fn data(&self, coordinator: usize) -> PathBuf {
         match coordinator {
             0 => self.folder.join("data"),
             more => self.folder.join(format!("data-{more}")),
@@ -56,7 +56,7 @@ impl Outside {
     }
 
     /// The folder with the objects, each in a file with its key.
-    pub fn objects(&self) -> PathBuf {
+    pub(crate) fn objects(&self) -> PathBuf {
         match &self.store {
             Some(store) => store.folder().join(PREFIX),
             None => self.data(0).join("objects"),
@@ -67,7 +67,7 @@ impl Outside {
     ///
     /// # Errors
     /// When the folder's name makes no URL.
-    pub fn objects_url(&self) -> Result<Url> {
+    pub(crate) fn objects_url(&self) -> Result<Url> {
         match &self.store {
             Some(_) => Ok(Url::parse(&format!("s3://{BUCKET}/{PREFIX}"))?),
             None => url_of(&self.objects()),
@@ -75,7 +75,7 @@ impl Outside {
     }
 
     /// Variables of the processes' environment.
-    pub fn environment(&self) -> Vec<(String, String)> {
+    pub(crate) fn environment(&self) -> Vec<(String, String)> {
         self.store
             .as_ref()
             .map(Server::environment)
@@ -83,7 +83,7 @@ impl Outside {
     }
 
     /// The address of the database, past all proxies.
-    pub fn database_url(&self) -> Option<String> {
+    pub(crate) fn database_url(&self) -> Option<String> {
         self.database.as_ref().map(Database::url)
     }
 
@@ -91,7 +91,7 @@ impl Outside {
     ///
     /// # Errors
     /// When an address is invalid.
-    pub fn place(&self) -> Result<Place> {
+    pub(crate) fn place(&self) -> Result<Place> {
         let database = self.database_url().map(|url| url.parse());
         Ok(Place {
             data_dir: self.data(0),
@@ -106,7 +106,7 @@ impl Outside {
 ///
 /// # Errors
 /// When its name makes none.
-pub fn url_of(folder: &Path) -> Result<Url> {
+pub(crate) fn url_of(folder: &Path) -> Result<Url> {
     let url = Url::from_directory_path(folder);
     url.map_err(|()| anyhow::anyhow!("{} is not absolute", folder.display()))
 }

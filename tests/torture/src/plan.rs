@@ -14,7 +14,7 @@ const CONSTANT: [Fault; 4] = [
 
 /// The sequence of faults: each kind once, in a seeded random order, then any kind.
 #[derive(Debug)]
-pub struct Plan {
+pub(crate) struct Plan {
     chance: ChaCha8Rng,
     kinds: Vec<Fault>,
     /// Kinds of the first round that are still to come.
@@ -23,7 +23,7 @@ pub struct Plan {
 
 impl Plan {
     /// The plan of a seed, with these kinds.
-    pub fn new(seed: u64, mut kinds: Vec<Fault>) -> Self {
+    pub(crate) fn new(seed: u64, mut kinds: Vec<Fault>) -> Self {
         let mut chance = ChaCha8Rng::seed_from_u64(seed);
         kinds.retain(|fault| !CONSTANT.contains(fault));
         let mut first = kinds.clone();
@@ -38,7 +38,7 @@ impl Plan {
     }
 
     /// Whether each kind has happened once.
-    pub fn is_complete(&self) -> bool {
+    pub(crate) fn is_complete(&self) -> bool {
         self.first.is_empty()
     }
 }

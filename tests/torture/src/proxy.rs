@@ -15,7 +15,7 @@ const NEVER: u64 = u64::MAX;
 
 /// What a proxy stands before.
 #[derive(Debug, Clone)]
-pub enum Target {
+pub(crate) enum Target {
     /// A port.
     Port(SocketAddr),
     /// A socket of the file system.
@@ -24,7 +24,7 @@ pub enum Target {
 
 /// What a proxy does with connections and bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Gate {
+pub(crate) enum Gate {
     /// Passes them.
     Open,
     /// Holds them back, and passes them later: a network that drops packets.
@@ -35,7 +35,7 @@ pub enum Gate {
 
 /// A running proxy; it ends with the process.
 #[derive(Debug, Clone)]
-pub struct Proxy {
+pub(crate) struct Proxy {
     address: SocketAddr,
     state: Arc<State>,
 }
@@ -70,7 +70,7 @@ impl Proxy {
     ///
     /// # Errors
     /// When no port is free.
-    pub async fn start(targets: Vec<Target>) -> Result<Self> {
+    pub(crate) async fn start(targets: Vec<Target>) -> Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await?;
         let proxy = Self {
             address: listener.local_addr()?,
@@ -100,32 +100,32 @@ impl Proxy {
     }
 
     /// Its address for clients.
-    pub fn address(&self) -> SocketAddr {
+    pub(crate) fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Has the connection cut that carries the `bytes`-th byte from now on.
-    pub fn cut_after(&self, bytes: u64) {
+    pub(crate) fn cut_after(&self, bytes: u64) {
         self.state.left.store(bytes, Ordering::SeqCst);
     }
 
     /// Does this with connections and bytes from now on, in both directions.
-    pub fn set(&self, gate: Gate) {
+    pub(crate) fn set(&self, gate: Gate) {
         self.state.gate.send_replace(gate);
     }
 
     /// Number of cuts so far.
-    pub fn cuts(&self) -> u64 {
+    pub(crate) fn cuts(&self) -> u64 {
         self.state.cuts.load(Ordering::SeqCst)
     }
 
     /// Number of connections to a target so far.
-    pub fn opened(&self) -> usize {
+    pub(crate) fn opened(&self) -> usize {
         self.state.opened.load(Ordering::SeqCst)
     }
 
     /// Number of connections that are open.
-    pub fn open(&self) -> usize {
+    pub(crate) fn open(&self) -> usize {
         self.state.open.load(Ordering::SeqCst)
     }
 }

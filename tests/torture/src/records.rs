@@ -10,7 +10,7 @@ use yoto_proto::v1::ObjectRef;
 
 /// The records of a service.
 #[derive(Debug, Clone)]
-pub enum Records {
+pub(crate) enum Records {
     /// In a file of SQLite.
     Sqlite(PathBuf),
     /// In a database of PostgreSQL, by its address.
@@ -42,7 +42,7 @@ impl Records {
     ///
     /// # Errors
     /// When the database can't be read.
-    pub async fn tokens(&self, job: &str) -> Result<Vec<u64>> {
+    pub(crate) async fn tokens(&self, job: &str) -> Result<Vec<u64>> {
         let job = Collection::Jobs.parse(job)?;
         let statement = "SELECT lease FROM job_attempts WHERE job = $1 ORDER BY lease";
         let rows: Vec<(i64,)> = rows!(self, (i64,), statement, job);
@@ -55,7 +55,7 @@ impl Records {
     ///
     /// # Errors
     /// When the database can't be read.
-    pub async fn manifest(&self, checkpoint: &str) -> Result<Option<ObjectRef>> {
+    pub(crate) async fn manifest(&self, checkpoint: &str) -> Result<Option<ObjectRef>> {
         let (model, step) = parse_checkpoint(checkpoint)?;
         let step = i64::try_from(step)?;
         let statement = "SELECT manifest_key, manifest_bytes, manifest_sha256 FROM checkpoints

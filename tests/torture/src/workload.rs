@@ -32,7 +32,7 @@ const PATIENCE: Duration = Duration::from_secs(150);
 
 /// A person in the service, and a model of it that was trained.
 #[derive(Debug, Clone)]
-pub struct Avatar {
+pub(crate) struct Avatar {
     /// `subjects/{id}`.
     pub subject: String,
     /// `models/{id}`.
@@ -40,7 +40,7 @@ pub struct Avatar {
 }
 
 /// A client that keeps the service busy.
-pub struct Workload {
+pub(crate) struct Workload {
     calls: Calls,
     /// Uploads go through a proxy that may cut them.
     proxy: Proxy,
@@ -56,7 +56,12 @@ impl Workload {
     ///
     /// # Errors
     /// When their pictures can't be written.
-    pub fn new(calls: Calls, proxy: Proxy, history: Arc<History>, folder: &Path) -> Result<Self> {
+    pub(crate) fn new(
+        calls: Calls,
+        proxy: Proxy,
+        history: Arc<History>,
+        folder: &Path,
+    ) -> Result<Self> {
         let mut captures = Vec::new();
         for (number, person) in SyntheticPerson::cast(2, 7).iter().enumerate() {
             let dir = folder.join(format!("person-{number}"));
@@ -73,13 +78,13 @@ impl Workload {
     }
 
     /// The jobs that were asked for, with their requests.
-    pub fn asked(&self) -> Vec<(CreateJobRequest, String)> {
+    pub(crate) fn asked(&self) -> Vec<(CreateJobRequest, String)> {
         let asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         asked.clone()
     }
 
     /// Bytes of an upload.
-    pub fn upload_bytes(&self) -> u64 {
+    pub(crate) fn upload_bytes(&self) -> u64 {
         let files = self.captures.iter().flatten();
         let bytes = files.map(|file| match &file.source {
             yoto_client::FileSource::Memory(bytes) => bytes.len() as u64,
@@ -92,7 +97,7 @@ impl Workload {
     ///
     /// # Errors
     /// When the service refuses it.
-    pub async fn person(&self, number: usize) -> Result<String> {
+    pub(crate) async fn person(&self, number: usize) -> Result<String> {
         let name = format!("person {}", uuid::Uuid::new_v4().simple());
         let subject = self.calls.create_subject(&name).await?;
         let files = &self.captures[number % self.captures.len()];
@@ -138,7 +143,7 @@ impl Workload {
     ///
     /// # Errors
     /// When there is no definite answer.
-    pub async fn ask(&self, kind: job_spec::Kind, urgent: bool) -> Result<Option<String>> {
+    pub(crate) async fn ask(&self, kind: job_spec::Kind, urgent: bool) -> Result<Option<String>> {
         let request_id = uuid::Uuid::new_v4().to_string();
         let priority = match urgent {
             true => JobPriority::Urgent,
@@ -174,7 +179,7 @@ impl Workload {
     ///
     /// # Errors
     /// When it does not end.
-    pub async fn wait(&self, job: &str) -> Result<Job> {
+    pub(crate) async fn wait(&self, job: &str) -> Result<Job> {
         let began = Instant::now();
         loop {
             let now = self.calls.job(job).await?;
@@ -196,7 +201,7 @@ impl Workload {
     ///
     /// # Errors
     /// When that fails.
-    pub async fn avatar(&self) -> Result<Avatar> {
+    pub(crate) async fn avatar(&self) -> Result<Avatar> {
         let subject = self.person(0).await?;
         let name = format!("model {}", uuid::Uuid::new_v4().simple());
         let model = self
@@ -217,7 +222,12 @@ impl Workload {
     ///
     /// # Errors
     /// When the service gives no definite answer, or loses a person.
-    pub async fn run(&self, avatar: &Avatar, seed: u64, done: &dyn Fn() -> bool) -> Result<()> {
+    pub(crate) async fn run(
+        &self,
+        avatar: &Avatar,
+        seed: u64,
+        done: &dyn Fn() -> bool,
+    ) -> Result<()> {
         let mut chance = ChaCha8Rng::seed_from_u64(seed);
         while !done() {
             let open = [job::State::Queued, job::State::Running];
@@ -297,7 +307,7 @@ impl Workload {
 }
 
 /// Whether a job in this state stays in it.
-pub fn is_ended(state: job::State) -> bool {
+pub(crate) fn is_ended(state: job::State) -> bool {
     matches!(
         state,
         job::State::Succeeded | job::State::Failed | job::State::Cancelled
@@ -305,7 +315,7 @@ pub fn is_ended(state: job::State) -> bool {
 }
 
 /// A training with many checkpoints.
-pub fn train(model: &str, steps: u64) -> job_spec::Kind {
+pub(crate) fn train(model: &str, steps: u64) -> job_spec::Kind {
     job_spec::Kind::Train(TrainSpec {
         model: model.to_owned(),
         steps,
@@ -317,7 +327,7 @@ pub fn train(model: &str, steps: u64) -> job_spec::Kind {
 }
 
 /// An orbit around a person.
-pub fn render(avatar: &Avatar, views: u32) -> job_spec::Kind {
+pub(crate) fn render(avatar: &Avatar, views: u32) -> job_spec::Kind {
     job_spec::Kind::Render(RenderSpec {
         model: avatar.model.clone(),
         subject: avatar.subject.clone(),

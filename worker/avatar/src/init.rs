@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 /// The parameter id of the tensor at `path`. Burn's optimiser files name parameters by id, so a
 /// process that resumes a training must give each tensor the same id.
-pub fn id(path: &str) -> ParamId {
+pub(crate) fn id(path: &str) -> ParamId {
     let hash = Sha256::digest(path.as_bytes());
     ParamId::from(
         hash.iter()
@@ -20,13 +20,13 @@ pub fn id(path: &str) -> ParamId {
 }
 
 /// Makes parameters on one device from one seed.
-pub struct Initial<'a> {
+pub(crate) struct Initial<'a> {
     device: &'a Device,
     seed: u64,
 }
 
 impl<'a> Initial<'a> {
-    pub fn new(device: &'a Device, seed: u64) -> Self {
+    pub(crate) fn new(device: &'a Device, seed: u64) -> Self {
         Self { device, seed }
     }
 
@@ -58,7 +58,7 @@ impl<'a> Initial<'a> {
     /// Uniform in ±`bound`, with equal numbers in all `phases` of a kernel whose stride is half
     /// its size: `index(i, p)` is the index in the tensor of draw `i` in phase `p`. With
     /// unequal phases, a transposed convolution starts as a checkerboard.
-    pub fn phased<const D: usize>(
+    pub(crate) fn phased<const D: usize>(
         &self,
         path: &str,
         shape: [usize; D],
@@ -84,7 +84,7 @@ impl<'a> Initial<'a> {
     ///
     /// # Panics
     /// If there are fewer values than elements.
-    pub fn given<const D: usize>(
+    pub(crate) fn given<const D: usize>(
         &self,
         path: &str,
         shape: [usize; D],
@@ -96,12 +96,12 @@ impl<'a> Initial<'a> {
         })
     }
 
-    pub fn zeros<const D: usize>(&self, path: &str, shape: [usize; D]) -> Param<Tensor<D>> {
+    pub(crate) fn zeros<const D: usize>(&self, path: &str, shape: [usize; D]) -> Param<Tensor<D>> {
         self.filled(path, shape, || 0.0)
     }
 
     /// Uniform in ±`bound`.
-    pub fn uniform<const D: usize>(
+    pub(crate) fn uniform<const D: usize>(
         &self,
         path: &str,
         shape: [usize; D],
@@ -114,7 +114,7 @@ impl<'a> Initial<'a> {
     }
 
     /// Normal with mean 0 and standard deviation `std`.
-    pub fn normal<const D: usize>(
+    pub(crate) fn normal<const D: usize>(
         &self,
         path: &str,
         shape: [usize; D],

@@ -14,7 +14,7 @@ const CHUNK: usize = 8;
 /// - `.html`: `<meta name="dcterms.rights">`
 /// - `.ply`: a comment of the header
 /// - `.obj`, `.mtl`: a comment in the first line
-pub fn with_rights(extension: &str, bytes: Vec<u8>, rights: &str) -> Vec<u8> {
+pub(crate) fn with_rights(extension: &str, bytes: Vec<u8>, rights: &str) -> Vec<u8> {
     if rights.is_empty() {
         return bytes;
     }

@@ -12,7 +12,7 @@ pub(crate) struct Dtype {
 
 impl Dtype {
     /// Parses a code with or without a byte order in front.
-    pub fn new(code: &str) -> Self {
+    pub(crate) fn new(code: &str) -> Self {
         Self {
             big_endian: code.starts_with('>'),
             code: code.trim_start_matches(['<', '>', '=', '|']).to_owned(),
@@ -20,7 +20,7 @@ impl Dtype {
     }
 
     /// This type with another byte order.
-    pub fn with_order(&self, big_endian: bool) -> Self {
+    pub(crate) fn with_order(&self, big_endian: bool) -> Self {
         Self {
             big_endian,
             ..self.clone()
@@ -28,17 +28,17 @@ impl Dtype {
     }
 
     /// Whether elements are Python objects, which are stored as a pickle.
-    pub fn is_object(&self) -> bool {
+    pub(crate) fn is_object(&self) -> bool {
         self.code.starts_with('O')
     }
 
     /// Whether elements are strings.
-    pub fn is_text(&self) -> bool {
+    pub(crate) fn is_text(&self) -> bool {
         self.code.starts_with(['U', 'S', 'a'])
     }
 
     /// Bytes of an element; `None` for an unknown type.
-    pub fn size(&self) -> Option<usize> {
+    pub(crate) fn size(&self) -> Option<usize> {
         Some(match self.code.as_str() {
             "b1" | "i1" | "u1" | "?" | "b" | "B" => 1,
             "f2" | "i2" | "u2" | "bf2" => 2,
@@ -53,7 +53,7 @@ impl Dtype {
     }
 
     /// The numbers in `bytes`; `None` if elements are not numbers.
-    pub fn numbers(&self, bytes: &[u8]) -> Option<Vec<f64>> {
+    pub(crate) fn numbers(&self, bytes: &[u8]) -> Option<Vec<f64>> {
         let each = |size: usize, convert: &dyn Fn(u64) -> f64| -> Vec<f64> {
             bytes
                 .chunks_exact(size)
@@ -84,7 +84,7 @@ impl Dtype {
     }
 
     /// The strings in `bytes`, without padding zeros; `None` for other types.
-    pub fn texts(&self, bytes: &[u8]) -> Option<Vec<Value>> {
+    pub(crate) fn texts(&self, bytes: &[u8]) -> Option<Vec<Value>> {
         let size = self.size().filter(|size| *size > 0)?;
         let wide = match self.code.as_bytes().first()? {
             b'U' => true,

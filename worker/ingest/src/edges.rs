@@ -22,7 +22,7 @@ pub(super) enum Edges {
 
 impl Edges {
     /// A note about the treatment, for people.
-    pub fn note(&self) -> Option<String> {
+    pub(crate) fn note(&self) -> Option<String> {
         let Self::Solved(known) = self else {
             return None;
         };

@@ -17,7 +17,7 @@ pub(super) struct Alignment {
 impl Alignment {
     /// The mean change from the exact poses to those that the model was learned from; `None`
     /// without any.
-    pub fn between<'a>(pairs: impl Iterator<Item = (&'a Pose, &'a Pose)>) -> Option<Self> {
+    pub(crate) fn between<'a>(pairs: impl Iterator<Item = (&'a Pose, &'a Pose)>) -> Option<Self> {
         let (mut rotations, mut shift, mut count) = (Vec::new(), [0.0; 3], 0.0);
         for (exact, learned) in pairs {
             let (from, to) = (exact.rotations_f64(), learned.rotations_f64());
@@ -36,7 +36,7 @@ impl Alignment {
     }
 
     /// The exact `pose`, moved to where the model has it.
-    pub fn apply_to(&self, pose: &Pose) -> Pose {
+    pub(crate) fn apply_to(&self, pose: &Pose) -> Pose {
         let exact = pose.rotations_f64();
         let moved = add(translation(pose), apply(&root(&exact), self.shift));
         let rotated = exact.iter().zip(&self.rotations);

@@ -50,7 +50,7 @@ pub(crate) struct Signature {
 
 impl Signature {
     /// The ports of `model`, or what is wrong with it.
-    pub fn of(model: &Model) -> Result<Self, String> {
+    pub(crate) fn of(model: &Model) -> Result<Self, String> {
         let (picture, recurrence) = match *model.input_ids() {
             [one] => (one, None),
             [] => return Err("has no inputs: it is empty, or cut short".into()),
@@ -94,7 +94,7 @@ impl Signature {
         })
     }
 
-    pub fn form(&self) -> ModelForm {
+    pub(crate) fn form(&self) -> ModelForm {
         match self.recurrence {
             Some(_) => ModelForm::Recurrent,
             None => ModelForm::Single,
@@ -102,7 +102,7 @@ impl Signature {
     }
 
     /// Height and width of the network's input for a picture of `width` and `height`.
-    pub fn seen(&self, width: usize, height: usize) -> [usize; 2] {
+    pub(crate) fn seen(&self, width: usize, height: usize) -> [usize; 2] {
         let (long, short) = (width.max(height) as f64, width.min(height) as f64);
         let scale = match self.form() {
             ModelForm::Single => (SHORTER as f64 / short).min(LONGEST as f64 / long),
@@ -123,7 +123,7 @@ impl Signature {
     }
 
     /// RVM's `downsample_ratio` for a picture of `rows` and `columns`.
-    pub fn ratio([rows, columns]: [usize; 2]) -> f32 {
+    pub(crate) fn ratio([rows, columns]: [usize; 2]) -> f32 {
         (RVM_WHOLE as f32 / rows.max(columns) as f32).min(1.0)
     }
 }

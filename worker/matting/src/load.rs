@@ -12,7 +12,7 @@ const PATIENCE: Duration = Duration::from_secs(180);
 ///
 /// # Errors
 /// In words, when the file can't be run, or is not read in time.
-pub fn network(path: &Path) -> Result<Model, String> {
+pub(crate) fn network(path: &Path) -> Result<Model, String> {
     let file = path.to_owned();
     within(PATIENCE, move || {
         Model::load_file(&file).map_err(|error| {

@@ -130,7 +130,7 @@ mod peak {
     macro_rules! chains {
         ($name:ident, $features:literal, $set:ident, $fma:ident, $add:ident, $lanes:literal) => {
             #[target_feature(enable = $features)]
-            pub fn $name(steps: usize) -> f64 {
+            pub(super) fn $name(steps: usize) -> f64 {
                 let (a, b) = ($set(0.999), $set(0.001));
                 let mut sums = [$set(std::hint::black_box(1.0)); CHAINS];
                 for _ in 0..steps {

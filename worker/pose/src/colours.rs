@@ -12,7 +12,7 @@ use faer::prelude::Solve;
 use faer::{Mat, Side};
 
 /// Number of patches on the body with colours: head, chest and belly.
-pub const PATCHES: usize = 3;
+pub(crate) const PATCHES: usize = 3;
 /// Radii of the patches, as shares of the person's extent in the picture.
 const RADII: [f64; PATCHES] = [0.035, 0.045, 0.045];
 /// Positions of the trunk's patches between shoulders (0) and hips (1).

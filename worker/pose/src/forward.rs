@@ -24,7 +24,7 @@ pub(crate) type Slopes = Vec<Vec3>;
 
 impl Posed {
     /// The joints of `stance` on a body with `shared` bone lengths.
-    pub fn new(stance: &Stance, shared: &Shared) -> Self {
+    pub(crate) fn new(stance: &Stance, shared: &Shared) -> Self {
         let factors = shared.factors();
         let offsets = offsets(&factors);
         let mut posed = Self {
@@ -46,7 +46,7 @@ impl Posed {
     }
 
     /// The position of a marker.
-    pub fn marker(&self, marker: &Marker, shared: &Shared) -> Vec3 {
+    pub(crate) fn marker(&self, marker: &Marker, shared: &Shared) -> Vec3 {
         let [x, y, z] = shared.offset(marker.attachment);
         let offset = matvec(&self.rotations[marker.joint], [marker.side * x, y, z]);
         add(self.joints[marker.joint], offset)
@@ -54,7 +54,7 @@ impl Posed {
 
     /// The derivatives of a point `at` on `joint`: by the frame's unknowns, then by the shared ones if
     /// `width` includes them.
-    pub fn slopes(&self, joint: usize, at: Vec3, frame: usize, width: usize) -> Slopes {
+    pub(crate) fn slopes(&self, joint: usize, at: Vec3, frame: usize, width: usize) -> Slopes {
         let mut slopes = vec![[0.0; 3]; width];
         for above in chain(joint) {
             if let Some(first) = COLUMN[above] {
@@ -76,7 +76,13 @@ impl Posed {
     }
 
     /// The derivatives that [`Posed::slopes`] gives for a joint, for a marker.
-    pub fn marker_slopes(&self, marker: &Marker, at: Vec3, frame: usize, width: usize) -> Slopes {
+    pub(crate) fn marker_slopes(
+        &self,
+        marker: &Marker,
+        at: Vec3,
+        frame: usize,
+        width: usize,
+    ) -> Slopes {
         let mut slopes = self.slopes(marker.joint, at, frame, width);
         if width > frame {
             let first = frame + ATTACHMENTS + 3 * marker.attachment;

@@ -179,7 +179,7 @@ fn table(set: KeyPointSet) -> Vec<(MarkerKind, i8)> {
 
 impl Markers {
     /// The markers of a set.
-    pub fn of(set: KeyPointSet) -> Self {
+    pub(crate) fn of(set: KeyPointSet) -> Self {
         let table = table(set);
         let mut kinds: Vec<MarkerKind> = Vec::new();
         let mut attachments = Vec::new();

@@ -69,7 +69,7 @@ fn threes<'a>(
 
 impl Normal {
     /// The equations at a guess.
-    pub fn new(problem: &Problem, stances: &[Stance], shared: &Shared) -> Self {
+    pub(crate) fn new(problem: &Problem, stances: &[Stance], shared: &Shared) -> Self {
         let unknowns = shared.values.len();
         let parts: Vec<(FrameBlock, Mat<f64>, Vec<f64>)> = problem
             .frames

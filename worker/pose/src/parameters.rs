@@ -37,7 +37,7 @@ pub(crate) struct Shared {
 
 impl Shared {
     /// The unknowns of an average body, with a focal length in pixels.
-    pub fn average(markers: &Markers, focal: f64) -> Self {
+    pub(crate) fn average(markers: &Markers, focal: f64) -> Self {
         let mut values = vec![0.0; ATTACHMENTS];
         values[FOCAL] = focal.ln();
         values.extend(
@@ -50,22 +50,22 @@ impl Shared {
     }
 
     /// Bone lengths of the groups relative to the average's.
-    pub fn factors(&self) -> [f64; GROUPS] {
+    pub(crate) fn factors(&self) -> [f64; GROUPS] {
         std::array::from_fn(|group| self.values[group].exp())
     }
 
     /// Focal length, pixels.
-    pub fn focal(&self) -> f64 {
+    pub(crate) fn focal(&self) -> f64 {
         self.values[FOCAL].exp()
     }
 
     /// The offset of an attachment on the left side, metres.
-    pub fn offset(&self, attachment: usize) -> Vec3 {
+    pub(crate) fn offset(&self, attachment: usize) -> Vec3 {
         std::array::from_fn(|axis| self.values[ATTACHMENTS + 3 * attachment + axis])
     }
 
     /// These unknowns after `step`.
-    pub fn moved(&self, step: &[f64]) -> Self {
+    pub(crate) fn moved(&self, step: &[f64]) -> Self {
         let values = self.values.iter().zip(step).map(|(value, by)| value + by);
         Self {
             values: values.collect(),
@@ -75,7 +75,7 @@ impl Shared {
 
 impl Stance {
     /// This stance after `step`, `[UNKNOWNS]`: rotations change on their right, `R exp(δ)`.
-    pub fn moved(&self, step: &[f64]) -> Self {
+    pub(crate) fn moved(&self, step: &[f64]) -> Self {
         let mut moved = self.clone();
         let three = |at: usize| -> Vec3 { std::array::from_fn(|i| step[at + i]) };
         for (at, &joint) in ACTIVE.iter().enumerate() {

@@ -65,7 +65,7 @@ pub(crate) struct Problem {
 
 impl Problem {
     /// The problem for checked key points.
-    pub fn new(points: &KeyPoints, options: &FitOptions) -> Self {
+    pub(crate) fn new(points: &KeyPoints, options: &FitOptions) -> Self {
         let markers = Markers::of(points.set);
         let [width, height] = points.image_size.map(f64::from);
         let (centre, longer) = ([0.5 * width, 0.5 * height], width.max(height));
@@ -85,7 +85,7 @@ impl Problem {
     }
 
     /// Whether most frames have points in space.
-    pub fn has_space(&self) -> bool {
+    pub(crate) fn has_space(&self) -> bool {
         let with = self.frames.iter().filter(|frame| !frame.space.is_empty());
         2 * with.count() > self.frames.len()
     }
@@ -94,7 +94,7 @@ impl Problem {
 impl Observed {
     /// These observations with left and right exchanged. `mirror` maps each point to its counterpart on the
     /// other side.
-    pub fn relabelled(&self, mirror: &[usize]) -> Self {
+    pub(crate) fn relabelled(&self, mirror: &[usize]) -> Self {
         let other = |point: usize| mirror.get(point).copied().unwrap_or(point);
         let space = |point: usize| self.space.get(other(point)).copied();
         let mut relabelled = self.clone();
@@ -110,7 +110,7 @@ impl Observed {
 
     /// The body with the same picture that faces the other way: left and right are exchanged, and depths
     /// are mirrored.
-    pub fn turned_round(&self, mirror: &[usize]) -> Self {
+    pub(crate) fn turned_round(&self, mirror: &[usize]) -> Self {
         let mut round = self.relabelled(mirror);
         for direction in &mut round.directions {
             direction.towards[2] = -direction.towards[2];

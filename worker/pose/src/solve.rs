@@ -25,7 +25,7 @@ pub(crate) struct Guess {
 
 impl Guess {
     /// The guess of `stances` and `shared`.
-    pub fn new(problem: &Problem, stances: Vec<Stance>, shared: Shared) -> Self {
+    pub(crate) fn new(problem: &Problem, stances: Vec<Stance>, shared: Shared) -> Self {
         Self {
             cost: normal::cost(problem, &stances, &shared),
             stances,

@@ -33,7 +33,7 @@ pub(crate) struct PosedCapsule<'a> {
 
 impl PosedCapsule<'_> {
     /// Signed distance. It is too large on tapered capsules and stretched cloth, so a ray must step by less.
-    pub fn distance(&self, fall: &Fall<'_>, p: Vec3) -> f64 {
+    pub(crate) fn distance(&self, fall: &Fall<'_>, p: Vec3) -> f64 {
         if self.cloth.is_none() && self.rest.cut.is_none() {
             return self.round_distance(p);
         }
@@ -80,7 +80,7 @@ pub(crate) struct PosedBody<'a> {
 
 impl<'a> PosedBody<'a> {
     /// The body of `capsules` on `skeleton` in `pose`, in an outfit that `drape` moves.
-    pub fn new(
+    pub(crate) fn new(
         skeleton: &Skeleton,
         capsules: &'a [Capsule],
         outfit: &'a Outfit,
@@ -126,7 +126,7 @@ impl<'a> PosedBody<'a> {
     }
 
     /// Signed distance to the surface of the capsules in `near`.
-    pub fn distance(&self, p: Vec3, near: &[usize]) -> f64 {
+    pub(crate) fn distance(&self, p: Vec3, near: &[usize]) -> f64 {
         near.iter().fold(f64::INFINITY, |sum, &capsule| {
             let other = self.capsules[capsule].distance(&self.fall, p);
             let overlap = (BLEND - (sum - other).abs()).max(0.0);
@@ -136,7 +136,7 @@ impl<'a> PosedBody<'a> {
 
     /// Whether moving cloth is part of the surface at `p`.
     #[cfg(test)]
-    pub fn on_cloth(&self, p: Vec3, near: &[usize]) -> bool {
+    pub(crate) fn on_cloth(&self, p: Vec3, near: &[usize]) -> bool {
         let distance = |index: usize| self.capsules[index].distance(&self.fall, p);
         let nearest = near
             .iter()
@@ -149,7 +149,7 @@ impl<'a> PosedBody<'a> {
     }
 
     /// The colour of the surface at `p`, from the capsules in `near`.
-    pub fn colour(&self, p: Vec3, near: &[usize]) -> Colour {
+    pub(crate) fn colour(&self, p: Vec3, near: &[usize]) -> Colour {
         let distance = |&capsule: &usize| self.capsules[capsule].distance(&self.fall, p);
         let nearest = near.iter().map(distance).fold(f64::INFINITY, f64::min);
         let mut sum = [0.0; 3];

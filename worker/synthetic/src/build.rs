@@ -7,21 +7,21 @@ use yoto_capture::skeleton::{Skeleton, Vec3};
 
 /// Indices of [`JOINTS`] by name; each right joint follows its left counterpart.
 pub(crate) mod joint {
-    pub const PELVIS: usize = 0;
-    pub const L_HIP: usize = 1;
-    pub const SPINE1: usize = 3;
-    pub const L_KNEE: usize = 4;
-    pub const SPINE2: usize = 6;
-    pub const L_ANKLE: usize = 7;
-    pub const SPINE3: usize = 9;
-    pub const L_FOOT: usize = 10;
-    pub const NECK: usize = 12;
-    pub const L_COLLAR: usize = 13;
-    pub const HEAD: usize = 15;
-    pub const L_SHOULDER: usize = 16;
-    pub const L_ELBOW: usize = 18;
-    pub const L_WRIST: usize = 20;
-    pub const L_HAND: usize = 22;
+    pub(crate) const PELVIS: usize = 0;
+    pub(crate) const L_HIP: usize = 1;
+    pub(crate) const SPINE1: usize = 3;
+    pub(crate) const L_KNEE: usize = 4;
+    pub(crate) const SPINE2: usize = 6;
+    pub(crate) const L_ANKLE: usize = 7;
+    pub(crate) const SPINE3: usize = 9;
+    pub(crate) const L_FOOT: usize = 10;
+    pub(crate) const NECK: usize = 12;
+    pub(crate) const L_COLLAR: usize = 13;
+    pub(crate) const HEAD: usize = 15;
+    pub(crate) const L_SHOULDER: usize = 16;
+    pub(crate) const L_ELBOW: usize = 18;
+    pub(crate) const L_WRIST: usize = 20;
+    pub(crate) const L_HAND: usize = 22;
 }
 
 /// Proportions; 1 is average, unless a unit is given.
@@ -60,7 +60,7 @@ pub(crate) enum BodyPart {
 
 impl BodyPart {
     /// The rule that moves its cloth with the pose, for parts with moving cloth.
-    pub fn garment(self) -> Option<Garment> {
+    pub(crate) fn garment(self) -> Option<Garment> {
         match self {
             Self::Hem => Some(Garment::Hem),
             Self::UpperArm | Self::Forearm => Some(Garment::Sleeve),
@@ -83,7 +83,7 @@ pub(crate) struct Capsule {
 
 impl Capsule {
     /// Signed distance from a point in the rest pose, metres; slightly too large on tapered capsules.
-    pub fn distance(&self, p: Vec3) -> f64 {
+    pub(crate) fn distance(&self, p: Vec3) -> f64 {
         let axis = sub(self.to, self.from);
         let share = share_along(self.from, axis, p);
         let off = length(sub(p, add(self.from, scale(axis, share))));
@@ -92,7 +92,7 @@ impl Capsule {
     }
 
     /// The point of the axis nearest to `p`.
-    pub fn centre(&self, p: Vec3) -> Vec3 {
+    pub(crate) fn centre(&self, p: Vec3) -> Vec3 {
         let axis = sub(self.to, self.from);
         add(self.from, scale(axis, share_along(self.from, axis, p)))
     }
@@ -121,7 +121,7 @@ const MODEL_HEIGHT: f64 = 1.78;
 
 impl Build {
     /// The rest pose: standing on the floor, arms out.
-    pub fn skeleton(&self) -> Skeleton {
+    pub(crate) fn skeleton(&self) -> Skeleton {
         let left = |x: f64, y: f64, z: f64| [x, y, z];
         let right = |x: f64, y: f64, z: f64| [-x, y, z];
         let reach = 0.18 * self.shoulders;
@@ -175,12 +175,12 @@ impl Build {
     }
 
     /// Factor on the lengths of the unscaled body.
-    pub fn scale(&self) -> f64 {
+    pub(crate) fn scale(&self) -> f64 {
         self.height / MODEL_HEIGHT
     }
 
     /// The capsules of flesh and clothes around `skeleton`, which must be this build's.
-    pub fn capsules(&self, skeleton: &Skeleton, extras: Extras) -> Vec<Capsule> {
+    pub(crate) fn capsules(&self, skeleton: &Skeleton, extras: Extras) -> Vec<Capsule> {
         let mut parts = Vec::new();
         self.torso(skeleton, &mut parts);
         self.head(skeleton, extras, &mut parts);
@@ -378,7 +378,7 @@ impl Build {
     }
 
     /// The moving clothes: the hem, and sleeves that end at `sleeves`.
-    pub fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
+    pub(crate) fn drape(&self, skeleton: &Skeleton, extras: Extras, sleeves: f64) -> Drape {
         let (hip, knee) = (skeleton.rest[joint::L_HIP], skeleton.rest[joint::L_KNEE]);
         let hem = (self.hem(hip, knee, extras.hem)[1], self.hem_radius());
         Drape::new(skeleton, self.scale(), Some(hem), sleeves)

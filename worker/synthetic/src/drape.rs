@@ -78,7 +78,12 @@ struct Sleeve {
 impl Drape {
     /// Clothes on `skeleton`: a hem with a height and thickness, metres, and sleeves that end at `sleeves`
     /// joints along the arm (1 is the elbow, 2 the wrist). Sleeves that don't cover the elbow don't move.
-    pub fn new(skeleton: &Skeleton, scale: f64, hem: Option<(f64, f64)>, sleeves: f64) -> Self {
+    pub(crate) fn new(
+        skeleton: &Skeleton,
+        scale: f64,
+        hem: Option<(f64, f64)>,
+        sleeves: f64,
+    ) -> Self {
         let at = |joint: usize| skeleton.rest[joint];
         let (elbow, wrist) = (at(joint::L_ELBOW), at(joint::L_WRIST));
         Self {
@@ -98,7 +103,7 @@ impl Drape {
     }
 
     /// Whether a garment of this kind is worn.
-    pub fn has(&self, garment: Garment) -> bool {
+    pub(crate) fn has(&self, garment: Garment) -> bool {
         match garment {
             Garment::Hem => self.hem.is_some(),
             Garment::Sleeve => self.sleeve.is_some(),
@@ -106,7 +111,7 @@ impl Drape {
     }
 
     /// The clothes in `pose`.
-    pub fn posed(&self, pose: &Pose) -> Fall<'_> {
+    pub(crate) fn posed(&self, pose: &Pose) -> Fall<'_> {
         let rotation = |joint: usize| pose.rotations[joint].map(f64::from);
         Fall {
             drape: self,
@@ -163,7 +168,7 @@ pub(crate) struct Fall<'a> {
 impl Fall<'_> {
     /// The offset `Δx` of a garment at a point in the rest pose, metres: the garment there equals the rest
     /// garment at `point + Δx`. 0 for a garment that is not worn.
-    pub fn offset(&self, garment: Garment, point: Vec3) -> Vec3 {
+    pub(crate) fn offset(&self, garment: Garment, point: Vec3) -> Vec3 {
         match garment {
             Garment::Hem => self.hem_offset(point),
             Garment::Sleeve => self.sleeve_offset(point),
@@ -220,7 +225,7 @@ impl Fall<'_> {
     }
 
     /// An upper bound of the offset's length for a garment, metres.
-    pub fn reach(&self, garment: Garment) -> f64 {
+    pub(crate) fn reach(&self, garment: Garment) -> f64 {
         let scale = self.drape.scale;
         scale
             * match garment {
@@ -239,7 +244,7 @@ impl Fall<'_> {
     }
 
     /// An upper bound of the slope of `point + offset` by `point`; 1 for still clothes.
-    pub fn stretch(&self) -> f64 {
+    pub(crate) fn stretch(&self) -> f64 {
         let mut strongest = 0.0f64;
         if self.drape.hem.is_some() {
             let [left, right] = self.hips.map(|s| s.forward.hypot(s.outward));

@@ -55,7 +55,7 @@ impl Stance {
 
 impl Gait {
     /// Walking on the spot, turning, waving, and raising the arms.
-    pub fn filmed(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
+    pub(crate) fn filmed(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
         (0..frames)
             .map(|frame| {
                 let time = frame as f64 / frames as f64;
@@ -112,7 +112,7 @@ impl Gait {
     }
 
     /// Jumping jacks in the first half, squats in the second.
-    pub fn unseen(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
+    pub(crate) fn unseen(&self, skeleton: &Skeleton, frames: usize) -> Vec<Pose> {
         (0..frames)
             .map(|frame| {
                 let time = frame as f64 / frames as f64;

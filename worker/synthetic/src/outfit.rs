@@ -71,7 +71,7 @@ pub(crate) struct Measures {
 }
 
 impl Measures {
-    pub fn of(skeleton: &Skeleton, scale: f64) -> Self {
+    pub(crate) fn of(skeleton: &Skeleton, scale: f64) -> Self {
         let at = |joint: usize| skeleton.rest[joint];
         Self {
             scale,
@@ -91,7 +91,7 @@ impl Measures {
 impl Outfit {
     /// The colour of `part` at the point `p` with the surface normal `normal`, both in the rest pose. The
     /// shading is painted on: it belongs to the body, not to the light.
-    pub fn colour(&self, part: BodyPart, p: Vec3, normal: Vec3) -> Colour {
+    pub(crate) fn colour(&self, part: BodyPart, p: Vec3, normal: Vec3) -> Colour {
         let lit = 0.34 * normal[0] + 0.62 * normal[1] + 0.7 * normal[2];
         scale(self.paint(part, p), 0.84 + 0.15 * lit)
     }
@@ -157,7 +157,7 @@ impl Outfit {
     }
 
     /// Whether a sleeve covers `p`, a point of the arm in the rest pose.
-    pub fn sleeve_covers(&self, p: Vec3) -> bool {
+    pub(crate) fn sleeve_covers(&self, p: Vec3) -> bool {
         let m = &self.measures;
         let forearm = (p[0].abs() - m.elbow_x) / (m.wrist_x - m.elbow_x);
         1.0 + forearm < self.sleeves

@@ -15,7 +15,7 @@ impl FrameNumbering {
     ///
     /// A 0 is the first frame. Without a 0, the first frame is 1 if the clip has too few frames for the last number. That is
     /// sure if every frame then has a number. The remaining files lack frames at one end.
-    pub fn of(numbers: impl Iterator<Item = usize>, frames: usize, usual: usize) -> Self {
+    pub(crate) fn of(numbers: impl Iterator<Item = usize>, frames: usize, usual: usize) -> Self {
         let (mut least, mut last) = (usize::MAX, 0);
         for number in numbers {
             (least, last) = (least.min(number), last.max(number));
@@ -41,7 +41,7 @@ impl FrameNumbering {
     }
 
     /// The other number that the first frame may have.
-    pub fn other(self) -> usize {
+    pub(crate) fn other(self) -> usize {
         1 - self.first.min(1)
     }
 }

@@ -62,7 +62,7 @@ impl Clip {
     ///
     /// # Errors
     /// When there is no video and no picture, or the first can't be decoded.
-    pub fn open(path: &Path, options: &Options) -> Result<Self, ImportError> {
+    pub(crate) fn open(path: &Path, options: &Options) -> Result<Self, ImportError> {
         let ffmpeg = Ffmpeg::find(options.ffmpeg.as_deref());
         if path.is_dir() {
             return Self::pictures_in(path, ffmpeg);
@@ -74,7 +74,7 @@ impl Clip {
     ///
     /// # Errors
     /// The same errors as [`Self::open`].
-    pub fn again(clip: &DecodedClip) -> Result<Self, ImportError> {
+    pub(crate) fn again(clip: &DecodedClip) -> Result<Self, ImportError> {
         Self::video_at(&clip.path, clip.ffmpeg.clone(), clip.hdr)
     }
 
@@ -133,7 +133,7 @@ impl Clip {
     ///
     /// # Errors
     /// When they select no frame.
-    pub fn selected(&self, options: &Options) -> Result<Vec<usize>, ImportError> {
+    pub(crate) fn selected(&self, options: &Options) -> Result<Vec<usize>, ImportError> {
         let (first, end, step) = options.frames.unwrap_or((0, self.frames, 1));
         let selected = (first..end.min(self.frames)).step_by(step.max(1));
         let selected: Vec<usize> = selected.collect();
@@ -148,27 +148,27 @@ impl Clip {
     }
 
     /// The clip's own video, from its start.
-    pub fn own_video(&self) -> Result<Video, ImportError> {
+    pub(crate) fn own_video(&self) -> Result<Video, ImportError> {
         Ok(open_video(&self.path, &self.ffmpeg, self.hdr)?.0)
     }
 
     /// A video of masks for the clip, and the number of its frames.
-    pub fn video(&self, path: &Path) -> Result<(Video, usize), ImportError> {
+    pub(crate) fn video(&self, path: &Path) -> Result<(Video, usize), ImportError> {
         open_video(path, &self.ffmpeg, Hdr::Auto)
     }
 
     /// The clip's file or folder.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// The frame whose picture has the name `name`, with or without ending.
-    pub fn named(&self, name: &str) -> Option<usize> {
+    pub(crate) fn named(&self, name: &str) -> Option<usize> {
         self.names.get(Path::new(name).file_stem()?).copied()
     }
 
     /// The pictures of `frames`, with the masks of each.
-    pub fn pictures(&self, frames: &[usize], masks: Vec<Vec<Mask>>) -> Pictures {
+    pub(crate) fn pictures(&self, frames: &[usize], masks: Vec<Vec<Mask>>) -> Pictures {
         if self.files.is_empty() && self.hdr != Hdr::Auto {
             return Pictures::Decoded {
                 clip: DecodedClip {

@@ -48,7 +48,7 @@ impl Scene {
     }
 
     /// Mean difference of levels.
-    pub fn differs(&self, other: &Self) -> f32 {
+    pub(super) fn differs(&self, other: &Self) -> f32 {
         let pairs = self.0.iter().zip(&other.0);
         let sum: u32 = pairs.map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
         sum as f32 / self.0.len().max(1) as f32

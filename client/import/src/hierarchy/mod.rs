@@ -61,7 +61,7 @@ pub(crate) struct GlobalPose {
 
 impl GlobalPose {
     /// This pose, rotated as a whole.
-    pub fn rotated(&self, by: &Mat3) -> Self {
+    pub(crate) fn rotated(&self, by: &Mat3) -> Self {
         Self {
             rotations: self.rotations.iter().map(|it| matmul(by, it)).collect(),
             positions: self.positions.iter().map(|it| matvec(by, *it)).collect(),
@@ -71,19 +71,19 @@ impl GlobalPose {
 
 impl JointHierarchy {
     /// Index of the joint that has the role of SMPL's joint `role`.
-    pub fn find(&self, role: &str) -> Option<usize> {
+    pub(crate) fn find(&self, role: &str) -> Option<usize> {
         self.0
             .iter()
             .position(|joint| joint.role.as_deref() == Some(role))
     }
 
     /// The position of SMPL's joint `role` in a pose.
-    pub fn position(&self, placed: &GlobalPose, role: &str) -> Option<Vec3> {
+    pub(crate) fn position(&self, placed: &GlobalPose, role: &str) -> Option<Vec3> {
         placed.positions.get(self.find(role)?).copied()
     }
 
     /// The vector from the right to the left hip in a pose, or between the shoulders if a hip is missing.
-    pub fn leftward(&self, placed: &GlobalPose) -> Option<Vec3> {
+    pub(crate) fn leftward(&self, placed: &GlobalPose) -> Option<Vec3> {
         SIDES.iter().find_map(|(left, right)| {
             Some(sub(
                 self.position(placed, left)?,
@@ -93,7 +93,7 @@ impl JointHierarchy {
     }
 
     /// The retarget to the T-pose, made from `pose`, a standing pose with y up.
-    pub fn retarget(&self, pose: &GlobalPose) -> TPoseRetarget<'_> {
+    pub(crate) fn retarget(&self, pose: &GlobalPose) -> TPoseRetarget<'_> {
         let pose = pose.rotated(&self.facing(pose));
         let limb_rotations = self.limb_rotations(&pose.positions);
         TPoseRetarget {
@@ -173,7 +173,7 @@ pub(crate) struct TPoseRetarget<'a> {
 
 impl TPoseRetarget<'_> {
     /// The axis-angle vector of each joint, relative to its parent and from the T-pose, of a pose with the global `rotations`.
-    pub fn local_rotations(&self, rotations: &[Mat3]) -> Vec<Vec3> {
+    pub(crate) fn local_rotations(&self, rotations: &[Mat3]) -> Vec<Vec3> {
         let global = rotations
             .iter()
             .zip(&self.standing.rotations)
@@ -190,7 +190,7 @@ impl TPoseRetarget<'_> {
     }
 
     /// The skeleton with the rest joints multiplied by `scale`.
-    pub fn skeleton(&self, scale: f64) -> Skeleton {
+    pub(crate) fn skeleton(&self, scale: f64) -> Skeleton {
         let parent = |joint: &Joint| joint.parent.map_or(-1, |above| above as i32);
         Skeleton {
             names: self.hierarchy.0.iter().map(|it| it.name.clone()).collect(),

@@ -45,7 +45,7 @@ pub(super) struct OwnPose {
 
 impl Detection {
     /// The box around the sure points, x0, y0, x1, y1.
-    pub fn bounds(&self) -> Option<[f64; 4]> {
+    pub(super) fn bounds(&self) -> Option<[f64; 4]> {
         let sure = || self.picture.iter().filter(|point| point[2] > SURE);
         sure().next()?;
         let least = |axis: usize| sure().map(|point| point[axis]).fold(f64::MAX, f64::min);
@@ -86,7 +86,11 @@ pub(super) struct Detections {
 
 impl Detections {
     /// Detections from frames in any order.
-    pub fn new(name: &'static str, set: KeyPointSet, mut frames: Vec<FrameDetections>) -> Self {
+    pub(super) fn new(
+        name: &'static str,
+        set: KeyPointSet,
+        mut frames: Vec<FrameDetections>,
+    ) -> Self {
         frames.sort_by_key(|frame| frame.number);
         Self {
             name,
@@ -101,7 +105,7 @@ impl Detections {
     }
 
     /// Points with numbers that are not finite count as unseen, and depths with such numbers as none, with a note.
-    pub fn sieve(&mut self) {
+    pub(super) fn sieve(&mut self) {
         let (mut points, mut depths, mut frames) = (0, 0, Vec::new());
         for seen in &mut self.frames {
             let earlier = (points, depths);
@@ -137,7 +141,7 @@ impl Detections {
     }
 
     /// The numbering of the frames; `None` where the pictures' names identify the frames.
-    pub fn counting(&self, clip: &Clip) -> Option<FrameNumbering> {
+    pub(super) fn counting(&self, clip: &Clip) -> Option<FrameNumbering> {
         let named = |seen: &FrameDetections| clip.named(seen.image.as_deref()?);
         if self.frames.iter().all(|seen| named(seen).is_some()) {
             return None;
@@ -159,7 +163,7 @@ impl Detections {
     ///
     /// # Errors
     /// When the numbers belong to another clip.
-    pub fn numbers(
+    pub(super) fn numbers(
         &self,
         first: Option<usize>,
         clip: &Clip,

@@ -36,7 +36,7 @@ pub(super) struct DetectorFile<'a> {
 }
 
 impl DetectorFile<'_> {
-    pub fn data(&self) -> Result<FileData<'_>, ImportError> {
+    pub(super) fn data(&self) -> Result<FileData<'_>, ImportError> {
         self.source.data(self.name, None)
     }
 }

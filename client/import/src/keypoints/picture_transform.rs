@@ -18,14 +18,14 @@ pub(super) struct PictureTransform {
 
 impl PictureTransform {
     /// The pictures of the clip as it is shown.
-    pub const SHOWN: Self = Self {
+    pub(super) const SHOWN: Self = Self {
         scale: [1.0; 2],
         rotation: None,
         mirrored: false,
     };
 
     /// The changes that the user names.
-    pub fn of(options: &Options) -> Self {
+    pub(super) fn of(options: &Options) -> Self {
         Self {
             rotation: options.point_rotation,
             mirrored: options.mirror_points,
@@ -34,7 +34,7 @@ impl PictureTransform {
     }
 
     /// The pictures as a video's file stores them.
-    pub fn stored(stored: StoredPicture) -> Self {
+    pub(super) fn stored(stored: StoredPicture) -> Self {
         Self {
             scale: stored.pixel.map(|side| 1.0 / side),
             rotation: match stored.orientation {
@@ -48,7 +48,7 @@ impl PictureTransform {
     }
 
     /// Width and height of the pictures of a clip of `[width, height]`.
-    pub fn size(&self, clip: [f64; 2]) -> [f64; 2] {
+    pub(super) fn size(&self, clip: [f64; 2]) -> [f64; 2] {
         let [width, height] = self.scaled(clip);
         match self.rotation {
             Some(PointRotation::Quarter | PointRotation::ThreeQuarters) => [height, width],
@@ -57,7 +57,7 @@ impl PictureTransform {
     }
 
     /// A note about the changes that the user names; `None` without any.
-    pub fn words(&self) -> Option<String> {
+    pub(super) fn words(&self) -> Option<String> {
         let mut words = Vec::new();
         if self.mirrored {
             words.push("mirrored (--mirror-points)".to_owned());
@@ -75,7 +75,7 @@ impl PictureTransform {
     }
 
     /// The position in a clip of `[width, height]` of the point `[x, y]` of the pictures.
-    pub fn back(&self, [x, y]: [f64; 2], clip: [f64; 2]) -> [f64; 2] {
+    pub(super) fn back(&self, [x, y]: [f64; 2], clip: [f64; 2]) -> [f64; 2] {
         let [width, height] = self.scaled(clip);
         let x = if self.mirrored {
             self.size(clip)[0] - x
@@ -103,7 +103,7 @@ impl PictureTransform {
     }
 
     /// Transforms `found` to a clip of `[width, height]`. Masks of other pictures are left out.
-    pub fn apply_back(&self, found: &mut Detections, clip: [u32; 2]) {
+    pub(super) fn apply_back(&self, found: &mut Detections, clip: [u32; 2]) {
         if *self == Self::SHOWN {
             return;
         }

@@ -56,14 +56,14 @@ pub(super) struct Kept {
 
 impl Kept {
     /// Keeps the joints that match SMPL's, with SMPL's names.
-    pub fn matched(file: &Bvh, mut matches: Vec<(String, usize)>) -> Self {
+    pub(super) fn matched(file: &Bvh, mut matches: Vec<(String, usize)>) -> Self {
         matches.sort_by_key(|(_, at)| *at);
         let joint = |(role, at): (String, usize)| (at, role.clone(), Some(role));
         Self::new(file, matches.into_iter().map(joint).collect())
     }
 
     /// Keeps the file's own joints from the pelvis down, without those below [`LAST`].
-    pub fn own(file: &Bvh, matches: Vec<(String, usize)>) -> Self {
+    pub(super) fn own(file: &Bvh, matches: Vec<(String, usize)>) -> Self {
         let role = |at: usize| {
             let found = matches.iter().find(|(_, index)| *index == at);
             found.map(|(role, _)| role.clone())
@@ -109,7 +109,7 @@ impl Kept {
 
     /// Whether all kept joints are below the first one, and that one is the file's root or the
     /// pelvis. Some files have a root on the ground, above the hips.
-    pub fn has_one_root(&self) -> bool {
+    pub(super) fn has_one_root(&self) -> bool {
         let roots = self
             .hierarchy
             .0
@@ -120,7 +120,7 @@ impl Kept {
     }
 
     /// The kept joint that the first number of `row` that is not finite moves, or the nearest kept joint above.
-    pub fn not_finite(&self, file: &Bvh, row: &[f64]) -> Option<usize> {
+    pub(super) fn not_finite(&self, file: &Bvh, row: &[f64]) -> Option<usize> {
         let at = row.iter().position(|value| !value.is_finite())?;
         let owners = file.joints.iter().enumerate();
         let mut owners = owners.flat_map(|(joint, it)| it.channels.iter().map(move |_| joint));
@@ -132,12 +132,12 @@ impl Kept {
     }
 
     /// The rest pose: all rotations zero, each joint at its offset; in the file's axes, as all poses.
-    pub fn rest(&self, file: &Bvh) -> GlobalPose {
+    pub(super) fn rest(&self, file: &Bvh) -> GlobalPose {
         self.posed(file, |_, joint| (joint.offset, IDENTITY_ROTATION))
     }
 
     /// The frame with the channel values `row`.
-    pub fn frame(&self, file: &Bvh, row: &[f64]) -> GlobalPose {
+    pub(super) fn frame(&self, file: &Bvh, row: &[f64]) -> GlobalPose {
         let mut values = row.iter().copied();
         self.posed(file, |at, joint| {
             let (mut position, mut local) = (joint.offset, IDENTITY_ROTATION);

@@ -28,7 +28,7 @@ pub(super) struct Posture {
 
 impl Posture {
     /// The posture of a body with the `position` of each of SMPL's joints by name; `None` without a head or feet.
-    pub fn of(position: impl Fn(&str) -> Option<Vec3>) -> Option<Self> {
+    pub(super) fn of(position: impl Fn(&str) -> Option<Vec3>) -> Option<Self> {
         let first = |names: &[&str]| names.iter().find_map(|name| position(name));
         Some(Self {
             root: first(&["pelvis"])?,

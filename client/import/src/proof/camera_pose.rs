@@ -21,7 +21,7 @@ pub(crate) struct CameraPose {
 
 impl CameraPose {
     /// A body in the camera's axes, and its camera, in the world.
-    pub fn move_to_world(&self, camera: Camera, placed: WorldPose) -> (Camera, WorldPose) {
+    pub(crate) fn move_to_world(&self, camera: Camera, placed: WorldPose) -> (Camera, WorldPose) {
         let mut pose = placed.pose;
         let root = rodrigues([pose[0], pose[1], pose[2]]);
         pose[..3].copy_from_slice(&log_map(&matmul(&self.rotation, &root)));

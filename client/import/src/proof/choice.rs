@@ -90,7 +90,7 @@ impl<'a> ImportChoice<'a> {
         clippy::too_many_arguments,
         reason = "everything that is known of the clip decides"
     )]
-    pub fn find(
+    pub(crate) fn find(
         tool: &Documented,
         found: &'a ToolOutput,
         masks: &'a [Masks],

@@ -23,7 +23,7 @@ pub(crate) struct Intrinsics {
 
 impl Intrinsics {
     /// Intrinsics from a 3×3 matrix, rows first; its principal point is the image's middle.
-    pub fn of_middle(k: &[f64; 9]) -> Self {
+    pub(crate) fn of_middle(k: &[f64; 9]) -> Self {
         Self {
             focal: [k[0], k[4]],
             centre: Some([k[2], k[5]]),
@@ -57,7 +57,7 @@ pub(crate) struct PoseEstimate {
 
 impl PoseEstimate {
     /// With the parts that every tool has.
-    pub fn new(number: usize, pose: SmplPose, t: Vec3, betas: Vec<f64>) -> Self {
+    pub(crate) fn new(number: usize, pose: SmplPose, t: Vec3, betas: Vec<f64>) -> Self {
         Self {
             number,
             image: None,
@@ -73,7 +73,7 @@ impl PoseEstimate {
     }
 
     /// The root's rotation.
-    pub fn root(&self) -> Mat3 {
+    pub(crate) fn root(&self) -> Mat3 {
         rodrigues([self.pose[0], self.pose[1], self.pose[2]])
     }
 }
@@ -137,14 +137,14 @@ impl PersonTrack for TrackedPerson {
 
 impl ToolOutput {
     /// Joins the tracks of a person whom the tool lost and found again; each with a note.
-    pub fn joined(&self, notes: &mut Vec<String>) -> Self {
+    pub(crate) fn joined(&self, notes: &mut Vec<String>) -> Self {
         Self {
             people: joined(self.people.clone(), notes),
             ..self.clone()
         }
     }
 
-    pub fn of(people: Vec<TrackedPerson>) -> Self {
+    pub(crate) fn of(people: Vec<TrackedPerson>) -> Self {
         Self {
             people,
             frames: None,

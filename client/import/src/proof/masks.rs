@@ -43,7 +43,7 @@ enum From {
 
 impl Masks {
     /// The mask of a pose that goes to `frame`.
-    pub fn of(&self, seen: &PoseEstimate, frame: usize) -> Option<Mask> {
+    pub(crate) fn of(&self, seen: &PoseEstimate, frame: usize) -> Option<Mask> {
         match &self.from {
             From::Poses => seen.mask.clone().map(Mask::Runs),
             From::Frames(masks) => masks.get(&frame).cloned(),
@@ -51,12 +51,12 @@ impl Masks {
     }
 
     /// Whether a mask belongs to a pose rather than to a frame.
-    pub fn are_of_poses(&self) -> bool {
+    pub(crate) fn are_of_poses(&self) -> bool {
         matches!(self.from, From::Poses)
     }
 
     /// The masks by frame, if they belong to frames.
-    pub fn by_frame(self) -> Option<MasksByFrame> {
+    pub(crate) fn by_frame(self) -> Option<MasksByFrame> {
         match self.from {
             From::Poses => None,
             From::Frames(frames) => Some(MasksByFrame {
@@ -67,7 +67,7 @@ impl Masks {
     }
 
     /// The mask of `frame`, if masks belong to frames.
-    pub fn of_frame(&self, frame: usize) -> Option<Mask> {
+    pub(crate) fn of_frame(&self, frame: usize) -> Option<Mask> {
         match &self.from {
             From::Poses => None,
             From::Frames(masks) => masks.get(&frame).cloned(),
@@ -78,7 +78,7 @@ impl Masks {
     ///
     /// # Errors
     /// When `given` holds no masks.
-    pub fn find(
+    pub(crate) fn find(
         given: Option<&Path>,
         found: &ToolOutput,
         clip: &Clip,
@@ -93,7 +93,7 @@ impl Masks {
     ///
     /// # Errors
     /// When `path` holds no masks.
-    pub fn given(path: &Path, clip: &Clip) -> Result<Vec<Self>, ImportError> {
+    pub(crate) fn given(path: &Path, clip: &Clip) -> Result<Vec<Self>, ImportError> {
         match path {
             _ if path.is_dir() => folder(path, clip),
             _ if is_video(path) => Ok(vec![video(path, clip)?]),
@@ -111,7 +111,7 @@ impl Masks {
     ///
     /// # Errors
     /// When the model can't be run or finds nobody.
-    pub fn made(
+    pub(crate) fn made(
         model: &MattingModel,
         frames: BTreeSet<usize>,
         clip: &Clip,

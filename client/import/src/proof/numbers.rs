@@ -26,7 +26,7 @@ impl Numbers {
     ///
     /// # Errors
     /// When the tool saw another clip.
-    pub fn find(
+    pub(crate) fn find(
         found: &ToolOutput,
         clip: &Clip,
         at: &Path,
@@ -90,7 +90,7 @@ impl Numbers {
     }
 
     /// The frame of `seen`, `shift` frames later; `None` outside of the clip.
-    pub fn frame(self, seen: &PoseEstimate, clip: &Clip, shift: i64) -> Option<usize> {
+    pub(crate) fn frame(self, seen: &PoseEstimate, clip: &Clip, shift: i64) -> Option<usize> {
         let frame = match self {
             Self::Names => clip.named(seen.image.as_deref()?)?,
             Self::From(first) => seen.number.checked_sub(first)?,

@@ -29,7 +29,7 @@ pub(crate) enum Focal {
 }
 
 impl Focal {
-    pub fn words(self) -> String {
+    pub(crate) fn words(self) -> String {
         match self {
             Self::Own => "the file's focal length".into(),
             Self::Diagonal => "the focal length √(W²+H²)".into(),
@@ -41,7 +41,7 @@ impl Focal {
     }
 
     /// Pixels; `None` for the file's own.
-    pub fn pixels(self, [width, height]: [f64; 2]) -> Option<f64> {
+    pub(crate) fn pixels(self, [width, height]: [f64; 2]) -> Option<f64> {
         let longer = width.max(height);
         match self {
             Self::Own => None,
@@ -68,7 +68,7 @@ pub(crate) enum Translation {
 impl Translation {
     const ALL: [Self; 3] = [Self::AboutPelvis, Self::AboutOrigin, Self::Pelvis];
 
-    pub fn words(self) -> &'static str {
+    pub(crate) fn words(self) -> &'static str {
         match self {
             Self::AboutPelvis => "the translation as SMPL's (about the pelvis)",
             Self::AboutOrigin => "the translation as EasyMocap's Th (about the origin)",
@@ -85,7 +85,7 @@ pub(crate) enum SmplVariant {
 }
 
 impl SmplVariant {
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Smpl => "SMPL",
             Self::SmplX => "SMPL-X",
@@ -117,7 +117,11 @@ pub(crate) struct Reading {
 
 impl Reading {
     /// The reading that a tool documents; `given` is the user's focal length.
-    pub fn documented(tool: &Documented, seen: Option<&PoseEstimate>, given: Option<f64>) -> Self {
+    pub(crate) fn documented(
+        tool: &Documented,
+        seen: Option<&PoseEstimate>,
+        given: Option<f64>,
+    ) -> Self {
         let has_own = seen.is_some_and(|seen| seen.intrinsics.is_some());
         let focal = match (tool.focal, tool.focal_without_own, given) {
             (Focal::Own, ..) if has_own => Focal::Own,
@@ -134,7 +138,7 @@ impl Reading {
     }
 
     /// This reading, and all with other assumptions; with other frames if `shifts`.
-    pub fn others(self, has_own: bool, shifts: bool) -> Vec<Self> {
+    pub(crate) fn others(self, has_own: bool, shifts: bool) -> Vec<Self> {
         let mut focals = vec![self.focal];
         let known = [Focal::Diagonal, Focal::LongSide, Focal::Phalp, Focal::Sixty];
         focals.extend(has_own.then_some(Focal::Own).into_iter().chain(known));
@@ -158,13 +162,13 @@ impl Reading {
     }
 
     /// The number of assumptions that differ from those of `other`.
-    pub fn changes(&self, other: &Self) -> usize {
+    pub(crate) fn changes(&self, other: &Self) -> usize {
         usize::from(self.focal != other.focal)
             + usize::from(self.translation != other.translation)
             + usize::from(self.shift != other.shift)
     }
 
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         let shift = match self.shift {
             0 => String::new(),
             1 => ", each pose a frame later than its number".to_owned(),
@@ -179,7 +183,7 @@ impl Reading {
     }
 
     /// The body of `seen`, whose pelvis at rest is `pelvis`.
-    pub fn placed(&self, seen: &PoseEstimate, pelvis: Vec3) -> WorldPose {
+    pub(crate) fn placed(&self, seen: &PoseEstimate, pelvis: Vec3) -> WorldPose {
         let root = match self.translation {
             Translation::AboutPelvis => add(pelvis, seen.t),
             Translation::AboutOrigin => add(matvec(&seen.root(), pelvis), seen.t),
@@ -192,7 +196,7 @@ impl Reading {
     }
 
     /// The camera of `seen` for a clip of `size`; an error if the file's is of other images.
-    pub fn camera(&self, seen: &PoseEstimate, size: [u32; 2]) -> Result<Camera, String> {
+    pub(crate) fn camera(&self, seen: &PoseEstimate, size: [u32; 2]) -> Result<Camera, String> {
         let size = size.map(f64::from);
         let middle = size.map(|side| side / 2.0);
         let (focal, centre) = match (self.focal.pixels(size), &seen.intrinsics) {

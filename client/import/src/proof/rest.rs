@@ -43,7 +43,7 @@ impl Rest {
     ///
     /// # Errors
     /// When the user's file can't be read, or joints say that left and right are exchanged.
-    pub fn find(
+    pub(crate) fn find(
         options: &Options,
         tool: &Documented,
         person: &TrackedPerson,
@@ -118,7 +118,7 @@ impl Rest {
     }
 
     /// The pelvis at rest in the shape of `seen`.
-    pub fn pelvis(&self, seen: &PoseEstimate) -> Vec3 {
+    pub(crate) fn pelvis(&self, seen: &PoseEstimate) -> Vec3 {
         if let Some(given) = &self.given {
             return given
                 .joints(&seen.betas)
@@ -131,7 +131,7 @@ impl Rest {
     }
 
     /// This skeleton with bones `by` times as long.
-    pub fn scale(&mut self, by: f64) {
+    pub(crate) fn scale(&mut self, by: f64) {
         let root = self.joints.first().copied().unwrap_or_default();
         for joint in &mut self.joints {
             *joint = add(root, scale(sub(*joint, root), by));

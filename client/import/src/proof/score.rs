@@ -35,7 +35,7 @@ pub(crate) struct Proven {
 }
 
 impl<'a> Proof<'a> {
-    pub fn new(
+    pub(super) fn new(
         person: &'a TrackedPerson,
         masks: &'a Masks,
         numbers: Numbers,
@@ -54,7 +54,11 @@ impl<'a> Proof<'a> {
     ///
     /// # Errors
     /// When a mask can't be read or has another size.
-    pub fn figure(&mut self, reading: &Reading, rest: &Rest) -> Result<Option<f64>, ImportError> {
+    pub(super) fn figure(
+        &mut self,
+        reading: &Reading,
+        rest: &Rest,
+    ) -> Result<Option<f64>, ImportError> {
         let person = self.person;
         let step = person.seen.len().div_ceil(FRAMES).max(1);
         let (mut sum, mut count) = (0.0, 0.0);
@@ -73,7 +77,7 @@ impl<'a> Proof<'a> {
     }
 
     /// Pixels of the masks of all frames with the person, by those that were looked at.
-    pub fn masked(&self) -> f64 {
+    pub(super) fn masked(&self) -> f64 {
         let areas = self.silhouettes.values().flatten().map(Silhouette::area);
         let (count, sum) = areas.fold((0.0, 0.0), |(count, sum), area| (count + 1.0, sum + area));
         let has_mask = |seen: &&PoseEstimate| {
@@ -106,7 +110,7 @@ impl<'a> Proof<'a> {
     ///
     /// # Errors
     /// The same errors as [`Self::figure`].
-    pub fn best(
+    pub(super) fn best(
         &mut self,
         readings: &[Reading],
         rest: &Rest,

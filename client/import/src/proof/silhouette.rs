@@ -29,7 +29,7 @@ pub(crate) struct Silhouette {
 
 impl Silhouette {
     /// The silhouette in the levels of a mask; `None` for an empty mask.
-    pub fn new(levels: &[u8], [width, height]: [u32; 2]) -> Option<Self> {
+    pub(super) fn new(levels: &[u8], [width, height]: [u32; 2]) -> Option<Self> {
         let (across, down) = (width as usize, height as usize);
         let step = across.max(down).div_ceil(SIDE).max(1);
         let (width, height) = (across.div_ceil(step), down.div_ceil(step));
@@ -61,7 +61,7 @@ impl Silhouette {
     }
 
     /// Pixels of the clip inside.
-    pub fn area(&self) -> f64 {
+    pub(super) fn area(&self) -> f64 {
         let inside = self.inside.iter().filter(|covered| **covered).count();
         inside as f64 * self.step * self.step
     }

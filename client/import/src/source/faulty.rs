@@ -28,7 +28,10 @@ impl Faulty {
     ///
     /// # Errors
     /// Errors that are not faults of the frame, such as a file that can't be opened.
-    pub fn keep<T>(&mut self, read: Result<T, ImportError>) -> Result<Option<T>, ImportError> {
+    pub(crate) fn keep<T>(
+        &mut self,
+        read: Result<T, ImportError>,
+    ) -> Result<Option<T>, ImportError> {
         self.tried += 1;
         match read {
             Ok(value) => Ok(Some(value)),
@@ -46,7 +49,7 @@ impl Faulty {
     ///
     /// # Errors
     /// The first fault, if many frames have one.
-    pub fn finish(self, notes: &mut Vec<String>) -> Result<(), ImportError> {
+    pub(crate) fn finish(self, notes: &mut Vec<String>) -> Result<(), ImportError> {
         let count = self.bad.len();
         if count as f64 > FEW * self.tried as f64 {
             return self

@@ -22,7 +22,7 @@ pub(crate) fn not_finite(pose: &[f64], others: &[(&str, &[f64])]) -> Option<Stri
 
 impl Part<'_> {
     /// SMPL's 24 rotations, all finite.
-    pub fn smpl_pose(&self) -> Result<SmplPose, ImportError> {
+    pub(crate) fn smpl_pose(&self) -> Result<SmplPose, ImportError> {
         let array = self.unchecked()?;
         let pose: SmplPose = array.fixed().ok_or_else(|| self.wrong("[72]"))?;
         match not_finite(&pose, &[]) {

@@ -20,7 +20,7 @@ pub(crate) struct Hdf5<'a> {
 }
 
 impl<'a> Hdf5<'a> {
-    pub fn open(source: &'a Source, name: &'static str) -> Result<Self, ImportError> {
+    pub(crate) fn open(source: &'a Source, name: &'static str) -> Result<Self, ImportError> {
         if !source.has(name) {
             return Err(source.fault("MISSING", name, None, "", "there is no such file"));
         }
@@ -79,7 +79,7 @@ impl<'a> Hdf5<'a> {
     }
 
     /// Extents and numbers of a dataset, finite or not.
-    pub fn unchecked(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
+    pub(crate) fn unchecked(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
         let (dataset, shape) = self.dataset(field)?;
         let count = shape
             .iter()
@@ -93,7 +93,7 @@ impl<'a> Hdf5<'a> {
     }
 
     /// The numbers of [`Self::unchecked`], which must be finite.
-    pub fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
+    pub(crate) fn numbers(&self, field: &str) -> Result<(Vec<u64>, Vec<f64>), ImportError> {
         let (shape, values) = self.unchecked(field)?;
         match values.iter().position(|value| !value.is_finite()) {
             None => Ok((shape, values)),
@@ -105,7 +105,7 @@ impl<'a> Hdf5<'a> {
     }
 
     /// A dataset of shape `[any, N]`, with numbers finite or not.
-    pub fn unchecked_rows<const N: usize>(
+    pub(crate) fn unchecked_rows<const N: usize>(
         &self,
         field: &str,
     ) -> Result<Vec<[f64; N]>, ImportError> {
@@ -120,7 +120,7 @@ impl<'a> Hdf5<'a> {
     }
 
     /// A dataset of shape `[frames, height, width]`, whose frames are read on demand.
-    pub fn stack(&self, field: &str) -> Result<MaskStack, ImportError> {
+    pub(crate) fn stack(&self, field: &str) -> Result<MaskStack, ImportError> {
         let (dataset, shape) = self.dataset(field)?;
         let side = 1..=u64::from(MAX_SIDE);
         let (&[frames, height, width], false) = (

@@ -29,23 +29,23 @@ pub(crate) struct Source {
 }
 
 impl Source {
-    pub fn new(root: &Path) -> Self {
+    pub(crate) fn new(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
         }
     }
 
     /// Path of a file of the capture on this disk.
-    pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+    pub(crate) fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.root.join(name)
     }
 
-    pub fn has(&self, name: impl AsRef<Path>) -> bool {
+    pub(crate) fn has(&self, name: impl AsRef<Path>) -> bool {
         self.path(name).exists()
     }
 
     /// An error of the capture.
-    pub fn bad(&self, violations: Vec<Violation>) -> ImportError {
+    pub(crate) fn bad(&self, violations: Vec<Violation>) -> ImportError {
         ImportError::BadCapture {
             place: self.root.display().to_string(),
             violations,
@@ -53,7 +53,7 @@ impl Source {
     }
 
     /// An error about one violation.
-    pub fn fault(
+    pub(crate) fn fault(
         &self,
         code: &str,
         file: &str,
@@ -65,7 +65,7 @@ impl Source {
     }
 
     /// The bytes of a file.
-    pub fn bytes(&self, file: &str, frame: Option<u32>) -> Result<Vec<u8>, ImportError> {
+    pub(crate) fn bytes(&self, file: &str, frame: Option<u32>) -> Result<Vec<u8>, ImportError> {
         let path = self.path(file);
         let size = match path.metadata() {
             Ok(meta) if meta.is_file() => meta.len(),
@@ -84,7 +84,7 @@ impl Source {
 
     /// The data of a file, by its extension: `.npy`, `.npz`, `.json`, `.pt` and `.pth` of torch, and
     /// pickles and files of joblib under any other.
-    pub fn data(&self, file: &str, frame: Option<u32>) -> Result<FileData<'_>, ImportError> {
+    pub(crate) fn data(&self, file: &str, frame: Option<u32>) -> Result<FileData<'_>, ImportError> {
         let bytes = self.bytes(file, frame)?;
         let value = match Path::new(file).extension().and_then(|e| e.to_str()) {
             Some("npy") => npy::read(&bytes).map_err(|e| e.to_string()),
@@ -106,7 +106,7 @@ impl Source {
     }
 
     /// Names of the files in a folder that end in one of `endings` (lower case), in order.
-    pub fn list(&self, folder: &str, endings: &[&str]) -> Result<Vec<String>, ImportError> {
+    pub(crate) fn list(&self, folder: &str, endings: &[&str]) -> Result<Vec<String>, ImportError> {
         let path = self.path(folder);
         let entries = match std::fs::read_dir(&path) {
             Ok(entries) => entries,
@@ -144,7 +144,7 @@ pub(crate) struct FileData<'a> {
 }
 
 impl FileData<'_> {
-    pub fn root(&self) -> Part<'_> {
+    pub(crate) fn root(&self) -> Part<'_> {
         Part {
             data: self,
             frame: self.frame,
@@ -178,7 +178,7 @@ impl<'a> Part<'a> {
     }
 
     /// This part, with each array replaced by its row `at` on the first axis.
-    pub fn row(self, at: usize) -> Self {
+    pub(crate) fn row(self, at: usize) -> Self {
         Self {
             row: Some(at),
             ..self
@@ -186,7 +186,7 @@ impl<'a> Part<'a> {
     }
 
     /// This part, located in `frame`.
-    pub fn of_frame(self, frame: u32) -> Self {
+    pub(crate) fn of_frame(self, frame: u32) -> Self {
         Self {
             frame: Some(frame),
             ..self
@@ -194,7 +194,7 @@ impl<'a> Part<'a> {
     }
 
     /// An error about this part.
-    pub fn fault(&self, code: &str, message: impl Into<String>) -> ImportError {
+    pub(crate) fn fault(&self, code: &str, message: impl Into<String>) -> ImportError {
         self.data
             .source
             .fault(code, &self.data.file, self.frame, &*self.field, message)
@@ -206,7 +206,7 @@ impl<'a> Part<'a> {
     }
 
     /// The value of a key, if there is one.
-    pub fn find(&self, key: &str) -> Option<Self> {
+    pub(crate) fn find(&self, key: &str) -> Option<Self> {
         let value = self.value.get(key)?;
         let field = if self.field.is_empty() {
             key.to_owned()
@@ -217,13 +217,13 @@ impl<'a> Part<'a> {
     }
 
     /// The value of a key.
-    pub fn get(&self, key: &str) -> Result<Self, ImportError> {
+    pub(crate) fn get(&self, key: &str) -> Result<Self, ImportError> {
         self.find(key)
             .ok_or_else(|| self.fault("MISSING", format!("there is no '{key}'")))
     }
 
     /// Item `at` of a list.
-    pub fn at(&self, at: usize) -> Result<Self, ImportError> {
+    pub(crate) fn at(&self, at: usize) -> Result<Self, ImportError> {
         let items = self.value.items().ok_or_else(|| self.wrong("a list"))?;
         let item = items.get(at);
         let value = item.ok_or_else(|| {
@@ -234,13 +234,13 @@ impl<'a> Part<'a> {
     }
 
     /// Number of items of a list.
-    pub fn len(&self) -> Result<usize, ImportError> {
+    pub(crate) fn len(&self) -> Result<usize, ImportError> {
         let items = self.value.items();
         items.map(<[_]>::len).ok_or_else(|| self.wrong("a list"))
     }
 
     /// Keys (texts) and values of a dictionary, in the order of the keys.
-    pub fn entries(&self) -> Result<Vec<(&'a str, Self)>, ImportError> {
+    pub(crate) fn entries(&self) -> Result<Vec<(&'a str, Self)>, ImportError> {
         let entries = self.value.entries();
         let entries = entries.ok_or_else(|| self.wrong("a dictionary"))?;
         let mut parts = Vec::with_capacity(entries.len());
@@ -256,7 +256,7 @@ impl<'a> Part<'a> {
     }
 
     /// Keys and values of a dictionary whose keys are texts or whole numbers, in the file's order.
-    pub fn members(&self) -> Result<Vec<(String, Self)>, ImportError> {
+    pub(crate) fn members(&self) -> Result<Vec<(String, Self)>, ImportError> {
         let entries = self.value.entries();
         let entries = entries.ok_or_else(|| self.wrong("a dictionary"))?;
         let mut parts = Vec::with_capacity(entries.len());
@@ -278,26 +278,26 @@ impl<'a> Part<'a> {
     }
 
     /// The data itself.
-    pub fn value(&self) -> &'a Value {
+    pub(crate) fn value(&self) -> &'a Value {
         self.value
     }
 
     /// Whether this is Python's `None`.
-    pub fn is_nothing(&self) -> bool {
+    pub(crate) fn is_nothing(&self) -> bool {
         matches!(self.value, Value::Nothing)
     }
 
     /// Whether this is a list.
-    pub fn is_list(&self) -> bool {
+    pub(crate) fn is_list(&self) -> bool {
         self.value.items().is_some()
     }
 
-    pub fn text(&self) -> Result<&'a str, ImportError> {
+    pub(crate) fn text(&self) -> Result<&'a str, ImportError> {
         self.value.text().ok_or_else(|| self.wrong("text"))
     }
 
     /// An array of numbers, finite or not.
-    pub fn unchecked(&self) -> Result<Array, ImportError> {
+    pub(crate) fn unchecked(&self) -> Result<Array, ImportError> {
         let array = self.value.numbers();
         let array = array.ok_or_else(|| self.wrong("an array of numbers"))?;
         match self.row {
@@ -312,7 +312,7 @@ impl<'a> Part<'a> {
     }
 
     /// An array of finite numbers.
-    pub fn array(&self) -> Result<Array, ImportError> {
+    pub(crate) fn array(&self) -> Result<Array, ImportError> {
         let array = self.unchecked()?;
         match array.values.iter().position(|value| !is_number(*value)) {
             None => Ok(array),
@@ -330,13 +330,13 @@ impl<'a> Part<'a> {
     }
 
     /// `N` numbers, ignoring axes of extent 1.
-    pub fn fixed<const N: usize>(&self) -> Result<[f64; N], ImportError> {
+    pub(crate) fn fixed<const N: usize>(&self) -> Result<[f64; N], ImportError> {
         let array = self.array()?;
         array.fixed().ok_or_else(|| self.wrong(&format!("[{N}]")))
     }
 
     /// A number, ignoring axes of extent 1.
-    pub fn number(&self) -> Result<f64, ImportError> {
+    pub(crate) fn number(&self) -> Result<f64, ImportError> {
         match self.array()?.values[..] {
             [number] => Ok(number),
             _ => Err(self.wrong("a number")),
@@ -344,7 +344,7 @@ impl<'a> Part<'a> {
     }
 
     /// Any number of numbers in a row.
-    pub fn vector(&self) -> Result<Vec<f64>, ImportError> {
+    pub(crate) fn vector(&self) -> Result<Vec<f64>, ImportError> {
         let array = self.array()?;
         if array.shape.iter().filter(|side| **side != 1).count() > 1 {
             return Err(self.wrong("a row of numbers"));
@@ -353,13 +353,15 @@ impl<'a> Part<'a> {
     }
 
     /// `[any, N]`.
-    pub fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ImportError> {
+    pub(crate) fn rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ImportError> {
         let array = self.array()?;
         array.rows().ok_or_else(|| self.wrong(&format!("[…, {N}]")))
     }
 
     /// `[R, C]`.
-    pub fn matrix<const R: usize, const C: usize>(&self) -> Result<[[f64; C]; R], ImportError> {
+    pub(crate) fn matrix<const R: usize, const C: usize>(
+        &self,
+    ) -> Result<[[f64; C]; R], ImportError> {
         let array = self.array()?;
         array
             .matrix()

@@ -6,13 +6,13 @@ use crate::ImportError;
 impl Part<'_> {
     /// `[any, N]`, of an array whose further axes hold `N` numbers together, such as
     /// `[any, 24, 3, 3]`.
-    pub fn flat_rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ImportError> {
+    pub(crate) fn flat_rows<const N: usize>(&self) -> Result<Vec<[f64; N]>, ImportError> {
         self.array()?;
         self.unchecked_rows(None)
     }
 
     /// The rows of [`Self::flat_rows`], finite or not; exactly `rows` of them, if given.
-    pub fn unchecked_rows<const N: usize>(
+    pub(crate) fn unchecked_rows<const N: usize>(
         &self,
         rows: Option<usize>,
     ) -> Result<Vec<[f64; N]>, ImportError> {
@@ -29,7 +29,7 @@ impl Part<'_> {
     }
 
     /// Shape parameters of `rows` poses, finite or not: as many rows, or one for all.
-    pub fn same_betas(&self, rows: usize) -> Result<Vec<Vec<f64>>, ImportError> {
+    pub(crate) fn same_betas(&self, rows: usize) -> Result<Vec<Vec<f64>>, ImportError> {
         let array = self.unchecked()?;
         let found = match array.shape[..] {
             [_] | [1, _] => 1,
@@ -46,7 +46,7 @@ impl Part<'_> {
     }
 
     /// Numbers of frames, from 0, one for each of `rows` poses.
-    pub fn numbers(&self, rows: usize) -> Result<Vec<usize>, ImportError> {
+    pub(crate) fn numbers(&self, rows: usize) -> Result<Vec<usize>, ImportError> {
         let found = self.vector()?;
         if found.len() != rows {
             let message = format!("{} numbers for {rows} poses", found.len());
@@ -62,7 +62,7 @@ impl Part<'_> {
     }
 
     /// `N` numbers, whatever their axes, finite or not.
-    pub fn flat<const N: usize>(&self) -> Result<[f64; N], ImportError> {
+    pub(crate) fn flat<const N: usize>(&self) -> Result<[f64; N], ImportError> {
         let values = self.unchecked()?.values;
         values
             .try_into()
@@ -70,7 +70,7 @@ impl Part<'_> {
     }
 
     /// The `N` numbers, finite or not, of item `at`, of a list of arrays or of an array with one more axis.
-    pub fn item<const N: usize>(&self, at: usize) -> Result<[f64; N], ImportError> {
+    pub(crate) fn item<const N: usize>(&self, at: usize) -> Result<[f64; N], ImportError> {
         if self.is_list() {
             return self.at(at)?.flat();
         }

@@ -38,7 +38,7 @@ impl Inline {
     ///
     /// # Errors
     /// When the service can't read it.
-    pub async fn picture(
+    pub(super) async fn picture(
         &mut self,
         asker: &Asker,
         file: &str,
@@ -65,7 +65,7 @@ impl Inline {
     ///
     /// # Errors
     /// When the service can't read it.
-    pub async fn of_checkpoint(
+    pub(super) async fn of_checkpoint(
         &mut self,
         asker: &Asker,
         checkpoint: &Checkpoint,
@@ -81,7 +81,7 @@ impl Inline {
     }
 
     /// What was left out.
-    pub fn note(&self) -> Markup {
+    pub(super) fn note(&self) -> Markup {
         html! {
             @if self.left_out > 0 {
                 p .detail { (self.left_out) " pictures are left out: a report has at most " (bytes(MOST as u64)) " of them." }

@@ -39,7 +39,7 @@ const JOBS: u32 = 1000;
 const EVALUATIONS: u32 = 4;
 
 /// `/models/{id}/report.html`
-pub async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
     let resource = format!("models/{id}");
     let request = GetModelRequest {
         name: resource.clone(),

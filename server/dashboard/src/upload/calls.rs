@@ -58,7 +58,7 @@ struct Called {
 
 /// `POST /people/upload/person`: CreateSubject, if nobody with files is called so. A request that is repeated finds the person that
 /// it has made, who has none.
-pub async fn person(asker: Asker, request: Request) -> Result<Response, Fault> {
+pub(crate) async fn person(asker: Asker, request: Request) -> Result<Response, Fault> {
     checked(&asker, &request)?;
     let (parts, body) = request.into_parts();
     let refused = |words| Fault::of(StatusCode::BAD_REQUEST, words);
@@ -100,13 +100,13 @@ async fn is_taken(asker: &Asker, name: &str) -> Result<bool, Fault> {
 }
 
 /// `POST /people/upload/files`: CreateUpload
-pub async fn begin(asker: Asker, request: Request) -> Result<Response, Fault> {
+pub(crate) async fn begin(asker: Asker, request: Request) -> Result<Response, Fault> {
     checked(&asker, &request)?;
     call(&asker, request, Method::POST, "/v1/uploads").await
 }
 
 /// `GET /people/upload/files/{id}`: GetUpload, with its query
-pub async fn state(
+pub(crate) async fn state(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
@@ -118,7 +118,7 @@ pub async fn state(
 }
 
 /// `PUT /people/upload/files/{id}/{file}`: WriteUpload, with `Content-Range`. The slashes of the file are encoded.
-pub async fn write(
+pub(crate) async fn write(
     asker: Asker,
     Path((id, file)): Path<(String, String)>,
     request: Request,
@@ -130,7 +130,7 @@ pub async fn write(
 }
 
 /// `POST /people/upload/finish/{id}`: FinishUpload
-pub async fn finish(
+pub(crate) async fn finish(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
@@ -142,7 +142,7 @@ pub async fn finish(
 
 /// `POST /people/upload/cancel/{id}`: DeleteSubject of a person whose only upload is open, with all that was sent of it. Everybody
 /// else is deleted by the command alone.
-pub async fn cancel(
+pub(crate) async fn cancel(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
@@ -165,7 +165,7 @@ pub async fn cancel(
 }
 
 /// `POST /people/upload/cancel-capture/{id}`: DeleteCapture of an open upload, with all that was sent of it.
-pub async fn cancel_capture(
+pub(crate) async fn cancel_capture(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,

@@ -39,7 +39,7 @@ fn rules(limits: &UploadLimits) -> String {
 
 /// Whose capture a form adds.
 #[derive(Debug, Clone, Copy)]
-pub enum Whose<'a> {
+pub(crate) enum Whose<'a> {
     /// Somebody's who is added with it; the form is open where there is nobody yet.
     New { open: bool },
     /// A further one of this person.
@@ -50,7 +50,11 @@ pub enum Whose<'a> {
 ///
 /// # Errors
 /// When no layer has told who asks.
-pub fn form(asker: &Asker, whose: Whose<'_>, limits: &UploadLimits) -> Result<Markup, Status> {
+pub(crate) fn form(
+    asker: &Asker,
+    whose: Whose<'_>,
+    limits: &UploadLimits,
+) -> Result<Markup, Status> {
     let rules = rules(limits);
     let (open, known) = match whose {
         Whose::New { open } => (open, None),
@@ -114,7 +118,7 @@ pub fn form(asker: &Asker, whose: Whose<'_>, limits: &UploadLimits) -> Result<Ma
 ///
 /// # Errors
 /// When the service can't tell.
-pub async fn limits(asker: &Asker) -> Result<UploadLimits, Status> {
+pub(crate) async fn limits(asker: &Asker) -> Result<UploadLimits, Status> {
     let request = asker.request(GetLimitsRequest {});
     let limits = asker.services().status.get_limits(request).await?;
     Ok(limits.into_inner().upload.unwrap_or_default())

@@ -7,5 +7,5 @@
 mod calls;
 mod form;
 
-pub use calls::{begin, cancel, cancel_capture, finish, person, state, write};
-pub use form::{Whose, form, limits};
+pub(crate) use calls::{begin, cancel, cancel_capture, finish, person, state, write};
+pub(crate) use form::{Whose, form, limits};

@@ -9,16 +9,16 @@ use yoto_request::methods::POOL;
 /// Name of the option.
 const OPTION: &str = "google.api.http";
 /// Under which all paths are.
-pub const PREFIX: &str = "/v1/";
+pub(super) const PREFIX: &str = "/v1/";
 
 /// The call whose answer is the bytes of a file.
-pub const DOWNLOAD: &str = "/yoto.v1.ObjectService/DownloadObject";
+pub(super) const DOWNLOAD: &str = "/yoto.v1.ObjectService/DownloadObject";
 
 static BINDINGS: LazyLock<Vec<Binding>> = LazyLock::new(all);
 
 /// An HTTP request for a call.
 #[derive(Debug)]
-pub struct Binding {
+pub(super) struct Binding {
     /// GET, POST, PATCH or DELETE.
     pub verb: Method,
     /// The path.
@@ -33,7 +33,7 @@ pub struct Binding {
 
 /// What the body of a request is.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum BodyOf {
+pub(super) enum BodyOf {
     /// Nothing: the fields are in the query.
     Nothing,
     /// All fields that the path does not have.
@@ -44,7 +44,7 @@ pub enum BodyOf {
 
 /// A request that is a call.
 #[derive(Debug)]
-pub struct BoundCall {
+pub(super) struct BoundCall {
     /// Which.
     pub binding: &'static Binding,
     /// Values of fields in the path.
@@ -53,18 +53,18 @@ pub struct BoundCall {
 
 impl Binding {
     /// Whether the answer is a stream.
-    pub fn streams(&self) -> bool {
+    pub(super) fn streams(&self) -> bool {
         self.method.is_server_streaming()
     }
 }
 
 /// All requests, in the order of the contract.
-pub fn bindings() -> &'static [Binding] {
+pub(super) fn bindings() -> &'static [Binding] {
     &BINDINGS
 }
 
 /// The call of a request. HEAD is as GET. Where a path of any length fits too, the other one is meant.
-pub fn find(verb: &Method, path: &str) -> Option<BoundCall> {
+pub(super) fn find(verb: &Method, path: &str) -> Option<BoundCall> {
     if !path.starts_with(PREFIX) {
         return None;
     }
@@ -125,7 +125,7 @@ fn binding(method: MethodDescriptor) -> Option<Binding> {
 }
 
 /// An empty request of the call.
-pub fn empty(method: &MethodDescriptor) -> DynamicMessage {
+pub(super) fn empty(method: &MethodDescriptor) -> DynamicMessage {
     DynamicMessage::new(method.input())
 }
 

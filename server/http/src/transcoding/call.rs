@@ -18,7 +18,7 @@ const HEADER_BYTES: usize = 5;
 ///
 /// # Errors
 /// When its length has no 32 bits.
-pub fn framed(message: &[u8]) -> Result<Bytes, Status> {
+pub(super) fn framed(message: &[u8]) -> Result<Bytes, Status> {
     let length = u32::try_from(message.len());
     let length = length.map_err(|_| Status::out_of_range("the message is too long"))?;
     let mut frame = BytesMut::with_capacity(HEADER_BYTES + message.len());
@@ -32,7 +32,7 @@ pub fn framed(message: &[u8]) -> Result<Bytes, Status> {
 ///
 /// # Errors
 /// That of the call.
-pub async fn call(
+pub(super) async fn call(
     services: Router,
     parts: &Parts,
     path: &'static str,
@@ -68,7 +68,7 @@ fn ended(headers: &HeaderMap) -> Result<(), Status> {
 }
 
 /// The messages of an answer.
-pub struct Answers {
+pub(super) struct Answers {
     body: Body,
     arrived: BytesMut,
 }
@@ -78,7 +78,7 @@ impl Answers {
     ///
     /// # Errors
     /// That of the call.
-    pub async fn next(&mut self) -> Result<Option<Bytes>, Status> {
+    pub(super) async fn next(&mut self) -> Result<Option<Bytes>, Status> {
         loop {
             if let Some(message) = self.complete() {
                 return Ok(Some(message));
@@ -105,7 +105,7 @@ impl Answers {
     ///
     /// # Errors
     /// That of the call.
-    pub async fn single(mut self) -> Result<Bytes, Status> {
+    pub(super) async fn single(mut self) -> Result<Bytes, Status> {
         let message = self.next().await?;
         // The status comes after it.
         while self.next().await?.is_some() {}
@@ -113,7 +113,7 @@ impl Answers {
     }
 
     /// All messages.
-    pub fn stream(self) -> impl Stream<Item = Result<Bytes, Status>> + Send {
+    pub(super) fn stream(self) -> impl Stream<Item = Result<Bytes, Status>> + Send {
         stream::unfold(Some(self), |answers| async {
             let mut answers = answers?;
             match answers.next().await {

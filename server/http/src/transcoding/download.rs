@@ -31,7 +31,7 @@ enum RequestedBytes {
 }
 
 /// Answers with the file that `found` names.
-pub async fn answer(calls: &Calls, parts: &Parts, found: &BoundCall) -> Response<Body> {
+pub(super) async fn answer(calls: &Calls, parts: &Parts, found: &BoundCall) -> Response<Body> {
     match file(calls, parts, found).await {
         Ok(answer) => answer,
         Err(status) => problem::answer(&status),

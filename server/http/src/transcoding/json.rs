@@ -12,13 +12,13 @@ use yoto_request::methods::POOL;
 ///
 /// # Errors
 /// When it is none, which is a fault of the service.
-pub fn read(kind: MessageDescriptor, bytes: &[u8]) -> Result<DynamicMessage, Status> {
+pub(super) fn read(kind: MessageDescriptor, bytes: &[u8]) -> Result<DynamicMessage, Status> {
     DynamicMessage::decode(kind, bytes)
         .map_err(|error| Status::internal(format!("an answer can't be read: {error}")))
 }
 
 /// A message in one line.
-pub fn text(message: &DynamicMessage) -> String {
+pub(super) fn text(message: &DynamicMessage) -> String {
     // A message of the contract has a form in JSON.
     value(message)
         .as_ref()
@@ -41,6 +41,6 @@ fn value(message: &DynamicMessage) -> Result<Value, serde_json::Error> {
 }
 
 /// An error in one line, as [`problem`] tells it.
-pub fn error(status: &Status) -> String {
+pub(super) fn error(status: &Status) -> String {
     problem::told(status).to_string()
 }

@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use std::sync::LazyLock;
 
 /// The description as text.
-pub static TEXT: LazyLock<String> = LazyLock::new(|| document().to_string());
+pub(super) static TEXT: LazyLock<String> = LazyLock::new(|| document().to_string());
 
 /// The description.
 fn document() -> Value {

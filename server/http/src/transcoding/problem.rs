@@ -13,7 +13,7 @@ const KIND: &str = "application/problem+json";
 const LATER: u64 = 2;
 
 /// The answer that tells an error.
-pub fn answer(status: &Status) -> Response<Body> {
+pub(super) fn answer(status: &Status) -> Response<Body> {
     let mut answer = Response::new(Body::from(told(status).to_string()));
     *answer.status_mut() = http_code(status.code());
     let headers = answer.headers_mut();
@@ -31,7 +31,7 @@ pub fn answer(status: &Status) -> Response<Body> {
 }
 
 /// The object that tells an error.
-pub fn told(status: &Status) -> Value {
+pub(super) fn told(status: &Status) -> Value {
     let details = status.get_error_details();
     let faults = details.bad_request().map(|it| it.field_violations.clone());
     let faults: Vec<Value> = faults
@@ -65,7 +65,7 @@ pub fn told(status: &Status) -> Value {
 }
 
 /// The answer to an unknown path.
-pub fn unknown() -> Response<Body> {
+pub(super) fn unknown() -> Response<Body> {
     answer(&Status::not_found(
         "there is no such call: /v1/openapi.json describes all",
     ))

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 use yoto_request::RequestError;
 
 /// Longest body, bytes. Its message takes many times that while it is read, so it is shorter than a message of gRPC.
-pub const LONGEST: usize = 4 << 20;
+pub(super) const LONGEST: usize = 4 << 20;
 /// Most parts of a body, each of which takes some hundred bytes while it is read.
 const MOST_PARTS: usize = 500_000;
 /// The field that makes a repeated request one.
@@ -14,7 +14,7 @@ const REQUEST_ID: &str = "request_id";
 
 /// What of an HTTP request becomes fields, beside the path.
 #[derive(Debug, Default)]
-pub struct HttpInput<'a> {
+pub(super) struct HttpInput<'a> {
     /// The query without its question mark.
     pub query: &'a str,
     /// The body.
@@ -27,7 +27,10 @@ pub struct HttpInput<'a> {
 ///
 /// # Errors
 /// When a field is unknown, or has no value of its type. The error names it.
-pub fn message(found: &BoundCall, sent: &HttpInput<'_>) -> Result<DynamicMessage, RequestError> {
+pub(super) fn message(
+    found: &BoundCall,
+    sent: &HttpInput<'_>,
+) -> Result<DynamicMessage, RequestError> {
     let binding = found.binding;
     let kind = binding.method.input();
     let mut fields = match &binding.body {

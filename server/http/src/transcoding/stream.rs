@@ -20,12 +20,12 @@ const NO_STORE: &str = "no-store";
 /// Silence after which a comment keeps a stream of events open.
 const TICK: Duration = Duration::from_secs(15);
 /// The header with the id of the last event that a browser has seen.
-pub const LAST_EVENT: &str = "last-event-id";
+pub(super) const LAST_EVENT: &str = "last-event-id";
 /// The field that a new watch takes it for.
-pub const AFTER: &str = "after_sequence";
+pub(super) const AFTER: &str = "after_sequence";
 
 /// Answers with all messages, in the form that `headers` accept. An error before the first one is the answer itself.
-pub async fn answer(
+pub(super) async fn answer(
     binding: &'static Binding,
     mut answers: Answers,
     headers: &HeaderMap,

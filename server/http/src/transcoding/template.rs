@@ -4,7 +4,7 @@ use percent_encoding::percent_decode_str;
 
 /// A path with fields.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Template {
+pub(super) struct Template {
     segments: Vec<Segment>,
     fields: Vec<Field>,
     /// What stands behind the last colon; often empty.
@@ -33,7 +33,7 @@ struct Field {
 
 /// A part of a template, for a description.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Piece<'a> {
+pub(super) enum Piece<'a> {
     Literal(&'a str),
     /// Some value of a field.
     Value {
@@ -46,7 +46,7 @@ pub enum Piece<'a> {
 
 impl Template {
     /// Reads a template. `None` if it is none, or has two parts of any length.
-    pub fn read(text: &str) -> Option<Self> {
+    pub(super) fn read(text: &str) -> Option<Self> {
         let rest = text.strip_prefix('/')?;
         let (rest, verb) = match rest.rsplit_once(':') {
             Some((path, verb)) if !verb.contains(['/', '}']) => (path, verb),
@@ -89,7 +89,7 @@ impl Template {
     }
 
     /// Values of the fields, if `path` has this form. Segments are decoded one by one, so that one may contain an encoded slash.
-    pub fn values(&self, path: &str) -> Option<Vec<(&str, String)>> {
+    pub(super) fn values(&self, path: &str) -> Option<Vec<(&str, String)>> {
         let path = path.strip_prefix('/')?;
         let path = match self.verb.is_empty() {
             // A colon of a value is encoded.
@@ -130,17 +130,17 @@ impl Template {
     }
 
     /// Whether a part of it stands for any number of segments.
-    pub fn has_any_length(&self) -> bool {
+    pub(super) fn has_any_length(&self) -> bool {
         self.segments.contains(&Segment::Many)
     }
 
     /// Paths of the fields.
-    pub fn fields(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn fields(&self) -> impl Iterator<Item = &str> {
         self.fields.iter().map(|it| it.path.as_str())
     }
 
     /// The parts of the path without its verb.
-    pub fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
+    pub(super) fn pieces(&self) -> impl Iterator<Item = Piece<'_>> {
         self.segments.iter().enumerate().map(|(at, segment)| {
             let inside = |it: &&Field| (it.begin..it.end).contains(&at);
             let field = self.fields.iter().find(inside);
@@ -155,7 +155,7 @@ impl Template {
     }
 
     /// What stands behind the colon.
-    pub fn verb(&self) -> &str {
+    pub(super) fn verb(&self) -> &str {
         &self.verb
     }
 }

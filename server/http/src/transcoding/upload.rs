@@ -19,18 +19,18 @@ use yoto_request::RequestError;
 use yoto_request::methods::POOL;
 
 /// The call.
-pub const CALL: &str = "/yoto.v1.UploadService/WriteUpload";
+pub(super) const CALL: &str = "/yoto.v1.UploadService/WriteUpload";
 const ANSWER: &str = "yoto.v1.WriteUploadResponse";
 
 /// A file of an upload.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Target {
+pub(super) struct Target {
     upload: String,
     path: String,
 }
 
 /// The file whose bytes a request brings.
-pub fn target(verb: &Method, path: &str) -> Option<Target> {
+pub(super) fn target(verb: &Method, path: &str) -> Option<Target> {
     if verb != Method::PUT {
         return None;
     }
@@ -45,7 +45,12 @@ pub fn target(verb: &Method, path: &str) -> Option<Target> {
 }
 
 /// Writes the body of the request to the file, and answers once all of it is durable.
-pub async fn answer(calls: &Calls, parts: &Parts, target: Target, body: Body) -> Response<Body> {
+pub(super) async fn answer(
+    calls: &Calls,
+    parts: &Parts,
+    target: Target,
+    body: Body,
+) -> Response<Body> {
     match write(calls, parts, target, body).await {
         Ok(answer) => answer,
         Err(status) => problem::answer(&status),

@@ -4,14 +4,14 @@
 //! object store.
 
 mod catalogue;
-pub mod results;
-pub mod specs;
+pub(super) mod results;
+pub(super) mod specs;
 
 use yoto_proto::names::Collection;
 use yoto_request::RequestError;
 
 /// The id in the resource `name` that the request has at `field`.
-pub fn parse<'a>(
+pub(super) fn parse<'a>(
     collection: Collection,
     field: &str,
     name: &'a str,

@@ -22,7 +22,7 @@ use yoto_store::{LeaseKey, Tenant};
 const MAX_TRADEOFF_BYTES: u64 = 1 << 20;
 
 /// Checks that the result is one of this job and lease.
-pub async fn check_result(
+pub(crate) async fn check_result(
     context: &Context,
     tenant: &Tenant,
     lease: &LeaseKey,
@@ -298,7 +298,7 @@ async fn check_export(
 }
 
 /// Checks that the object is named, may be written under this lease, and exists.
-pub async fn require(
+pub(crate) async fn require(
     context: &Context,
     field: &str,
     object: Option<&ObjectRef>,

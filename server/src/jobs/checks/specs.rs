@@ -26,7 +26,7 @@ const MIN_TRAIN_FRAMES: u32 = 2;
 ///
 /// # Errors
 /// When the order names a missing resource, or can't be served yet.
-pub async fn check_spec(
+pub(crate) async fn check_spec(
     context: &Context,
     tenant: &Tenant,
     spec: &JobSpec,

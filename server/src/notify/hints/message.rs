@@ -8,7 +8,7 @@ const TEXT_BYTES: usize = 7900;
 
 /// Something that others may want to look at.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Hint {
+pub(crate) enum Hint {
     /// The job `jobs/{id}` has changed.
     Changed(String),
     /// A job of the tenant waits for a worker of this kind.
@@ -17,7 +17,7 @@ pub enum Hint {
 
 impl Hint {
     /// A job of this kind waits for a worker.
-    pub fn queued(tenant: &Tenant, kind: JobKind) -> Self {
+    pub(crate) fn queued(tenant: &Tenant, kind: JobKind) -> Self {
         Self::Queued(tenant.id().to_owned(), kind.as_str())
     }
 
@@ -31,7 +31,7 @@ impl Hint {
 
 /// What a hint asks for.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Heard {
+pub(super) enum Heard {
     /// Watchers of the job look at it.
     Changed(String),
     /// As many workers of the tenant and the kind ask for a job.
@@ -39,7 +39,7 @@ pub enum Heard {
 }
 
 /// Texts with all `hints`, in which the first line is the sender.
-pub fn texts(sender: &str, hints: &BTreeMap<Hint, u32>) -> Vec<String> {
+pub(super) fn texts(sender: &str, hints: &BTreeMap<Hint, u32>) -> Vec<String> {
     let mut texts = Vec::new();
     let mut text = sender.to_owned();
     for (hint, count) in hints {
@@ -54,7 +54,7 @@ pub fn texts(sender: &str, hints: &BTreeMap<Hint, u32>) -> Vec<String> {
 }
 
 /// The hints of a text that somebody else than `own` has sent. Lines of a newer version are passed over.
-pub fn heard(own: &str, text: &str) -> Vec<Heard> {
+pub(super) fn heard(own: &str, text: &str) -> Vec<Heard> {
     let mut lines = text.lines();
     if lines.next() == Some(own) {
         return Vec::new();

@@ -8,9 +8,9 @@ mod message;
 mod others;
 mod waiting;
 
-pub use message::Hint;
-pub use others::{listen, send};
-pub use waiting::Busy;
+pub(crate) use message::Hint;
+pub(crate) use others::{listen, send};
+pub(crate) use waiting::Busy;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,7 +23,7 @@ const OUTGOING: usize = 10_000;
 
 /// The hints of a coordinator.
 #[derive(Debug, Default)]
-pub struct Hints {
+pub(crate) struct Hints {
     /// Workers that wait for a job.
     pub waiting: WaitingWorkers,
     /// Hints for other coordinators; none if there can't be others.
@@ -41,7 +41,7 @@ struct Outgoing {
 
 impl Hints {
     /// Those of a coordinator beside `others`, or of the only one.
-    pub fn new(others: bool) -> Self {
+    pub(crate) fn new(others: bool) -> Self {
         Self {
             outgoing: others.then(Outgoing::default),
             ..Self::default()
@@ -49,7 +49,7 @@ impl Hints {
     }
 
     /// Sends a hint to other coordinators, soon.
-    pub fn tell(&self, hint: Hint) {
+    pub(crate) fn tell(&self, hint: Hint) {
         let Some(outgoing) = &self.outgoing else {
             return;
         };
@@ -64,7 +64,7 @@ impl Hints {
     }
 
     /// Whether hints of other coordinators arrive.
-    pub fn are_heard(&self) -> bool {
+    pub(crate) fn are_heard(&self) -> bool {
         self.listening.load(Ordering::Relaxed)
     }
 }

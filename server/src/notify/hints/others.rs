@@ -14,7 +14,7 @@ const BETWEEN: Duration = Duration::from_millis(20);
 const RETRY: Duration = Duration::from_secs(1);
 
 /// Sends hints until the coordinator stops: the first at once, and those that come soon after it together.
-pub async fn send(notifier: Arc<Notifier>) {
+pub(crate) async fn send(notifier: Arc<Notifier>) {
     let Some(outgoing) = &notifier.hints.outgoing else {
         return;
     };
@@ -46,7 +46,7 @@ pub async fn send(notifier: Arc<Notifier>) {
 }
 
 /// Passes on hints of other coordinators until this one stops.
-pub async fn listen(notifier: Arc<Notifier>) {
+pub(crate) async fn listen(notifier: Arc<Notifier>) {
     loop {
         let ended = tokio::select! {
             () = notifier.stop.cancelled() => return,

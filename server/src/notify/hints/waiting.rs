@@ -16,11 +16,11 @@ const KEPT_HINTS: usize = 64;
 
 /// Too many workers wait already.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Busy;
+pub(crate) struct Busy;
 
 /// The workers that wait, the one that has waited longest first.
 #[derive(Debug, Default)]
-pub struct WaitingWorkers(Mutex<Queue>);
+pub(crate) struct WaitingWorkers(Mutex<Queue>);
 
 #[derive(Debug, Default)]
 struct Queue {
@@ -50,7 +50,7 @@ impl WaitingWorkers {
     ///
     /// # Errors
     /// When too many wait already.
-    pub async fn wait(
+    pub(crate) async fn wait(
         &self,
         tenant: &Tenant,
         kinds: Vec<JobKind>,
@@ -67,7 +67,7 @@ impl WaitingWorkers {
     }
 
     /// A job of `kind` is queued: the worker that has waited longest for one asks for it. One alone, since only one gets it.
-    pub fn wake(&self, tenant: &Tenant, kind: JobKind) {
+    pub(crate) fn wake(&self, tenant: &Tenant, kind: JobKind) {
         let mut queue = self.lock();
         let fits = |it: &Waiting| it.tenant == *tenant && it.kinds.contains(&kind);
         while let Some(at) = queue.workers.iter().position(fits) {

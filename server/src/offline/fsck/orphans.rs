@@ -6,7 +6,7 @@ use yoto_proto::keys::{self, FolderOwner};
 use yoto_store::References;
 
 /// Those of `listed` that nothing names and nobody can commit any more.
-pub fn among(
+pub(super) fn among(
     listed: Vec<Listed>,
     references: &References,
     found: &Verification<'_>,

@@ -14,7 +14,7 @@ const AT_ONCE: usize = 8;
 
 /// What was read.
 #[derive(Debug, Default)]
-pub struct Verification<'a> {
+pub(super) struct Verification<'a> {
     /// Keys of all objects that rows and manifests name.
     pub keys: HashSet<String>,
     /// Their bytes.
@@ -27,7 +27,7 @@ pub struct Verification<'a> {
 
 /// A faulty object.
 #[derive(Debug)]
-pub struct Faulty<'a> {
+pub(super) struct Faulty<'a> {
     /// The row's object: itself, or the manifest that names it.
     pub by: &'a NamedObject,
     /// Whether the store does not have it.
@@ -44,7 +44,7 @@ struct ObjectToRead<'a> {
 }
 
 /// Reads the objects of `named`, and what the manifests among them name.
-pub async fn all<'a>(
+pub(super) async fn all<'a>(
     objects: &Objects,
     named: &'a [NamedObject],
     mut progress: impl FnMut(Progress),

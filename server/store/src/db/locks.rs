@@ -4,7 +4,7 @@
 /// What a transaction locks before it decides about it. A script that reads, decides and then writes takes the lock first:
 /// otherwise the decision may be wrong by the time of the write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Lock<'a> {
+pub(crate) enum Lock<'a> {
     /// The choice of the object store, which the first coordinator of a database makes.
     ObjectStore,
     /// The search for lost workers, which one of several coordinators does at a time.
@@ -28,7 +28,7 @@ pub enum Lock<'a> {
 /// The locks of a transaction. In builds with assertions, a wrong order is a panic, so that the tests find it even on a
 /// database where nothing waits.
 #[derive(Debug, Default)]
-pub struct Locks {
+pub(super) struct Locks {
     #[cfg(debug_assertions)]
     held: std::collections::BTreeSet<(u8, String)>,
 }
@@ -36,7 +36,7 @@ pub struct Locks {
 impl Locks {
     /// Records `lock`.
     #[cfg(debug_assertions)]
-    pub fn take(&mut self, lock: Lock<'_>) {
+    pub(super) fn take(&mut self, lock: Lock<'_>) {
         let (kind, id) = match lock {
             Lock::ObjectStore => (0, ""),
             Lock::Reaping => (1, ""),

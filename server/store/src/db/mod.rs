@@ -11,21 +11,21 @@
 //! The drivers are SQLite, for one process on one machine, and PostgreSQL.
 
 mod locks;
-pub mod postgres;
+pub(crate) mod postgres;
 mod row;
 mod schema;
-pub mod sqlite;
+pub(crate) mod sqlite;
 mod statement;
 #[cfg(test)]
 mod taken_over;
 mod tx;
 
-pub use locks::Lock;
+pub(crate) use locks::Lock;
 pub use postgres::{Listener, PostgresUrl, UrlError};
-pub use row::{Row, integer, state, timestamp};
+pub(crate) use row::{Row, integer, state, timestamp};
 pub(crate) use statement::claimed;
-pub use statement::{Statement, sql};
-pub use tx::{Column, Tx};
+pub(crate) use statement::{Statement, sql};
+pub(crate) use tx::{Column, Tx};
 
 use crate::StoreError;
 use postgres::Postgres;
@@ -36,7 +36,7 @@ use yoto_process::clock::Clock;
 
 /// An open database. Its clock is the only one of the store.
 #[derive(Debug)]
-pub struct Database {
+pub(crate) struct Database {
     driver: Driver,
     clock: Arc<dyn Clock>,
 }
@@ -52,7 +52,10 @@ impl Database {
     ///
     /// # Errors
     /// When the file can't be opened, or is of another program or a newer version.
-    pub async fn open_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
+    pub(crate) async fn open_sqlite(
+        path: &Path,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
         let driver = Driver::Sqlite(Sqlite::open(path).await?);
         Ok(Self { driver, clock })
     }
@@ -61,7 +64,7 @@ impl Database {
     ///
     /// # Errors
     /// When there is no such file, or its schema is another.
-    pub async fn open_sqlite_as_it_is(
+    pub(crate) async fn open_sqlite_as_it_is(
         path: &Path,
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StoreError> {
@@ -75,7 +78,7 @@ impl Database {
     /// # Errors
     /// When the database can't be reached, is in use by a coordinator of another version, or is of another program or a newer
     /// version.
-    pub async fn open_postgres(
+    pub(crate) async fn open_postgres(
         url: &PostgresUrl,
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StoreError> {
@@ -87,7 +90,10 @@ impl Database {
     ///
     /// # Errors
     /// When the file can't be opened, or its schema is not this version's.
-    pub async fn inspect_sqlite(path: &Path, clock: Arc<dyn Clock>) -> Result<Self, StoreError> {
+    pub(crate) async fn inspect_sqlite(
+        path: &Path,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StoreError> {
         let driver = Driver::Sqlite(Sqlite::inspect(path).await?);
         Ok(Self { driver, clock })
     }
@@ -96,7 +102,7 @@ impl Database {
     ///
     /// # Errors
     /// When the database can't be reached, or its schema is not this version's.
-    pub async fn inspect_postgres(
+    pub(crate) async fn inspect_postgres(
         url: &PostgresUrl,
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StoreError> {
@@ -114,7 +120,7 @@ impl Database {
     }
 
     /// The clock of the coordinator.
-    pub fn clock(&self) -> &dyn Clock {
+    pub(crate) fn clock(&self) -> &dyn Clock {
         &*self.clock
     }
 
@@ -122,7 +128,7 @@ impl Database {
     ///
     /// # Errors
     /// When one has taken it, or the database can't be reached.
-    pub async fn renew(&self) -> Result<(), StoreError> {
+    pub(crate) async fn renew(&self) -> Result<(), StoreError> {
         match &self.driver {
             // The lock of the data folder lasts as long as the process.
             Driver::Sqlite(_) => Ok(()),
@@ -131,7 +137,7 @@ impl Database {
     }
 
     /// Whether other coordinators may use the database.
-    pub fn is_shared(&self) -> bool {
+    pub(crate) fn is_shared(&self) -> bool {
         matches!(self.driver, Driver::Postgres(_))
     }
 
@@ -139,7 +145,7 @@ impl Database {
     ///
     /// # Errors
     /// When the database can't be reached.
-    pub async fn notify(&self, text: &str) -> Result<(), StoreError> {
+    pub(crate) async fn notify(&self, text: &str) -> Result<(), StoreError> {
         match &self.driver {
             Driver::Sqlite(_) => Ok(()),
             Driver::Postgres(it) => it.notify(text).await,
@@ -150,7 +156,7 @@ impl Database {
     ///
     /// # Errors
     /// When the database can't be reached.
-    pub async fn listen(&self) -> Result<Option<Listener>, StoreError> {
+    pub(crate) async fn listen(&self) -> Result<Option<Listener>, StoreError> {
         match &self.driver {
             Driver::Sqlite(_) => Ok(None),
             Driver::Postgres(it) => it.listen().await.map(Some),
@@ -161,7 +167,7 @@ impl Database {
     ///
     /// # Errors
     /// When no connection is free for a long time.
-    pub async fn read(&self) -> Result<Tx, StoreError> {
+    pub(crate) async fn read(&self) -> Result<Tx, StoreError> {
         let driver = match &self.driver {
             Driver::Sqlite(it) => tx::Driver::Sqlite(it.read().await?),
             Driver::Postgres(it) => tx::Driver::Postgres(Box::pin(it.read()).await?),
@@ -173,7 +179,7 @@ impl Database {
     ///
     /// # Errors
     /// When no connection is free for a long time.
-    pub async fn snapshot(&self) -> Result<Tx, StoreError> {
+    pub(crate) async fn snapshot(&self) -> Result<Tx, StoreError> {
         let driver = match &self.driver {
             Driver::Sqlite(it) => tx::Driver::Sqlite(it.snapshot().await?),
             Driver::Postgres(it) => tx::Driver::Postgres(Box::pin(it.snapshot()).await?),
@@ -185,7 +191,7 @@ impl Database {
     ///
     /// # Errors
     /// When the database can't be reached, or is locked for a long time.
-    pub async fn write(&self) -> Result<Tx, StoreError> {
+    pub(crate) async fn write(&self) -> Result<Tx, StoreError> {
         match &self.driver {
             Driver::Sqlite(it) => {
                 let connection = it.write().await?;
@@ -215,7 +221,7 @@ impl Database {
     }
 
     /// Waits for running statements and closes the database.
-    pub async fn close(&self) {
+    pub(crate) async fn close(&self) {
         match &self.driver {
             Driver::Sqlite(it) => it.close().await,
             Driver::Postgres(it) => it.close().await,

@@ -10,7 +10,7 @@ use yoto_proto::v1::ObjectRef;
 
 /// A row of any database.
 #[derive(Debug)]
-pub enum Row {
+pub(crate) enum Row {
     /// A row of SQLite.
     Sqlite(SqliteRow),
     /// A row of PostgreSQL.
@@ -25,7 +25,7 @@ fn corrupt(what: &'static str, detail: impl ToString) -> StoreError {
 }
 
 /// The enum value called `name`.
-pub fn state<S>(
+pub(crate) fn state<S>(
     column: &'static str,
     name: &str,
     parse: fn(&str) -> Option<S>,
@@ -34,7 +34,7 @@ pub fn state<S>(
 }
 
 /// `value` as the database's signed integer.
-pub fn integer(field: &'static str, value: u64) -> Result<i64, StoreError> {
+pub(crate) fn integer(field: &'static str, value: u64) -> Result<i64, StoreError> {
     i64::try_from(value).map_err(|_| StoreError::TooLarge { field, value })
 }
 
@@ -44,7 +44,7 @@ fn is_condition(row: &PgRow, column: &str) -> bool {
 }
 
 /// A time of the database, seconds since 1970.
-pub fn timestamp(seconds: f64) -> Timestamp {
+pub(crate) fn timestamp(seconds: f64) -> Timestamp {
     Timestamp {
         seconds: seconds.floor() as i64,
         // Below 1e9 for every fraction, so the cast is exact enough and in range.
@@ -68,7 +68,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn text(&self, column: &'static str) -> Result<String, StoreError> {
+    pub(crate) fn text(&self, column: &'static str) -> Result<String, StoreError> {
         self.get(column)
     }
 
@@ -76,7 +76,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StoreError> {
+    pub(crate) fn maybe_text(&self, column: &'static str) -> Result<Option<String>, StoreError> {
         self.get(column)
     }
 
@@ -84,7 +84,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn number<N: TryFrom<i64>>(&self, column: &'static str) -> Result<N, StoreError> {
+    pub(crate) fn number<N: TryFrom<i64>>(&self, column: &'static str) -> Result<N, StoreError> {
         let value: i64 = self.get(column)?;
         N::try_from(value).map_err(|_| corrupt(column, value))
     }
@@ -93,7 +93,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn maybe_number<N: TryFrom<i64>>(
+    pub(crate) fn maybe_number<N: TryFrom<i64>>(
         &self,
         column: &'static str,
     ) -> Result<Option<N>, StoreError> {
@@ -107,7 +107,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn real(&self, column: &'static str) -> Result<Option<f64>, StoreError> {
+    pub(crate) fn real(&self, column: &'static str) -> Result<Option<f64>, StoreError> {
         self.get(column)
     }
 
@@ -115,7 +115,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn flag(&self, column: &'static str) -> Result<bool, StoreError> {
+    pub(crate) fn flag(&self, column: &'static str) -> Result<bool, StoreError> {
         match self {
             // Conditions have a type of their own there.
             Self::Postgres(row) if is_condition(row, column) => self.get(column),
@@ -127,7 +127,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn time(&self, column: &'static str) -> Result<Option<Timestamp>, StoreError> {
+    pub(crate) fn time(&self, column: &'static str) -> Result<Option<Timestamp>, StoreError> {
         Ok(self.real(column)?.map(timestamp))
     }
 
@@ -135,7 +135,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn bytes(&self, column: &'static str) -> Result<Vec<u8>, StoreError> {
+    pub(crate) fn bytes(&self, column: &'static str) -> Result<Vec<u8>, StoreError> {
         self.get(column)
     }
 
@@ -143,7 +143,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn message<M: Message + Default>(
+    pub(crate) fn message<M: Message + Default>(
         &self,
         column: &'static str,
     ) -> Result<Option<M>, StoreError> {
@@ -157,7 +157,7 @@ impl Row {
     ///
     /// # Errors
     /// When the column holds something else.
-    pub fn object(
+    pub(crate) fn object(
         &self,
         key: &'static str,
         bytes: &'static str,

@@ -6,25 +6,25 @@ use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migration, MigrationType, Migrator};
 
 /// The table with the steps that were applied.
-pub const APPLIED: &str = "_sqlx_migrations";
+pub(super) const APPLIED: &str = "_sqlx_migrations";
 /// Number of the step that makes the whole schema. Programs that made it by the steps before refuse a schema of this number
 /// as a newer one.
-pub const START: i64 = 39;
+pub(super) const START: i64 = 39;
 /// The last of the steps that the start replaces: they made the same schema.
 const REPLACED: i64 = START - 1;
 /// A program that brings earlier schemas up to [`REPLACED`].
 const BEFORE: &str = "the program of 28 November 2026 (commit 5ce29de0)";
 
 /// Forgets the records of the steps that the start `$1` replaces.
-pub const FORGET: &str = "DELETE FROM _sqlx_migrations WHERE version < $1";
+pub(super) const FORGET: &str = "DELETE FROM _sqlx_migrations WHERE version < $1";
 /// Records the start `$1` with its name and its checksum.
-pub const RECORD: &str =
+pub(super) const RECORD: &str =
     "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time)
     VALUES ($1, $2, TRUE, $3, 0) ON CONFLICT (version) DO NOTHING";
 
 /// The steps that make a database's schema.
 #[derive(Debug)]
-pub struct Steps {
+pub(super) struct Steps {
     /// The step [`START`].
     pub start: Migration,
     /// The steps after it.
@@ -35,7 +35,7 @@ pub struct Steps {
 
 /// What a database contains before it is brought up to date.
 #[derive(Debug, Default)]
-pub struct Found {
+pub(super) struct Found {
     /// Names of its tables.
     pub tables: Vec<String>,
     /// Number and checksum of each applied step, by number.
@@ -44,7 +44,7 @@ pub struct Found {
 
 /// How far a database is that this program may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
+pub(super) enum State {
     /// It has the schema of this program.
     Current,
     /// It is empty, or later steps are missing.
@@ -55,7 +55,7 @@ pub enum State {
 
 impl Steps {
     /// Applies the steps that are missing.
-    pub fn migrator(&self) -> Migrator {
+    pub(super) fn migrator(&self) -> Migrator {
         let start = std::iter::once(&self.start);
         Migrator::with_migrations(start.chain(&self.later).cloned().collect())
     }
@@ -67,7 +67,7 @@ impl Steps {
 }
 
 /// A step in a transaction.
-pub fn step(version: i64, name: &'static str, sql: &'static str) -> Migration {
+pub(super) fn step(version: i64, name: &'static str, sql: &'static str) -> Migration {
     let kind = MigrationType::Simple;
     Migration::new(version, name.into(), kind, sql.into_sql_str(), false)
 }
@@ -86,7 +86,7 @@ fn digest(applied: &[(i64, Vec<u8>)]) -> String {
 ///
 /// # Errors
 /// [`StoreError::Unusable`].
-pub fn state(steps: &Steps, found: &Found) -> Result<State, StoreError> {
+pub(super) fn state(steps: &Steps, found: &Found) -> Result<State, StoreError> {
     let refused = |reason: String| Err(StoreError::Unusable(reason));
     let Some((last, _)) = found.applied.last() else {
         // A start that was interrupted leaves the empty table of steps.
@@ -141,12 +141,12 @@ pub fn state(steps: &Steps, found: &Found) -> Result<State, StoreError> {
 ///
 /// # Errors
 /// As [`state`].
-pub fn are_pending(steps: &Steps, found: &Found) -> Result<bool, StoreError> {
+pub(super) fn are_pending(steps: &Steps, found: &Found) -> Result<bool, StoreError> {
     Ok(state(steps, found)? != State::Current)
 }
 
 /// The refusal to read a database that has to be brought up to date first.
-pub fn outdated() -> StoreError {
+pub(super) fn outdated() -> StoreError {
     StoreError::Unusable(
         "is empty or of an earlier version: start `yoto serve` of this version with it once"
             .to_owned(),
@@ -155,7 +155,7 @@ pub fn outdated() -> StoreError {
 
 /// The steps of a program that is newer by one step, which both databases understand.
 #[cfg(test)]
-pub fn with_a_later_step(mut steps: Steps) -> Steps {
+pub(crate) fn with_a_later_step(mut steps: Steps) -> Steps {
     let sql = "ALTER TABLE jobs ADD COLUMN later INTEGER NOT NULL DEFAULT 7";
     steps.later.push(step(steps.newest() + 1, "later", sql));
     steps

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 /// A value of a parameter. Its type is known even if it is NULL.
 #[derive(Debug, Clone)]
-pub enum Value {
+pub(crate) enum Value {
     /// A text.
     Text(Option<String>),
     /// An integer, or a flag as 0 or 1.
@@ -45,13 +45,13 @@ values! {
 
 /// A statement, and the values of its parameters in their order.
 #[derive(Debug)]
-pub struct Statement {
+pub(crate) struct Statement {
     pub(super) text: Cow<'static, str>,
     pub(super) values: Vec<Value>,
 }
 
 /// A statement whose values are still to be bound.
-pub fn sql(text: impl Into<Cow<'static, str>>) -> Statement {
+pub(crate) fn sql(text: impl Into<Cow<'static, str>>) -> Statement {
     Statement {
         text: text.into(),
         values: Vec::new(),
@@ -81,25 +81,25 @@ impl Statement {
     }
 
     /// Binds the next parameter.
-    pub fn bind(mut self, value: impl Into<Value>) -> Self {
+    pub(crate) fn bind(mut self, value: impl Into<Value>) -> Self {
         self.values.push(value.into());
         self
     }
 
     /// Appends to the text.
-    pub fn push(&mut self, text: &str) {
+    pub(crate) fn push(&mut self, text: &str) {
         self.text.to_mut().push_str(text);
     }
 
     /// Appends a parameter with its value.
-    pub fn push_bind(&mut self, value: impl Into<Value>) {
+    pub(crate) fn push_bind(&mut self, value: impl Into<Value>) {
         self.values.push(value.into());
         let number = self.values.len();
         self.push(&format!("${number}"));
     }
 
     /// Appends parameters with their values, separated by commas.
-    pub fn push_all<V: Into<Value>>(&mut self, values: impl IntoIterator<Item = V>) {
+    pub(crate) fn push_all<V: Into<Value>>(&mut self, values: impl IntoIterator<Item = V>) {
         for (i, value) in values.into_iter().enumerate() {
             if i > 0 {
                 self.push(", ");

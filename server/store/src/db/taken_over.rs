@@ -10,7 +10,7 @@ use yoto_proto::orders::LEVEL;
 use yoto_proto::v1::{EvaluateSpec, JobSpec, ObjectRef, WorkerDevice, job_spec};
 
 /// The time of their coordinator, just after that of their rows.
-pub const NOW: f64 = 2.0;
+pub(crate) const NOW: f64 = 2.0;
 
 fn worker(kind: JobKind, order_level: u32) -> NewWorker {
     NewWorker {
@@ -35,7 +35,7 @@ async fn leased(store: &Store, kind: JobKind, order_level: u32) -> Option<Leased
 }
 
 /// The running job goes on and is leased again; orders, pauses and request ids are those of before.
-pub async fn jobs_go_on(store: &Store) {
+pub(crate) async fn jobs_go_on(store: &Store) {
     let own = Tenant::default();
     running_job_goes_on(store).await;
     assert!(
@@ -81,7 +81,7 @@ pub async fn jobs_go_on(store: &Store) {
 }
 
 /// A render `looks` of an early version, which does not say which checkpoint it uses, keeps all of its model.
-pub async fn a_render_without_a_checkpoint_keeps_it(store: &Store) {
+pub(crate) async fn a_render_without_a_checkpoint_keeps_it(store: &Store) {
     let none = Retention {
         newest: 1,
         every: 0,
@@ -97,7 +97,7 @@ pub async fn a_render_without_a_checkpoint_keeps_it(store: &Store) {
 }
 
 /// Uploads from before there were parts, whose files are parts of writer 0: `open` goes on where it was.
-pub async fn uploads_go_on(store: &Store) {
+pub(crate) async fn uploads_go_on(store: &Store) {
     let own = Tenant::default();
     store.end_drain().await.expect("ends");
     let committed = |upload: &Upload| upload.files.iter().map(|it| it.committed).sum::<u64>();

@@ -10,7 +10,7 @@ use yoto_process::statements;
 
 /// A transaction: the only way of the store's scripts to the database.
 #[derive(Debug)]
-pub struct Tx {
+pub(crate) struct Tx {
     driver: Driver,
     now: f64,
     /// Whether the database's own clock told `now`.
@@ -20,7 +20,7 @@ pub struct Tx {
 
 /// A column of texts or bytes, by its names in this program's own schema.
 #[derive(Debug, Clone)]
-pub struct Column {
+pub(crate) struct Column {
     /// Its table.
     pub table: String,
     /// Its name.
@@ -49,7 +49,7 @@ impl Tx {
 
     /// The time of this transaction, seconds since 1970: read once, by the store's clock, and after a wait for one of the locks
     /// without an id. A script that needs a time takes this one.
-    pub fn now(&self) -> f64 {
+    pub(crate) fn now(&self) -> f64 {
         self.now
     }
 
@@ -58,7 +58,7 @@ impl Tx {
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn lock(&mut self, lock: Lock<'_>) -> Result<(), StoreError> {
+    pub(crate) async fn lock(&mut self, lock: Lock<'_>) -> Result<(), StoreError> {
         self.locks.take(lock);
         match &mut self.driver {
             // BEGIN IMMEDIATE has locked the whole file.
@@ -79,7 +79,7 @@ impl Tx {
     ///
     /// # Errors
     /// When the statement fails.
-    pub async fn claim(
+    pub(crate) async fn claim(
         &mut self,
         choice: Statement,
         action: &'static str,
@@ -96,7 +96,10 @@ impl Tx {
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn columns_named(&mut self, end: &str) -> Result<Vec<(String, String)>, StoreError> {
+    pub(crate) async fn columns_named(
+        &mut self,
+        end: &str,
+    ) -> Result<Vec<(String, String)>, StoreError> {
         let statement = match &self.driver {
             Driver::Sqlite(_) => sql("SELECT t.name AS table_name, c.name AS column_name
                  FROM sqlite_schema t JOIN pragma_table_info(t.name) c
@@ -117,7 +120,7 @@ impl Tx {
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn columns(&mut self) -> Result<Vec<Column>, StoreError> {
+    pub(crate) async fn columns(&mut self) -> Result<Vec<Column>, StoreError> {
         let statement = match &self.driver {
             Driver::Sqlite(_) => sql("SELECT t.name AS table_name, c.name AS column_name, c.type = 'BLOB' AS bytes
                  FROM sqlite_schema t JOIN pragma_table_info(t.name) c
@@ -145,7 +148,7 @@ impl Tx {
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn rows_with(
+    pub(crate) async fn rows_with(
         &mut self,
         column: &Column,
         texts: &[String],
@@ -176,7 +179,7 @@ impl Tx {
     ///
     /// # Errors
     /// When the database fails. It is unknown then whether they are.
-    pub async fn commit(self) -> Result<(), StoreError> {
+    pub(crate) async fn commit(self) -> Result<(), StoreError> {
         faults::reached(Moment::BeforeCommit);
         let began = Instant::now();
         match self.driver {
@@ -235,7 +238,11 @@ impl Statement {
     ///
     /// # Errors
     /// When the statement fails during `action`.
-    pub async fn row(self, tx: &mut Tx, action: &'static str) -> Result<Option<Row>, StoreError> {
+    pub(crate) async fn row(
+        self,
+        tx: &mut Tx,
+        action: &'static str,
+    ) -> Result<Option<Row>, StoreError> {
         tx.fetch(self, action).await
     }
 
@@ -243,7 +250,7 @@ impl Statement {
     ///
     /// # Errors
     /// When the statement fails during `action`, or has none.
-    pub async fn one(self, tx: &mut Tx, action: &'static str) -> Result<Row, StoreError> {
+    pub(crate) async fn one(self, tx: &mut Tx, action: &'static str) -> Result<Row, StoreError> {
         let row = tx.fetch(self, action).await?;
         row.ok_or(StoreError::Corrupt {
             what: action,
@@ -255,7 +262,11 @@ impl Statement {
     ///
     /// # Errors
     /// When the statement fails during `action`.
-    pub async fn rows(self, tx: &mut Tx, action: &'static str) -> Result<Vec<Row>, StoreError> {
+    pub(crate) async fn rows(
+        self,
+        tx: &mut Tx,
+        action: &'static str,
+    ) -> Result<Vec<Row>, StoreError> {
         tx.fetch_all(self, action).await
     }
 
@@ -263,7 +274,11 @@ impl Statement {
     ///
     /// # Errors
     /// When the statement fails during `action`.
-    pub async fn execute(self, tx: &mut Tx, action: &'static str) -> Result<u64, StoreError> {
+    pub(crate) async fn execute(
+        self,
+        tx: &mut Tx,
+        action: &'static str,
+    ) -> Result<u64, StoreError> {
         tx.run(self, action).await
     }
 }

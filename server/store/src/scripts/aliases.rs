@@ -6,7 +6,7 @@ use crate::{StoreError, Tenant};
 use yoto_proto::names::{self, Collection};
 
 /// Gives a checkpoint of the tenant's model an alias, which another one may lose.
-pub async fn set(
+pub(crate) async fn set(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,
@@ -32,7 +32,7 @@ pub async fn set(
 }
 
 /// Takes an alias away. Returns whether a checkpoint had it.
-pub async fn remove(
+pub(crate) async fn remove(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,
@@ -49,7 +49,7 @@ pub async fn remove(
 }
 
 /// The step of the checkpoint with the alias.
-pub async fn step(
+pub(crate) async fn step(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,

@@ -13,7 +13,7 @@ use yoto_proto::v1::{JobAttempt, JobError};
 const SHOWN: u32 = 100;
 
 /// Begins the attempt of a new lease.
-pub async fn begin(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
+pub(crate) async fn begin(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
     sql("INSERT INTO job_attempts (job, lease, worker, begin_time) VALUES ($1, $2, $3, $4)")
         .bind(&lease.job_id)
         .bind(lease.column()?)
@@ -26,7 +26,7 @@ pub async fn begin(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
 
 /// Ends the attempt of a lease, and frees the ranges of a render that it has not drawn. Leases of earlier
 /// versions have no attempt.
-pub async fn end(
+pub(crate) async fn end(
     tx: &mut Tx,
     lease: &LeaseKey,
     outcome: Outcome,
@@ -48,7 +48,7 @@ pub async fn end(
 }
 
 /// The outcome of the attempt of this lease, if it has ended.
-pub async fn outcome(tx: &mut Tx, lease: &LeaseKey) -> Result<Option<Outcome>, StoreError> {
+pub(crate) async fn outcome(tx: &mut Tx, lease: &LeaseKey) -> Result<Option<Outcome>, StoreError> {
     let row = sql("SELECT outcome FROM job_attempts
          WHERE job = $1 AND lease = $2 AND worker = $3 AND end_time IS NOT NULL")
     .bind(&lease.job_id)
@@ -60,7 +60,7 @@ pub async fn outcome(tx: &mut Tx, lease: &LeaseKey) -> Result<Option<Outcome>, S
 }
 
 /// The newest attempts of a job, oldest first. They are numbered from 1, because only workers may know the tokens.
-pub async fn list(tx: &mut Tx, job_id: &str) -> Result<Vec<JobAttempt>, StoreError> {
+pub(crate) async fn list(tx: &mut Tx, job_id: &str) -> Result<Vec<JobAttempt>, StoreError> {
     let rows = sql("SELECT * FROM (
              SELECT a.*, w.display_name, row_number() OVER (ORDER BY a.lease) AS ordinal
              FROM job_attempts a JOIN workers w ON w.id = a.worker
@@ -86,7 +86,7 @@ pub async fn list(tx: &mut Tx, job_id: &str) -> Result<Vec<JobAttempt>, StoreErr
 }
 
 /// Forgets attempts that ended more than `keep` seconds ago.
-pub async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
     let done = sql(concat!(
         "DELETE FROM job_attempts WHERE ",
         age!("end_time"),

@@ -6,7 +6,7 @@ use crate::{AuditEntry, NewAuditEntry, StoreError};
 use yoto_proto::sha256_hex;
 
 /// Adds entries in their order, and returns their numbers.
-pub async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec<u64>, StoreError> {
+pub(crate) async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec<u64>, StoreError> {
     tx.lock(Lock::Audit).await?;
     let mut head = head(tx).await?;
     let mut numbers = Vec::with_capacity(entries.len());
@@ -86,7 +86,11 @@ async fn head(tx: &mut Tx) -> Result<Head, StoreError> {
 }
 
 /// At most `most` entries after the one with this number, oldest first.
-pub async fn after(tx: &mut Tx, number: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+pub(crate) async fn after(
+    tx: &mut Tx,
+    number: u64,
+    most: u32,
+) -> Result<Vec<AuditEntry>, StoreError> {
     let rows = sql("SELECT * FROM audit WHERE number > $1 ORDER BY number LIMIT $2")
         .bind(integer("number", number)?)
         .bind(most)
@@ -96,7 +100,7 @@ pub async fn after(tx: &mut Tx, number: u64, most: u32) -> Result<Vec<AuditEntry
 }
 
 /// The newest entries, oldest first.
-pub async fn newest(tx: &mut Tx, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+pub(crate) async fn newest(tx: &mut Tx, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
     let rows = sql("SELECT * FROM audit ORDER BY number DESC LIMIT $1")
         .bind(most)
         .rows(tx, "reading the audit log")
@@ -105,7 +109,7 @@ pub async fn newest(tx: &mut Tx, most: u32) -> Result<Vec<AuditEntry>, StoreErro
 }
 
 /// Takes the names out of all entries that have one of these ids. The chain has their SHA-256, and stays whole.
-pub async fn forget(tx: &mut Tx, ids: &[String]) -> Result<u64, StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, ids: &[String]) -> Result<u64, StoreError> {
     let mut forgotten = 0;
     for id in ids {
         forgotten += sql("UPDATE audit SET names = '' WHERE names LIKE '%' || $1 || '%'")

@@ -7,7 +7,7 @@ use yoto_proto::keys::{CHECK, FRAMES, THUMBNAIL};
 use yoto_proto::v1::{IngestResult, RenderedFile};
 
 /// Records the files of a capture that became READY, in place of earlier ones.
-pub async fn record(
+pub(crate) async fn record(
     tx: &mut Tx,
     capture_id: &str,
     result: &IngestResult,
@@ -32,13 +32,13 @@ pub async fn record(
 }
 
 /// The files of a capture, by name.
-pub async fn list(tx: &mut Tx, capture_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
+pub(crate) async fn list(tx: &mut Tx, capture_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
     let mut found = of_captures(tx, &[capture_id]).await?;
     Ok(found.remove(capture_id).unwrap_or_default())
 }
 
 /// The files of each of these captures by name, by the captures' ids. A capture without files is missing.
-pub async fn of_captures(
+pub(crate) async fn of_captures(
     tx: &mut Tx,
     captures: &[&str],
 ) -> Result<HashMap<String, Vec<RenderedFile>>, StoreError> {

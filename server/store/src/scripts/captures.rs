@@ -30,7 +30,7 @@ macro_rules! select_captures {
 }
 
 /// A capture by id.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Capture, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Capture, StoreError> {
     let row = sql(select_captures!("WHERE c.id = $1 AND s.tenant = $2"))
         .bind(id)
         .bind(tenant.id())
@@ -42,7 +42,7 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Capture, Stor
 }
 
 /// Captures of a person, or of all of the tenant's people, oldest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     page: Page,
@@ -133,7 +133,7 @@ fn one(
 }
 
 /// The id of the person in a capture.
-pub fn subject_id(capture: &Capture) -> Result<&str, StoreError> {
+pub(crate) fn subject_id(capture: &Capture) -> Result<&str, StoreError> {
     let id = Collection::Subjects.parse(&capture.subject);
     id.map_err(|error| StoreError::Corrupt {
         what: "captures.subject",
@@ -170,7 +170,7 @@ async fn violations(
 }
 
 /// The files of a capture, by path.
-pub async fn files(
+pub(crate) async fn files(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -194,7 +194,7 @@ pub async fn files(
 }
 
 /// Marks an ingested capture as READY.
-pub async fn accept(tx: &mut Tx, id: &str, result: &IngestResult) -> Result<(), StoreError> {
+pub(crate) async fn accept(tx: &mut Tx, id: &str, result: &IngestResult) -> Result<(), StoreError> {
     tx.lock(Lock::Capture(id)).await?;
     let shard = result.shard.clone().unwrap_or_default();
     sql(
@@ -218,7 +218,7 @@ pub async fn accept(tx: &mut Tx, id: &str, result: &IngestResult) -> Result<(), 
 }
 
 /// Marks a capture as UPLOADED: its ingest failed through no fault of its files, and can be repeated.
-pub async fn put_back(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn put_back(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
     tx.lock(Lock::Capture(id)).await?;
     sql("UPDATE captures SET state = 'UPLOADED' WHERE id = $1 AND state = 'INGESTING'")
         .bind(id)
@@ -228,7 +228,11 @@ pub async fn put_back(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
 }
 
 /// Marks a capture as REJECTED, with the reasons.
-pub async fn reject(tx: &mut Tx, id: &str, violations: &[Violation]) -> Result<(), StoreError> {
+pub(crate) async fn reject(
+    tx: &mut Tx,
+    id: &str,
+    violations: &[Violation],
+) -> Result<(), StoreError> {
     tx.lock(Lock::Capture(id)).await?;
     sql("UPDATE captures SET state = 'REJECTED' WHERE id = $1 AND state = 'INGESTING'")
         .bind(id)

@@ -19,7 +19,7 @@ macro_rules! aliases {
 }
 
 /// Checkpoints of a model, newest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,
@@ -45,7 +45,7 @@ pub async fn list(
 }
 
 /// The checkpoints of several models of the tenant, newest first, by the models' ids.
-pub async fn of_models(
+pub(crate) async fn of_models(
     tx: &mut Tx,
     tenant: &Tenant,
     models: &[&str],
@@ -93,7 +93,7 @@ fn read(model: &str, row: &Row) -> Result<Checkpoint, StoreError> {
 }
 
 /// The slots in a checkpoint's row; empty if it has none recorded.
-pub fn trained_slots(row: &Row) -> Result<Vec<u32>, StoreError> {
+pub(crate) fn trained_slots(row: &Row) -> Result<Vec<u32>, StoreError> {
     let text = row.maybe_text("slots")?.unwrap_or_default();
     let slots = text.split(',').filter(|slot| !slot.is_empty());
     let slots = slots.map(|slot| {
@@ -153,7 +153,7 @@ async fn judged(
 }
 
 /// All checkpoints of a model, newest first, with the reasons to keep each.
-pub async fn explained(
+pub(crate) async fn explained(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,
@@ -171,7 +171,11 @@ pub async fn explained(
 }
 
 /// Removes the checkpoints that a model does not keep.
-pub async fn thin_out(tx: &mut Tx, model_id: &str, default: Retention) -> Result<(), StoreError> {
+pub(crate) async fn thin_out(
+    tx: &mut Tx,
+    model_id: &str,
+    default: Retention,
+) -> Result<(), StoreError> {
     for (checkpoint, reasons) in judged(tx, None, model_id, default).await? {
         if reasons.is_empty() {
             remove(tx, model_id, checkpoint.step).await?;
@@ -181,7 +185,7 @@ pub async fn thin_out(tx: &mut Tx, model_id: &str, default: Retention) -> Result
 }
 
 /// Removes a checkpoint, and notes its objects as garbage. Returns whether there was one.
-pub async fn remove(tx: &mut Tx, model_id: &str, step: u64) -> Result<bool, StoreError> {
+pub(crate) async fn remove(tx: &mut Tx, model_id: &str, step: u64) -> Result<bool, StoreError> {
     let row = sql("DELETE FROM checkpoints WHERE model = $1 AND step = $2 RETURNING manifest_key")
         .bind(model_id)
         .bind(integer("checkpoint.step", step)?)
@@ -195,7 +199,7 @@ pub async fn remove(tx: &mut Tx, model_id: &str, step: u64) -> Result<bool, Stor
 }
 
 /// Stores the measured trade-off of a checkpoint, replacing an earlier one.
-pub async fn record_tradeoff(
+pub(crate) async fn record_tradeoff(
     tx: &mut Tx,
     tenant: &Tenant,
     checkpoint: &str,
@@ -228,7 +232,7 @@ pub async fn record_tradeoff(
 
 /// Records a checkpoint. One of the same step, left by an earlier lease, is replaced. A repeated call
 /// changes nothing; after the checkpoint was removed it would bring back a row without objects.
-pub async fn record(
+pub(crate) async fn record(
     tx: &mut Tx,
     model_id: &str,
     job_id: &str,

@@ -11,7 +11,7 @@ use yoto_proto::names::{Collection, NameError};
 use yoto_proto::v1::{ConsentPurpose, ErrorReason, JobError, JobSpec, job_spec};
 
 /// Code of a job that has ended because of a consent.
-pub const CODE: &str = "CONSENT";
+pub(crate) const CODE: &str = "CONSENT";
 
 /// Whether the subject `s` has a record of a purpose, be it revoked or run out.
 macro_rules! recorded {
@@ -53,7 +53,7 @@ fn purpose(kind: JobKind) -> Option<ConsentPurpose> {
 }
 
 /// Refuses the order of a job, whose names were checked, if a person in it lacks consent.
-pub async fn check(
+pub(crate) async fn check(
     tx: &mut Tx,
     tenant: &Tenant,
     spec: &JobSpec,
@@ -83,7 +83,7 @@ pub async fn check(
 }
 
 /// Refuses what needs a person's consent to `purpose`, if they lack it.
-pub async fn check_person(
+pub(crate) async fn check_person(
     tx: &mut Tx,
     subject_id: &str,
     purpose: ConsentPurpose,
@@ -105,7 +105,7 @@ pub async fn check_person(
 }
 
 /// The same for a job in the queue.
-pub async fn check_job(tx: &mut Tx, job_id: &str, required: bool) -> Result<(), StoreError> {
+pub(crate) async fn check_job(tx: &mut Tx, job_id: &str, required: bool) -> Result<(), StoreError> {
     let job = sql("SELECT kind FROM jobs WHERE id = $1")
         .bind(job_id)
         .one(tx, "reading a job's kind")
@@ -165,7 +165,7 @@ fn word(purpose: ConsentPurpose) -> String {
 }
 
 /// The error of a job that ends for want of consent.
-pub fn job_error(message: String) -> JobError {
+pub(crate) fn job_error(message: String) -> JobError {
     JobError {
         code: CODE.to_owned(),
         message,
@@ -174,7 +174,10 @@ pub fn job_error(message: String) -> JobError {
 }
 
 /// Open jobs that need this person, or anybody of all tenants, and whose consent to the job's purpose was revoked or has run out.
-pub async fn to_stop(tx: &mut Tx, subject_id: Option<&str>) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn to_stop(
+    tx: &mut Tx,
+    subject_id: Option<&str>,
+) -> Result<Vec<String>, StoreError> {
     let rows = sql(
         "SELECT DISTINCT j.id, j.ord FROM (
              SELECT c.subject, p.purpose FROM consents c JOIN consent_purposes p ON p.consent = c.id
@@ -195,7 +198,7 @@ pub async fn to_stop(tx: &mut Tx, subject_id: Option<&str>) -> Result<Vec<String
 
 /// Ends an open job if the consent of a person in it was revoked or has run out: a queued one as FAILED, a running one as
 /// CANCELLED, after which no write of its worker counts. Returns the reason if it has ended the job.
-pub async fn stop(tx: &mut Tx, job_id: &str) -> Result<Option<String>, StoreError> {
+pub(crate) async fn stop(tx: &mut Tx, job_id: &str) -> Result<Option<String>, StoreError> {
     tx.lock(Lock::Job(job_id)).await?;
     let job = sql("SELECT state, worker, lease FROM jobs WHERE id = $1")
         .bind(job_id)

@@ -10,7 +10,7 @@ use yoto_proto::v1::consent_item::State;
 use yoto_proto::v1::{Consent, ConsentItem, ConsentPurpose, Evidence};
 
 /// Records a consent, or returns the one that `request` recorded before.
-pub async fn grant(
+pub(crate) async fn grant(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,
@@ -43,7 +43,7 @@ pub async fn grant(
 
 /// Revokes every grant of these purposes. Where there was none, a refusal with this note is recorded, so that jobs are refused
 /// from now on whether or not the service asks for consent.
-pub async fn revoke(
+pub(crate) async fn revoke(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,
@@ -138,7 +138,7 @@ async fn is_recorded(
 }
 
 /// The ids of a person's consents.
-pub async fn ids(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn ids(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
     let rows = sql("SELECT id FROM consents WHERE subject = $1 ORDER BY ord")
         .bind(subject_id)
         .rows(tx, "listing consents")
@@ -178,7 +178,7 @@ async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Consent, StoreErr
 }
 
 /// The consents of a person, newest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,
@@ -206,7 +206,7 @@ pub async fn list(
 }
 
 /// The consents of several people of the tenant, newest first.
-pub async fn of_people(
+pub(crate) async fn of_people(
     tx: &mut Tx,
     tenant: &Tenant,
     subjects: &[&str],
@@ -228,7 +228,7 @@ pub async fn of_people(
 
 /// What a person agrees to now and what they refuse, in one line for files that leave the service; empty where nothing is
 /// recorded.
-pub async fn in_words(
+pub(crate) async fn in_words(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,
@@ -269,7 +269,11 @@ fn evidence(row: &Row) -> Result<Option<Evidence>, StoreError> {
 }
 
 /// The file that proves a consent of the tenant.
-pub async fn file(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<NewEvidence, StoreError> {
+pub(crate) async fn file(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<NewEvidence, StoreError> {
     let row = sql(
         "SELECT e.file_name, e.content FROM consent_evidence e JOIN consents c ON c.id = e.consent
              JOIN subjects s ON s.id = c.subject

@@ -17,7 +17,7 @@ use yoto_proto::{exports, keys};
 
 /// Deletes `target` with everything that depends on it if its version is `etag` (empty: any). A repeated
 /// `request` gets its first answer.
-pub async fn delete(
+pub(crate) async fn delete(
     tx: &mut Tx,
     tenant: &Tenant,
     target: Target<'_>,

@@ -10,7 +10,7 @@ use yoto_proto::v1::Job;
 const QUEUEING: [&str; 3] = ["CreateJob", "CreateRender", "RetryJob"];
 
 /// Those of the jobs `ids` that have ended, of all tenants, with their attempts. Jobs that were deleted are left out.
-pub async fn list(tx: &mut Tx, ids: &[&str]) -> Result<Vec<EndedJob>, StoreError> {
+pub(crate) async fn list(tx: &mut Tx, ids: &[&str]) -> Result<Vec<EndedJob>, StoreError> {
     if ids.is_empty() {
         return Ok(Vec::new());
     }

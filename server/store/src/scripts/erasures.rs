@@ -8,7 +8,7 @@ use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ConsentPurpose, Erasure, ErrorReason, erasure};
 
 /// The erasure of a person, if it was ever begun.
-pub async fn of_subject(
+pub(crate) async fn of_subject(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,
@@ -23,7 +23,7 @@ pub async fn of_subject(
 
 /// Begins to remove a person, or tries again after a failure. From now on, no job needs the person.
 /// `retrain` also trains the others of models whose shared parameters have seen the person anew.
-pub async fn begin(
+pub(crate) async fn begin(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,
@@ -74,7 +74,7 @@ pub async fn begin(
 }
 
 /// Refuses what would give a person something new while they are being removed.
-pub async fn refuse_if_begun(tx: &mut Tx, subject_id: &str) -> Result<(), StoreError> {
+pub(crate) async fn refuse_if_begun(tx: &mut Tx, subject_id: &str) -> Result<(), StoreError> {
     let row = sql("SELECT EXISTS (SELECT 1 FROM erasures WHERE subject = $1) AS found")
         .bind(subject_id)
         .one(tx, "looking for an erasure")
@@ -92,7 +92,7 @@ pub async fn refuse_if_begun(tx: &mut Tx, subject_id: &str) -> Result<(), StoreE
 }
 
 /// An erasure by id.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Erasure, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Erasure, StoreError> {
     let row = sql("SELECT * FROM erasures WHERE id = $1 AND tenant = $2")
         .bind(id)
         .bind(tenant.id())
@@ -107,7 +107,7 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Erasure, Stor
 }
 
 /// Erasures, newest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     page: Page,
@@ -123,7 +123,7 @@ pub async fn list(
 }
 
 /// Those that go on, of all tenants.
-pub async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
+pub(crate) async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
     let rows =
         sql("SELECT id, tenant, subject, work, retrain FROM erasures WHERE state = 'RUNNING' ORDER BY ord")
             .rows(tx, "listing open erasures")
@@ -147,7 +147,7 @@ pub async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
 }
 
 /// Tells what an erasure waits for.
-pub async fn wait(tx: &mut Tx, id: &str, message: &str) -> Result<(), StoreError> {
+pub(crate) async fn wait(tx: &mut Tx, id: &str, message: &str) -> Result<(), StoreError> {
     sql("UPDATE erasures SET message = $2 WHERE id = $1 AND state = 'RUNNING' AND message <> $2")
         .bind(id)
         .bind(message)
@@ -157,7 +157,7 @@ pub async fn wait(tx: &mut Tx, id: &str, message: &str) -> Result<(), StoreError
 }
 
 /// Ends an erasure that can't go on.
-pub async fn fail(tx: &mut Tx, id: &str, message: &str) -> Result<(), StoreError> {
+pub(crate) async fn fail(tx: &mut Tx, id: &str, message: &str) -> Result<(), StoreError> {
     sql(
         "UPDATE erasures SET state = 'FAILED', message = $2, end_time = $3
          WHERE id = $1 AND state = 'RUNNING'",
@@ -171,7 +171,7 @@ pub async fn fail(tx: &mut Tx, id: &str, message: &str) -> Result<(), StoreError
 }
 
 /// Notes what is still to be done once the rows are gone.
-pub async fn note_work(tx: &mut Tx, id: &str, work: &str) -> Result<(), StoreError> {
+pub(crate) async fn note_work(tx: &mut Tx, id: &str, work: &str) -> Result<(), StoreError> {
     sql("UPDATE erasures SET work = $2, message = '' WHERE id = $1 AND state = 'RUNNING'")
         .bind(id)
         .bind(work)
@@ -181,7 +181,7 @@ pub async fn note_work(tx: &mut Tx, id: &str, work: &str) -> Result<(), StoreErr
 }
 
 /// Ends an erasure with its report. What it had noted, with the person's name, goes.
-pub async fn done(tx: &mut Tx, id: &str, report: &SignedReport) -> Result<(), StoreError> {
+pub(crate) async fn done(tx: &mut Tx, id: &str, report: &SignedReport) -> Result<(), StoreError> {
     sql(
         "UPDATE erasures SET state = 'DONE', message = '', work = NULL, report = $2, signature = $3, public_key = $4,
              end_time = $5 WHERE id = $1 AND state = 'RUNNING'",

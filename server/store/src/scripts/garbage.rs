@@ -12,7 +12,7 @@ use crate::{KnownGarbage, Reference, StoreError};
 use yoto_proto::keys::{self, FolderOwner, Lease};
 
 /// Notes a folder, with everything below it, as part of a deleted resource.
-pub async fn deleted(tx: &mut Tx, folder: &str) -> Result<(), StoreError> {
+pub(crate) async fn deleted(tx: &mut Tx, folder: &str) -> Result<(), StoreError> {
     sql(
         "INSERT INTO garbage (folder, deleted, garbage_since) VALUES ($1, 1, $2)
          ON CONFLICT (folder) DO UPDATE SET deleted = 1",
@@ -25,7 +25,7 @@ pub async fn deleted(tx: &mut Tx, folder: &str) -> Result<(), StoreError> {
 }
 
 /// Whether exactly this folder was noted as deleted.
-pub async fn is_deleted(tx: &mut Tx, folder: &str) -> Result<bool, StoreError> {
+pub(crate) async fn is_deleted(tx: &mut Tx, folder: &str) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM garbage WHERE folder = $1 AND deleted = 1) AS found")
         .bind(folder)
         .one(tx, "looking for deleted objects")
@@ -34,7 +34,7 @@ pub async fn is_deleted(tx: &mut Tx, folder: &str) -> Result<bool, StoreError> {
 }
 
 /// All noted folders.
-pub async fn known(tx: &mut Tx, at: f64) -> Result<Vec<KnownGarbage>, StoreError> {
+pub(crate) async fn known(tx: &mut Tx, at: f64) -> Result<Vec<KnownGarbage>, StoreError> {
     let rows = sql(concat!(
         "SELECT folder, deleted, ",
         age!("garbage_since"),
@@ -55,7 +55,7 @@ pub async fn known(tx: &mut Tx, at: f64) -> Result<Vec<KnownGarbage>, StoreError
 }
 
 /// Notes `new` folders and forgets those that are `gone`.
-pub async fn note(tx: &mut Tx, new: &[String], gone: &[String]) -> Result<(), StoreError> {
+pub(crate) async fn note(tx: &mut Tx, new: &[String], gone: &[String]) -> Result<(), StoreError> {
     for folder in new {
         sql(
             "INSERT INTO garbage (folder, deleted, garbage_since) VALUES ($1, 0, $2)
@@ -76,7 +76,7 @@ pub async fn note(tx: &mut Tx, new: &[String], gone: &[String]) -> Result<(), St
 }
 
 /// Forgets that these folders, and those below them, were noted.
-pub async fn forget(tx: &mut Tx, folders: &[String]) -> Result<(), StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, folders: &[String]) -> Result<(), StoreError> {
     for folder in folders {
         sql("DELETE FROM garbage WHERE folder = $1 OR substr(folder, 1, length($2)) = $2")
             .bind(folder)
@@ -89,7 +89,7 @@ pub async fn forget(tx: &mut Tx, folders: &[String]) -> Result<(), StoreError> {
 
 /// The reference to each of `folders`. A folder of an unknown kind counts as in use, and so does an ingested
 /// upload until `keep_uploads` seconds after its last write.
-pub async fn references(
+pub(crate) async fn references(
     tx: &mut Tx,
     folders: &[String],
     keep_uploads: f64,
@@ -116,7 +116,7 @@ pub async fn references(
 
 /// Notes that the files of an upload are removed now. Returns `false` if a row has named them since they were found to be
 /// garbage; they are kept then.
-pub async fn release_upload(
+pub(crate) async fn release_upload(
     tx: &mut Tx,
     capture: &str,
     keep_uploads: f64,

@@ -10,7 +10,7 @@ use yoto_proto::v1::job;
 use yoto_proto::v1::job_attempt::Outcome;
 
 /// Lets the worker of `ask` help with a running render; `None` if it has ended, or is to be cancelled.
-pub async fn begin(
+pub(crate) async fn begin(
     tx: &mut Tx,
     ask: &Ask<'_>,
     job_id: &str,
@@ -40,7 +40,7 @@ pub async fn begin(
 }
 
 /// The helper's lease of an earlier call with the same id, with a new deadline.
-pub async fn again(tx: &mut Tx, ask: &Ask<'_>) -> Result<Option<LeaseKey>, StoreError> {
+pub(crate) async fn again(tx: &mut Tx, ask: &Ask<'_>) -> Result<Option<LeaseKey>, StoreError> {
     let row = sql("UPDATE job_attempts SET lease_deadline = $3
          WHERE worker = $1 AND lease_deadline IS NOT NULL AND lease_request = $2
          RETURNING job, lease")
@@ -60,7 +60,7 @@ pub async fn again(tx: &mut Tx, ask: &Ask<'_>) -> Result<Option<LeaseKey>, Store
 }
 
 /// Extends a helper's lease. Returns whether the job is to be cancelled.
-pub async fn heartbeat(
+pub(crate) async fn heartbeat(
     tx: &mut Tx,
     lease: &LeaseKey,
     lease_seconds: f64,
@@ -94,7 +94,11 @@ async fn lasts(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> {
 }
 
 /// Ends a helper's lease. Returns false if this is not a current helper's lease.
-pub async fn end(tx: &mut Tx, lease: &LeaseKey, ending: &Ending) -> Result<bool, StoreError> {
+pub(crate) async fn end(
+    tx: &mut Tx,
+    lease: &LeaseKey,
+    ending: &Ending,
+) -> Result<bool, StoreError> {
     if !lasts(tx, lease).await? {
         return Ok(false);
     }
@@ -112,7 +116,7 @@ pub async fn end(tx: &mut Tx, lease: &LeaseKey, ending: &Ending) -> Result<bool,
 }
 
 /// Ends the lease of a helper that was lost. Returns false if it has ended already.
-pub async fn lose(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> {
+pub(crate) async fn lose(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> {
     if !lasts(tx, lease).await? {
         return Ok(false);
     }
@@ -126,7 +130,11 @@ pub async fn lose(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> {
 }
 
 /// Ends the leases of all helpers of a job that has ended in `state`, and forgets its ranges.
-pub async fn dismiss(tx: &mut Tx, job_id: &str, state: job::State) -> Result<(), StoreError> {
+pub(crate) async fn dismiss(
+    tx: &mut Tx,
+    job_id: &str,
+    state: job::State,
+) -> Result<(), StoreError> {
     let outcome = match state {
         job::State::Succeeded => Outcome::Helped,
         _ => Outcome::Cancelled,

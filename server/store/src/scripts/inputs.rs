@@ -17,7 +17,7 @@ use yoto_proto::worker::v1::{InputFile, InputPiece, Inputs, OtherModel, SubjectS
 const CHECKPOINTS: usize = 8;
 
 /// The inputs of a leased job.
-pub async fn resolve(
+pub(crate) async fn resolve(
     tx: &mut Tx,
     tenant: &Tenant,
     job_id: &str,

@@ -84,7 +84,7 @@ pub(super) fn read(row: &Row) -> Result<Job, StoreError> {
 }
 
 /// Queues a job, or returns the one that `request` queued before. Refused if somebody in it lacks consent.
-pub async fn create(
+pub(crate) async fn create(
     tx: &mut Tx,
     tenant: &Tenant,
     new: NewJob,
@@ -105,7 +105,11 @@ pub async fn create(
 }
 
 /// Queues a job and returns its id, unless the service is drained. The names in the order were parsed before.
-pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String, StoreError> {
+pub(crate) async fn insert(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    new: NewJob,
+) -> Result<String, StoreError> {
     operators::require_open(tx).await?;
     let unreadable = |detail: String| StoreError::Corrupt {
         what: "spec",
@@ -172,7 +176,7 @@ pub async fn insert(tx: &mut Tx, tenant: &Tenant, new: NewJob) -> Result<String,
 }
 
 /// Checks that the tenant has the job.
-pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
     let row = sql("SELECT EXISTS (SELECT 1 FROM jobs WHERE id = $1 AND tenant = $2) AS found")
         .bind(id)
         .bind(tenant.id())
@@ -185,7 +189,7 @@ pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), Store
 }
 
 /// Whether a job is to be cancelled.
-pub async fn cancel_requested(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn cancel_requested(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
     sql("SELECT cancel_requested FROM jobs WHERE id = $1")
         .bind(id)
         .one(tx, "reading whether a job is to be cancelled")
@@ -194,7 +198,7 @@ pub async fn cancel_requested(tx: &mut Tx, id: &str) -> Result<bool, StoreError>
 }
 
 /// The progress of a job.
-pub async fn progress(tx: &mut Tx, id: &str) -> Result<Option<Progress>, StoreError> {
+pub(crate) async fn progress(tx: &mut Tx, id: &str) -> Result<Option<Progress>, StoreError> {
     let row = sql("SELECT progress FROM jobs WHERE id = $1")
         .bind(id)
         .one(tx, "reading a job's progress")
@@ -203,7 +207,7 @@ pub async fn progress(tx: &mut Tx, id: &str) -> Result<Option<Progress>, StoreEr
 }
 
 /// The order of a job.
-pub async fn spec(tx: &mut Tx, id: &str) -> Result<JobSpec, StoreError> {
+pub(crate) async fn spec(tx: &mut Tx, id: &str) -> Result<JobSpec, StoreError> {
     let row = sql("SELECT spec FROM jobs WHERE id = $1")
         .bind(id)
         .row(tx, "reading a job's order")
@@ -221,7 +225,11 @@ fn not_found(id: &str) -> StoreError {
 }
 
 /// A job by id, without its order.
-pub async fn without_order(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+pub(crate) async fn without_order(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Job, StoreError> {
     let query = sql(select_jobs!("WHERE j.id = $1 AND j.tenant = $2"));
     let row = query.bind(id).bind(tenant.id()).row(tx, "reading a job");
     match row.await? {
@@ -231,7 +239,7 @@ pub async fn without_order(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job
 }
 
 /// A job by id, with its order.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
     let query = sql(select_jobs!(
         ", j.spec",
         "WHERE j.id = $1 AND j.tenant = $2"
@@ -253,7 +261,11 @@ async fn with_position(tx: &mut Tx, tenant: &Tenant, row: &Row) -> Result<Job, S
 }
 
 /// A job by id, with its order and its attempts.
-pub async fn with_attempts(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Job, StoreError> {
+pub(crate) async fn with_attempts(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    id: &str,
+) -> Result<Job, StoreError> {
     let job = get(tx, tenant, id).await?;
     Ok(Job {
         attempts: attempts::list(tx, id).await?,
@@ -284,7 +296,7 @@ pub(super) fn narrow(query: &mut Statement, filter: &JobFilter) {
 }
 
 /// Jobs that match the filter, newest first; with their orders if `full`.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     page: Page,
@@ -335,7 +347,7 @@ pub(super) async fn place<'a>(
 }
 
 /// The open jobs of each kind, of all tenants.
-pub async fn figures(tx: &mut Tx) -> Result<Vec<OpenJobs>, StoreError> {
+pub(crate) async fn figures(tx: &mut Tx) -> Result<Vec<OpenJobs>, StoreError> {
     let rows = sql(
         "SELECT kind, count(*) FILTER (WHERE state = 'QUEUED') AS queued,
              count(*) FILTER (WHERE state = 'RUNNING') AS running,
@@ -364,7 +376,7 @@ pub async fn figures(tx: &mut Tx) -> Result<Vec<OpenJobs>, StoreError> {
 }
 
 /// Ends a QUEUED job at once and marks a RUNNING one; a repeated `request` changes nothing.
-pub async fn cancel(
+pub(crate) async fn cancel(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,

@@ -15,7 +15,7 @@ const SESSIONS: i64 = 20;
 
 /// Adds a key. With one of a session, sessions that ended long ago are forgotten, and those of the same person beyond
 /// [`SESSIONS`] end.
-pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, StoreError> {
+pub(crate) async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewKey) -> Result<Key, StoreError> {
     if new.session {
         limit_sessions(tx, tenant, &new.display_name).await?;
     }
@@ -68,7 +68,7 @@ async fn limit_sessions(tx: &mut Tx, tenant: &Tenant, person: &str) -> Result<()
 
 /// All keys, for the check of each call. Of sessions that ended a day ago, only the newest key: a service that ever had one asks for
 /// one.
-pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
+pub(crate) async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
     let rows = sql(
         "SELECT k.id, k.tenant, k.sha256, k.scopes, k.expire_time, k.used_time, k.revoke_time, k.session,
              q.calls_per_second
@@ -97,7 +97,11 @@ pub async fn all(tx: &mut Tx) -> Result<Vec<KeyRow>, StoreError> {
 }
 
 /// The keys of a tenant, newest first.
-pub async fn list(tx: &mut Tx, tenant: &Tenant, page: Page) -> Result<Vec<Entry<Key>>, StoreError> {
+pub(crate) async fn list(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    page: Page,
+) -> Result<Vec<Entry<Key>>, StoreError> {
     let rows = sql("SELECT * FROM keys WHERE tenant = $1 AND ord < $2 ORDER BY ord DESC LIMIT $3")
         .bind(tenant.id())
         .bind(page.after.unwrap_or(i64::MAX))
@@ -108,7 +112,11 @@ pub async fn list(tx: &mut Tx, tenant: &Tenant, page: Page) -> Result<Vec<Entry<
 }
 
 /// Revokes a key of the tenant, or of any tenant. A second revocation keeps the time of the first.
-pub async fn revoke(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Key, StoreError> {
+pub(crate) async fn revoke(
+    tx: &mut Tx,
+    tenant: Option<&Tenant>,
+    id: &str,
+) -> Result<Key, StoreError> {
     sql("UPDATE keys SET revoke_time = coalesce(revoke_time, $3)
          WHERE id = $1 AND ($2 IS NULL OR tenant = $2)")
     .bind(id)
@@ -120,7 +128,7 @@ pub async fn revoke(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Ke
 }
 
 /// A key of the tenant, or of any tenant.
-pub async fn get(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Key, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Key, StoreError> {
     let row = sql("SELECT * FROM keys WHERE id = $1 AND ($2 IS NULL OR tenant = $2)")
         .bind(id)
         .bind(tenant.map(Tenant::id).map(str::to_owned))
@@ -135,7 +143,7 @@ pub async fn get(tx: &mut Tx, tenant: Option<&Tenant>, id: &str) -> Result<Key, 
 }
 
 /// Notes that the key was used now.
-pub async fn note_use(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn note_use(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
     sql("UPDATE keys SET used_time = $2 WHERE id = $1")
         .bind(id)
         .bind(tx.now())

@@ -56,7 +56,7 @@ pub(super) fn bound(statement: &'static str, lease: &LeaseKey) -> Result<Stateme
 }
 
 /// A worker's request for a job.
-pub struct Ask<'a> {
+pub(crate) struct Ask<'a> {
     /// The worker's tenant.
     pub tenant: &'a Tenant,
     pub worker_id: &'a str,
@@ -71,7 +71,7 @@ pub struct Ask<'a> {
 
 /// The answer to a request for a job.
 #[derive(Debug)]
-pub enum LeaseAnswer {
+pub(crate) enum LeaseAnswer {
     /// A lease.
     Leased(Box<LeasedJob>),
     /// Another job has to be chosen: this one, `jobs/{id}`, FAILED for this reason, so that it never blocks the others.
@@ -85,7 +85,7 @@ pub enum LeaseAnswer {
 /// The lease of an earlier call with the same id, while it lasts; otherwise a lease of the first queued job
 /// that the worker may run, or of a part of a running render with a higher priority. A job whose inputs can't be
 /// found, or with a person who lacks consent, FAILS.
-pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<LeaseAnswer, StoreError> {
+pub(crate) async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<LeaseAnswer, StoreError> {
     if let Some(leased) = again(tx, ask).await? {
         return Ok(LeaseAnswer::Leased(leased.into()));
     }
@@ -138,7 +138,7 @@ pub async fn lease(tx: &mut Tx, ask: &Ask<'_>) -> Result<LeaseAnswer, StoreError
 const GAP_BITS: u32 = 40;
 
 /// A random difference between the last token of a job and the next one, so that a token can't be guessed from others.
-pub fn gap() -> i64 {
+pub(crate) fn gap() -> i64 {
     let random = uuid::Uuid::new_v4().as_u128() & ((1 << GAP_BITS) - 1);
     random as i64 + 1
 }
@@ -215,7 +215,11 @@ async fn start_lease_clock(tx: &mut Tx) -> Result<(), StoreError> {
 }
 
 /// Whether the worker has a lease from an earlier call with the same id.
-pub async fn is_repeat(tx: &mut Tx, worker_id: &str, request_id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn is_repeat(
+    tx: &mut Tx,
+    worker_id: &str,
+    request_id: &str,
+) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM leases
              WHERE worker = $1 AND lease_request = $2) AS found")
     .bind(worker_id)
@@ -268,7 +272,7 @@ async fn leased(tx: &mut Tx, tenant: &Tenant, key: &LeaseKey) -> Result<LeasedJo
 }
 
 /// Whether the lease is current: of the worker that runs the job, or of a helper.
-pub async fn is_held(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> {
+pub(crate) async fn is_held(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> {
     let row = bound(held!("SELECT 1 FROM jobs"), lease)?
         .row(tx, "checking a lease")
         .await?;
@@ -277,14 +281,18 @@ pub async fn is_held(tx: &mut Tx, lease: &LeaseKey) -> Result<bool, StoreError> 
 
 /// Checks that the tenant has the job and the worker of a claim. A guarded write that matches no row after this has a stale
 /// lease.
-pub async fn require(tx: &mut Tx, tenant: &Tenant, lease: &LeaseKey) -> Result<(), StoreError> {
+pub(crate) async fn require(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    lease: &LeaseKey,
+) -> Result<(), StoreError> {
     tx.lock(Lock::Job(&lease.job_id)).await?;
     jobs::require(tx, tenant, &lease.job_id).await?;
     workers::require(tx, tenant, &lease.worker_id).await
 }
 
 /// The order of a leased job.
-pub async fn spec(tx: &mut Tx, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
+pub(crate) async fn spec(tx: &mut Tx, lease: &LeaseKey) -> Result<JobSpec, StoreError> {
     let row = bound(held!("SELECT spec FROM jobs"), lease)?
         .row(tx, "reading a leased job")
         .await?;
@@ -295,7 +303,7 @@ pub async fn spec(tx: &mut Tx, lease: &LeaseKey) -> Result<JobSpec, StoreError> 
 }
 
 /// Extends the lease and records progress; the progress of a helper is not recorded.
-pub async fn heartbeat(
+pub(crate) async fn heartbeat(
     tx: &mut Tx,
     lease: &LeaseKey,
     progress: Option<Progress>,
@@ -325,7 +333,7 @@ pub async fn heartbeat(
 
 /// Records a checkpoint of the leased train job's model, and removes those that the model no longer keeps. The
 /// count of lost workers starts again at 0.
-pub async fn publish(
+pub(crate) async fn publish(
     tx: &mut Tx,
     lease: &LeaseKey,
     checkpoint: Checkpoint,

@@ -9,7 +9,7 @@ use yoto_proto::v1::{
 };
 
 /// Open ingest jobs of a person's captures.
-pub async fn ingests(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn ingests(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
     let rows = sql("SELECT j.id FROM jobs j JOIN captures c ON c.id = j.capture
          WHERE c.subject = $1 AND j.state IN ('QUEUED', 'RUNNING') ORDER BY j.ord")
     .bind(subject_id)
@@ -19,7 +19,7 @@ pub async fn ingests(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, Store
 }
 
 /// Ends an open ingest job without waiting for its worker.
-pub async fn stop_ingest(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
+pub(crate) async fn stop_ingest(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
     tx.lock(Lock::Job(job_id)).await?;
     let job = sql("SELECT state, worker, lease FROM jobs WHERE id = $1")
         .bind(job_id)
@@ -41,7 +41,7 @@ pub async fn stop_ingest(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
 }
 
 /// The models with a slot of the person.
-pub async fn models_of(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn models_of(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
     let rows = sql("SELECT model FROM slots WHERE subject = $1 ORDER BY model")
         .bind(subject_id)
         .rows(tx, "looking for models of a person")
@@ -50,12 +50,12 @@ pub async fn models_of(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, Sto
 }
 
 /// Whether a checkpoint was trained with the slot; one of an earlier version was trained with all.
-pub fn knows(checkpoint: &Checkpoint, slot: u32) -> bool {
+pub(crate) fn knows(checkpoint: &Checkpoint, slot: u32) -> bool {
     checkpoint.slots.is_empty() || checkpoint.slots.contains(&slot)
 }
 
 /// Whether a checkpoint of `model` is written anew without the slot: it has somebody else, for whom it is kept.
-pub fn is_rewritten(checkpoint: &Checkpoint, model: &Model, slot: u32) -> bool {
+pub(crate) fn is_rewritten(checkpoint: &Checkpoint, model: &Model, slot: u32) -> bool {
     let has_others = match checkpoint.slots.is_empty() {
         true => model.slots.iter().any(|it| it.slot != slot),
         false => checkpoint.slots.iter().any(|it| *it != slot),
@@ -64,14 +64,14 @@ pub fn is_rewritten(checkpoint: &Checkpoint, model: &Model, slot: u32) -> bool {
 }
 
 /// The slot of a person in a model.
-pub fn slot_of(model: &Model, subject_id: &str) -> Option<u32> {
+pub(crate) fn slot_of(model: &Model, subject_id: &str) -> Option<u32> {
     let name = Collection::Subjects.name(subject_id);
     let slot = model.slots.iter().find(|it| it.subject == name);
     slot.map(|it| it.slot)
 }
 
 /// The job that takes the person out of a model, which is queued if it is needed and there is none yet.
-pub async fn leave(
+pub(crate) async fn leave(
     tx: &mut Tx,
     erasure: &OpenErasure,
     model_id: &str,
@@ -126,7 +126,7 @@ pub async fn leave(
 }
 
 /// The job that takes the person of an erasure out of a model, if it still exists.
-pub async fn job_of(
+pub(crate) async fn job_of(
     tx: &mut Tx,
     tenant: &Tenant,
     erasure_id: &str,

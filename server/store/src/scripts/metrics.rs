@@ -9,7 +9,11 @@ use yoto_proto::v1::{JobMetrics, MetricPoint, Progress};
 
 /// Records the figures of `progress`, if it has any and is far enough from the last point. Points of later steps belong to
 /// work that was lost, and are forgotten.
-pub async fn record(tx: &mut Tx, job_id: &str, progress: &Progress) -> Result<(), StoreError> {
+pub(crate) async fn record(
+    tx: &mut Tx,
+    job_id: &str,
+    progress: &Progress,
+) -> Result<(), StoreError> {
     let Ok(step) = i64::try_from(progress.step) else {
         return Ok(());
     };
@@ -73,7 +77,11 @@ async fn thin_out(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
 }
 
 /// The figures of a job by step.
-pub async fn of_job(tx: &mut Tx, tenant: &Tenant, job_id: &str) -> Result<JobMetrics, StoreError> {
+pub(crate) async fn of_job(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    job_id: &str,
+) -> Result<JobMetrics, StoreError> {
     let rows = sql("SELECT j.id, m.step, m.seconds, m.loss, m.psnr, m.ssim
          FROM jobs j LEFT JOIN job_metrics m ON m.job = j.id
          WHERE j.id = $1 AND j.tenant = $2 ORDER BY m.step")
@@ -94,7 +102,7 @@ pub async fn of_job(tx: &mut Tx, tenant: &Tenant, job_id: &str) -> Result<JobMet
 }
 
 /// The figures of each of these jobs of the tenant by step, by the jobs' ids. A job without figures is missing.
-pub async fn of_jobs(
+pub(crate) async fn of_jobs(
     tx: &mut Tx,
     tenant: &Tenant,
     jobs: &[&str],

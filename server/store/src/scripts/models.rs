@@ -12,7 +12,7 @@ use yoto_proto::v1::{self, ErrorReason, IdentitySlot, Model, subject};
 const SINGLE_SUBJECT_VARIANT: &str = "humannerf";
 
 /// Creates a model, or returns the one that `request` created before.
-pub async fn create(
+pub(crate) async fn create(
     tx: &mut Tx,
     tenant: &Tenant,
     new: NewModel,
@@ -65,7 +65,7 @@ async fn read(tx: &mut Tx, rows: &[Row]) -> Result<Vec<Model>, StoreError> {
 }
 
 /// Changes which checkpoints a model keeps, if its version is `asked` (empty: any), and removes the others.
-pub async fn set_retention(
+pub(crate) async fn set_retention(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -87,13 +87,17 @@ pub async fn set_retention(
 }
 
 /// A model by id.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Model, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Model, StoreError> {
     let found = some(tx, tenant, &[id]).await?;
     found.into_iter().next().ok_or_else(|| not_found(id))
 }
 
 /// The tenant's models among those with these ids, oldest first.
-pub async fn some(tx: &mut Tx, tenant: &Tenant, ids: &[&str]) -> Result<Vec<Model>, StoreError> {
+pub(crate) async fn some(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    ids: &[&str],
+) -> Result<Vec<Model>, StoreError> {
     if ids.is_empty() {
         return Ok(Vec::new());
     }
@@ -105,7 +109,7 @@ pub async fn some(tx: &mut Tx, tenant: &Tenant, ids: &[&str]) -> Result<Vec<Mode
 }
 
 /// Checks that the tenant has the model.
-pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
     let row = sql("SELECT EXISTS (SELECT 1 FROM models WHERE id = $1 AND tenant = $2) AS found")
         .bind(id)
         .bind(tenant.id())
@@ -124,7 +128,7 @@ fn not_found(id: &str) -> StoreError {
 }
 
 /// Models, oldest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     page: Page,
@@ -147,7 +151,7 @@ pub async fn list(
 
 /// Gives a READY subject the next slot, or returns its existing slot, or repeats the answer to `request`: a
 /// slot that was removed since then is not created again.
-pub async fn add_identity(
+pub(crate) async fn add_identity(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,
@@ -233,7 +237,7 @@ pub(super) async fn fill_slot(
 }
 
 /// Removes a subject's slot that no checkpoint was trained with. Its number is not used again.
-pub async fn remove_identity(
+pub(crate) async fn remove_identity(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,

@@ -6,7 +6,7 @@ use yoto_proto::names::{self, Collection};
 use yoto_proto::v1::{JobResult, ObjectRef, job_result};
 
 /// All references, of all tenants, as of one snapshot.
-pub async fn all(tx: &mut Tx) -> Result<References, StoreError> {
+pub(crate) async fn all(tx: &mut Tx) -> Result<References, StoreError> {
     let mut found = References::default();
     of_captures(tx, &mut found).await?;
     of_checkpoints(tx, &mut found).await?;

@@ -15,7 +15,7 @@ macro_rules! admitted {
 pub(super) use admitted;
 
 /// Begins a drain of the service, or changes its reason.
-pub async fn drain(tx: &mut Tx, reason: &str) -> Result<(), StoreError> {
+pub(crate) async fn drain(tx: &mut Tx, reason: &str) -> Result<(), StoreError> {
     sql("INSERT INTO drains (id, reason, since) VALUES (1, $1, $2)
          ON CONFLICT (id) DO UPDATE SET reason = $1")
     .bind(reason)
@@ -26,14 +26,14 @@ pub async fn drain(tx: &mut Tx, reason: &str) -> Result<(), StoreError> {
 }
 
 /// Ends the drain of the service.
-pub async fn end_drain(tx: &mut Tx) -> Result<(), StoreError> {
+pub(crate) async fn end_drain(tx: &mut Tx) -> Result<(), StoreError> {
     let statement = sql("DELETE FROM drains");
     statement.execute(tx, "ending a drain").await?;
     Ok(())
 }
 
 /// The drain of the service, if there is one.
-pub async fn draining(tx: &mut Tx) -> Result<Option<Draining>, StoreError> {
+pub(crate) async fn draining(tx: &mut Tx) -> Result<Option<Draining>, StoreError> {
     let row = sql("SELECT reason, since FROM drains")
         .row(tx, "looking for a drain")
         .await?;
@@ -47,7 +47,7 @@ pub async fn draining(tx: &mut Tx) -> Result<Option<Draining>, StoreError> {
 }
 
 /// Refuses a new job during a drain.
-pub async fn require_open(tx: &mut Tx) -> Result<(), StoreError> {
+pub(crate) async fn require_open(tx: &mut Tx) -> Result<(), StoreError> {
     match draining(tx).await? {
         None => Ok(()),
         Some(Draining { reason, .. }) => {
@@ -64,7 +64,7 @@ pub async fn require_open(tx: &mut Tx) -> Result<(), StoreError> {
 }
 
 /// Cordons the workers called `worker`, or changes the reason.
-pub async fn cordon(
+pub(crate) async fn cordon(
     tx: &mut Tx,
     tenant: &Tenant,
     worker: &str,
@@ -84,7 +84,7 @@ pub async fn cordon(
 }
 
 /// Ends the cordon of the workers called `worker`.
-pub async fn uncordon(tx: &mut Tx, tenant: &Tenant, worker: &str) -> Result<(), StoreError> {
+pub(crate) async fn uncordon(tx: &mut Tx, tenant: &Tenant, worker: &str) -> Result<(), StoreError> {
     sql("DELETE FROM cordons WHERE tenant = $1 AND worker = $2")
         .bind(tenant.id())
         .bind(worker)

@@ -13,7 +13,7 @@ use yoto_proto::v1::job_attempt::Outcome;
 use yoto_proto::v1::{ErrorReason, JobError, JobResult, Progress, Violation, job, job_result};
 
 /// Ends a lease. A repeated call with the same ending is accepted: the answer to the first was lost.
-pub async fn end(
+pub(crate) async fn end(
     tx: &mut Tx,
     tenant: &Tenant,
     lease: &LeaseKey,
@@ -40,7 +40,7 @@ pub async fn end(
 }
 
 /// The refusal of a cancel that was not requested.
-pub fn not_requested() -> StoreError {
+pub(crate) fn not_requested() -> StoreError {
     StoreError::Rule {
         reason: ErrorReason::CancelNotRequested,
         message: "no cancel of this job was requested".into(),
@@ -110,12 +110,12 @@ async fn end_progress(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
 }
 
 /// Ends the leased job as FAILED.
-pub async fn fail(tx: &mut Tx, lease: &LeaseKey, error: JobError) -> Result<(), StoreError> {
+pub(crate) async fn fail(tx: &mut Tx, lease: &LeaseKey, error: JobError) -> Result<(), StoreError> {
     fail_after(tx, lease, error, Outcome::Failed).await
 }
 
 /// Ends the leased job as FAILED; `outcome` is that of its last attempt.
-pub async fn fail_after(
+pub(crate) async fn fail_after(
     tx: &mut Tx,
     lease: &LeaseKey,
     error: JobError,
@@ -132,7 +132,7 @@ pub async fn fail_after(
 }
 
 /// Ends the leased job as CANCELLED.
-pub async fn cancel(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
+pub(crate) async fn cancel(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
     let end = End {
         state: job::State::Cancelled,
         outcome: Outcome::Cancelled,
@@ -144,7 +144,11 @@ pub async fn cancel(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
 }
 
 /// Returns the leased job to its old position in the queue; `outcome` is that of the attempt.
-pub async fn requeue(tx: &mut Tx, lease: &LeaseKey, outcome: Outcome) -> Result<(), StoreError> {
+pub(crate) async fn requeue(
+    tx: &mut Tx,
+    lease: &LeaseKey,
+    outcome: Outcome,
+) -> Result<(), StoreError> {
     let statement = guarded!(
         "UPDATE jobs SET state = 'QUEUED', lease_deadline = NULL, sequence = sequence + 1"
     );
@@ -208,7 +212,7 @@ async fn stand_still(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
 }
 
 /// Ends a job without a worker. Returns false if it is not QUEUED.
-pub async fn cancel_queued(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn cancel_queued(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError> {
     let row = sql(
         "UPDATE jobs SET state = 'CANCELLED', cancel_requested = 1, sequence = sequence + 1,
              end_time = $2, waiting_error = NULL, not_before = NULL
@@ -228,7 +232,11 @@ pub async fn cancel_queued(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError
 }
 
 /// Ends a job without a worker as FAILED. Returns false if it is not QUEUED.
-pub async fn fail_queued(tx: &mut Tx, job_id: &str, error: &JobError) -> Result<bool, StoreError> {
+pub(crate) async fn fail_queued(
+    tx: &mut Tx,
+    job_id: &str,
+    error: &JobError,
+) -> Result<bool, StoreError> {
     let done = sql(
         "UPDATE jobs SET state = 'FAILED', error = $3, sequence = sequence + 1,
              end_time = $2, waiting_error = NULL, not_before = NULL
@@ -248,7 +256,11 @@ pub async fn fail_queued(tx: &mut Tx, job_id: &str, error: &JobError) -> Result<
 }
 
 /// Ends the leased job as CANCELLED because of `error`, without waiting for its worker, whose lease is stale from now on.
-pub async fn stop(tx: &mut Tx, lease: &LeaseKey, error: &JobError) -> Result<(), StoreError> {
+pub(crate) async fn stop(
+    tx: &mut Tx,
+    lease: &LeaseKey,
+    error: &JobError,
+) -> Result<(), StoreError> {
     let end = End {
         state: job::State::Cancelled,
         outcome: Outcome::Cancelled,

@@ -10,7 +10,11 @@ use yoto_proto::worker::v1::PictureRange;
 
 /// Commits a file of a job that the worker runs, or of a render that it helps with. It replaces an earlier file
 /// of the same name, which is damaged or from an earlier lease.
-pub async fn commit(tx: &mut Tx, lease: &LeaseKey, file: &RenderedFile) -> Result<(), StoreError> {
+pub(crate) async fn commit(
+    tx: &mut Tx,
+    lease: &LeaseKey,
+    file: &RenderedFile,
+) -> Result<(), StoreError> {
     let object = file.object.clone().unwrap_or_default();
     let statement = held!(
         "UPDATE jobs SET sequence = sequence + 1",
@@ -37,7 +41,7 @@ pub async fn commit(tx: &mut Tx, lease: &LeaseKey, file: &RenderedFile) -> Resul
 }
 
 /// The committed files of a job, in the order of their commits.
-pub async fn list(tx: &mut Tx, job_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
+pub(crate) async fn list(tx: &mut Tx, job_id: &str) -> Result<Vec<RenderedFile>, StoreError> {
     let rows = sql("SELECT * FROM job_outputs WHERE job = $1 ORDER BY ord")
         .bind(job_id)
         .rows(tx, "listing the files of a job")
@@ -46,7 +50,7 @@ pub async fn list(tx: &mut Tx, job_id: &str) -> Result<Vec<RenderedFile>, StoreE
 }
 
 /// The committed files of a range, ordered by name.
-pub async fn between(
+pub(crate) async fn between(
     tx: &mut Tx,
     job_id: &str,
     range: &PictureRange,
@@ -66,7 +70,7 @@ pub async fn between(
 }
 
 /// Number of committed files of a job.
-pub async fn count(tx: &mut Tx, job_id: &str) -> Result<u32, StoreError> {
+pub(crate) async fn count(tx: &mut Tx, job_id: &str) -> Result<u32, StoreError> {
     sql("SELECT count(*) AS files FROM job_outputs WHERE job = $1")
         .bind(job_id)
         .one(tx, "counting the files of a job")

@@ -4,7 +4,7 @@ use crate::db::Row;
 use crate::{Entry, StoreError};
 
 /// The items that `read` makes of rows, each with its position in the list.
-pub fn entries<T>(
+pub(super) fn entries<T>(
     rows: &[Row],
     read: impl Fn(&Row) -> Result<T, StoreError>,
 ) -> Result<Vec<Entry<T>>, StoreError> {

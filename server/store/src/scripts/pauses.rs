@@ -5,7 +5,7 @@ use crate::{JobKind, StoreError, Tenant};
 use yoto_proto::v1::PausedKind;
 
 /// Pauses a kind, or changes the reason of its pause.
-pub async fn pause(
+pub(crate) async fn pause(
     tx: &mut Tx,
     tenant: &Tenant,
     kind: JobKind,
@@ -25,7 +25,7 @@ pub async fn pause(
 }
 
 /// Ends the pause of a kind.
-pub async fn resume(tx: &mut Tx, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
+pub(crate) async fn resume(tx: &mut Tx, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
     sql("DELETE FROM paused_kinds WHERE kind = $1 AND tenant = $2")
         .bind(kind.as_str())
         .bind(tenant.id())
@@ -35,7 +35,7 @@ pub async fn resume(tx: &mut Tx, tenant: &Tenant, kind: JobKind) -> Result<(), S
 }
 
 /// The paused kinds.
-pub async fn list(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<PausedKind>, StoreError> {
+pub(crate) async fn list(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<PausedKind>, StoreError> {
     let rows = sql("SELECT * FROM paused_kinds WHERE tenant = $1 ORDER BY kind")
         .bind(tenant.id())
         .rows(tx, "listing paused kinds of jobs")

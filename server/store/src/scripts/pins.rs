@@ -19,7 +19,7 @@ use yoto_proto::v1::{ErrorReason, JobSpec, Model, job_spec};
 use yoto_proto::{exports, tiers};
 
 /// Step of the checkpoint that a job uses.
-pub async fn of_job(tx: &mut Tx, job_id: &str) -> Result<Option<u64>, StoreError> {
+pub(crate) async fn of_job(tx: &mut Tx, job_id: &str) -> Result<Option<u64>, StoreError> {
     let row = sql("SELECT pinned_step FROM jobs WHERE id = $1")
         .bind(job_id)
         .row(tx, "reading which checkpoint a job uses")
@@ -28,7 +28,7 @@ pub async fn of_job(tx: &mut Tx, job_id: &str) -> Result<Option<u64>, StoreError
 }
 
 /// Step of the checkpoint that a job uses of a model that is not its own.
-pub async fn of_other(
+pub(crate) async fn of_other(
     tx: &mut Tx,
     job_id: &str,
     model_id: &str,
@@ -43,7 +43,7 @@ pub async fn of_other(
 
 /// The checkpoints of a model that open jobs use: jobs of the model, and scenes of other models that show its
 /// people.
-pub async fn of_model(tx: &mut Tx, model_id: &str) -> Result<Pins, StoreError> {
+pub(crate) async fn of_model(tx: &mut Tx, model_id: &str) -> Result<Pins, StoreError> {
     let rows = sql(
         "SELECT ord, id, pinned_step FROM jobs
          WHERE state IN ('QUEUED', 'RUNNING') AND model = $1 AND kind IN ('render', 'evaluate', 'export')
@@ -67,7 +67,7 @@ pub async fn of_model(tx: &mut Tx, model_id: &str) -> Result<Pins, StoreError> {
 
 /// Step of the checkpoint that a job with this order uses, which must exist; `None` for jobs that do not use a
 /// particular one.
-pub async fn chosen(
+pub(crate) async fn chosen(
     tx: &mut Tx,
     tenant: &Tenant,
     spec: &JobSpec,
@@ -121,7 +121,7 @@ fn own(spec: &JobSpec) -> Option<&str> {
 }
 
 /// The models beside its own that a job uses, `models/{id}`, in the order of its actors.
-pub fn others(spec: &JobSpec) -> Vec<&str> {
+pub(crate) fn others(spec: &JobSpec) -> Vec<&str> {
     match &spec.kind {
         Some(job_spec::Kind::Render(render)) => {
             let others = other_models(render).into_iter();
@@ -132,7 +132,11 @@ pub fn others(spec: &JobSpec) -> Vec<&str> {
 }
 
 /// Locks the models of a job with this order: `model_id`, which is its own, and the others.
-pub async fn lock_models(tx: &mut Tx, model_id: &str, spec: &JobSpec) -> Result<(), StoreError> {
+pub(crate) async fn lock_models(
+    tx: &mut Tx,
+    model_id: &str,
+    spec: &JobSpec,
+) -> Result<(), StoreError> {
     let mut ids = vec![model_id];
     for name in others(spec) {
         ids.push(self::model_id(name)?);
@@ -145,7 +149,7 @@ pub async fn lock_models(tx: &mut Tx, model_id: &str, spec: &JobSpec) -> Result<
 }
 
 /// Chooses the checkpoint of each other model that a job uses. Each of these models must have one.
-pub async fn pin_others(
+pub(crate) async fn pin_others(
     tx: &mut Tx,
     tenant: &Tenant,
     job_id: &str,
@@ -167,7 +171,7 @@ pub async fn pin_others(
 }
 
 /// Chooses the checkpoints of a leased job again.
-pub async fn renew(
+pub(crate) async fn renew(
     tx: &mut Tx,
     tenant: &Tenant,
     job_id: &str,
@@ -191,7 +195,7 @@ pub async fn renew(
 }
 
 /// The people that a job on `model` needs, `subjects/{id}`, each once.
-pub fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
+pub(crate) fn people(spec: &JobSpec, model: &Model) -> Vec<String> {
     let everybody = model.slots.iter().map(|it| it.subject.clone());
     match &spec.kind {
         // Nobody's frames are needed to take a person out.
@@ -220,7 +224,7 @@ fn each_once(needs: Vec<Need<'_>>) -> Vec<String> {
 }
 
 /// Pins the newest capture of a person to a job; the capture's id.
-pub async fn pin_capture(
+pub(crate) async fn pin_capture(
     tx: &mut Tx,
     tenant: &Tenant,
     job_id: &str,
@@ -249,7 +253,7 @@ pub async fn pin_capture(
 }
 
 /// The capture of a person that was chosen for a job.
-pub async fn capture(
+pub(crate) async fn capture(
     tx: &mut Tx,
     job_id: &str,
     subject_id: &str,
@@ -263,7 +267,7 @@ pub async fn capture(
 }
 
 /// An open job of the model or with people of it; only of `kind` if that is not empty.
-pub async fn open_job(
+pub(crate) async fn open_job(
     tx: &mut Tx,
     model_id: &str,
     kind: &str,
@@ -280,7 +284,7 @@ pub async fn open_job(
 }
 
 /// Refuses if a job of the model, or with people of it, is open.
-pub async fn ensure_idle(tx: &mut Tx, model: &Model) -> Result<(), StoreError> {
+pub(crate) async fn ensure_idle(tx: &mut Tx, model: &Model) -> Result<(), StoreError> {
     match open_job(tx, model_id(&model.name)?, "").await? {
         Some(job) => Err(in_use(&job, &model.display_name, ErrorReason::ModelBusy)),
         None => Ok(()),
@@ -288,7 +292,7 @@ pub async fn ensure_idle(tx: &mut Tx, model: &Model) -> Result<(), StoreError> {
 }
 
 /// The refusal that names the job.
-pub fn in_use(job: &str, what: &str, reason: ErrorReason) -> StoreError {
+pub(crate) fn in_use(job: &str, what: &str, reason: ErrorReason) -> StoreError {
     let message = format!("{job} uses {what}: wait for it, or cancel it");
     StoreError::Rule { reason, message }
 }

@@ -13,7 +13,7 @@ const LOSSES: u32 = 4;
 
 /// The first job of the queue.
 #[derive(Debug)]
-pub struct Next {
+pub(crate) struct Next {
     /// Its id.
     pub id: String,
     /// Its priority, 0 to 3.
@@ -44,7 +44,7 @@ macro_rules! waiting {
 
 /// Whether a job for the worker is queued. Workers ask often and mostly without success; this
 /// read saves a transaction on the writer's connection, and a disk access, each time.
-pub async fn any(tx: &mut Tx, worker_id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn any(tx: &mut Tx, worker_id: &str) -> Result<bool, StoreError> {
     let row = sql(concat!(
         "SELECT EXISTS (SELECT 1 FROM jobs q WHERE ",
         waiting!(),
@@ -58,7 +58,7 @@ pub async fn any(tx: &mut Tx, worker_id: &str) -> Result<bool, StoreError> {
 }
 
 /// The first job in the queue that the worker may run, claimed.
-pub async fn next(tx: &mut Tx, worker_id: &str) -> Result<Option<Next>, StoreError> {
+pub(crate) async fn next(tx: &mut Tx, worker_id: &str) -> Result<Option<Next>, StoreError> {
     let choice = sql(concat!(
         "WITH running AS (
              SELECT owner, count(*) AS jobs FROM jobs
@@ -87,7 +87,7 @@ pub async fn next(tx: &mut Tx, worker_id: &str) -> Result<Option<Next>, StoreErr
 /// A running render with undrawn pictures and a priority higher than `above`, that of the next queued job. The
 /// highest priority comes first, then the render with the fewest workers, then the oldest one. A worker that
 /// has failed at a render, or was lost, does not help with it again.
-pub async fn to_help(
+pub(crate) async fn to_help(
     tx: &mut Tx,
     worker_id: &str,
     above: Option<i64>,

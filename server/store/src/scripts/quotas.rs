@@ -7,7 +7,7 @@ use crate::{JobKind, StoreError, Tenant};
 use yoto_proto::v1::Quota;
 
 /// Replaces the quota of a tenant.
-pub async fn set(tx: &mut Tx, tenant: &Tenant, quota: &Quota) -> Result<(), StoreError> {
+pub(crate) async fn set(tx: &mut Tx, tenant: &Tenant, quota: &Quota) -> Result<(), StoreError> {
     let column = |field, value: Option<u64>| value.map(|it| integer(field, it)).transpose();
     sql(
         "INSERT INTO quotas (tenant, people, bytes, open_jobs, device_seconds, pictures, calls_per_second)
@@ -28,7 +28,7 @@ pub async fn set(tx: &mut Tx, tenant: &Tenant, quota: &Quota) -> Result<(), Stor
 }
 
 /// Refuses another person.
-pub async fn admit_person(tx: &mut Tx, tenant: &Tenant) -> Result<(), StoreError> {
+pub(crate) async fn admit_person(tx: &mut Tx, tenant: &Tenant) -> Result<(), StoreError> {
     if let Some(most) = locked(tx, tenant).await?.people {
         refuse_beyond("people", usage::people(tx, tenant).await?, 1, most)?;
     }
@@ -36,7 +36,11 @@ pub async fn admit_person(tx: &mut Tx, tenant: &Tenant) -> Result<(), StoreError
 }
 
 /// Refuses an upload of `coming` bytes.
-pub async fn admit_upload(tx: &mut Tx, tenant: &Tenant, coming: u64) -> Result<(), StoreError> {
+pub(crate) async fn admit_upload(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    coming: u64,
+) -> Result<(), StoreError> {
     if let Some(most) = locked(tx, tenant).await?.bytes {
         refuse_beyond("bytes", usage::bytes(tx, tenant).await?, coming, most)?;
     }
@@ -44,14 +48,22 @@ pub async fn admit_upload(tx: &mut Tx, tenant: &Tenant, coming: u64) -> Result<(
 }
 
 /// Refuses another job of this kind.
-pub async fn admit_job(tx: &mut Tx, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
+pub(crate) async fn admit_job(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    kind: JobKind,
+) -> Result<(), StoreError> {
     tx.lock(Lock::Quota(tenant.id())).await?;
     check_job(tx, tenant, kind).await
 }
 
 /// Whether another job of this kind would be refused now. How long it will take and what it will write is not known, so it is
 /// refused once nothing is left.
-pub async fn check_job(tx: &mut Tx, tenant: &Tenant, kind: JobKind) -> Result<(), StoreError> {
+pub(crate) async fn check_job(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    kind: JobKind,
+) -> Result<(), StoreError> {
     let quota = usage::quota(tx, tenant).await?;
     if let Some(most) = quota.open_jobs {
         refuse_beyond("open_jobs", usage::open_jobs(tx, tenant).await?, 1, most)?;

@@ -10,7 +10,7 @@ use yoto_proto::worker::v1::PictureRange;
 
 /// Marks the range that begins at `drawn` as drawn by the lease, and assigns the next one to it, or returns the
 /// range that it already has. Also returns whether all pictures are drawn.
-pub async fn take(
+pub(crate) async fn take(
     tx: &mut Tx,
     lease: &LeaseKey,
     pictures: u32,
@@ -40,7 +40,7 @@ pub async fn take(
 
 /// The committed files of a `range` that was taken; of a finished render, all of its files. Read outside the
 /// transaction that took the range: a render has thousands of files, and other writers would wait.
-pub async fn taken(
+pub(crate) async fn taken(
     tx: &mut Tx,
     job_id: &str,
     range: Option<PictureRange>,
@@ -117,7 +117,7 @@ async fn next(tx: &mut Tx, lease: &LeaseKey) -> Result<Option<PictureRange>, Sto
 }
 
 /// Whether a render was divided into ranges, that is, a worker has begun to draw it.
-pub async fn any(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn any(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM render_ranges WHERE job = $1) AS found")
         .bind(job_id)
         .one(tx, "reading the ranges of a render")
@@ -126,7 +126,7 @@ pub async fn any(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError> {
 }
 
 /// Frees the ranges that an ending lease has not drawn.
-pub async fn release(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
+pub(crate) async fn release(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
     sql("UPDATE render_ranges SET token = NULL WHERE job = $1 AND token = $2")
         .bind(&lease.job_id)
         .bind(lease.column()?)

@@ -14,7 +14,7 @@ use yoto_proto::v1::job_attempt::Outcome;
 const TICKS_PER_LEASE: f64 = 8.0;
 
 /// Whether a tick has anything to do: a lease expired, or the clock is to be recorded.
-pub async fn is_due(tx: &mut Tx, lease_seconds: f64) -> Result<bool, StoreError> {
+pub(crate) async fn is_due(tx: &mut Tx, lease_seconds: f64) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM leases WHERE (
              lease_deadline < $1
              OR NOT EXISTS (
@@ -28,7 +28,7 @@ pub async fn is_due(tx: &mut Tx, lease_seconds: f64) -> Result<bool, StoreError>
 
 /// A lease whose worker is lost.
 #[derive(Debug)]
-pub struct Lost {
+pub(crate) struct Lost {
     lease: LeaseKey,
     /// Its deadline when it was found. A lease that was extended since then is kept.
     deadline: f64,
@@ -37,7 +37,7 @@ pub struct Lost {
 
 /// Extends the deadlines by an outage since the last tick, records the tick, and returns the leases that have expired
 /// nevertheless.
-pub async fn tick(tx: &mut Tx, lease_seconds: f64) -> Result<Vec<Lost>, StoreError> {
+pub(crate) async fn tick(tx: &mut Tx, lease_seconds: f64) -> Result<Vec<Lost>, StoreError> {
     forgive(tx, lease_seconds).await?;
     Ticks::Leases.record(tx).await?;
     let rows = sql(
@@ -52,7 +52,7 @@ pub async fn tick(tx: &mut Tx, lease_seconds: f64) -> Result<Vec<Lost>, StoreErr
 
 /// The leases of workers that ran in an earlier process of the coordinator `instance`. Those of a version that had no
 /// instances ran in the only coordinator.
-pub async fn embedded(tx: &mut Tx, instance: &str) -> Result<Vec<Lost>, StoreError> {
+pub(crate) async fn embedded(tx: &mut Tx, instance: &str) -> Result<Vec<Lost>, StoreError> {
     let rows = sql(
         "SELECT l.job, l.token, l.worker, l.lease_deadline, l.token <> j.lease AS helps
          FROM leases l JOIN jobs j ON j.id = l.job JOIN workers w ON w.id = l.worker
@@ -114,7 +114,11 @@ async fn forgive(tx: &mut Tx, lease_seconds: f64) -> Result<(), StoreError> {
 
 /// Ends a lost lease; `None` if it was extended or has ended since it was found. The render of a lost helper continues, and
 /// the loss does not count against it. The job of a lost worker returns to the queue, or ends.
-pub async fn take_back(tx: &mut Tx, lost: &Lost, cap: u32) -> Result<Option<Reaped>, StoreError> {
+pub(crate) async fn take_back(
+    tx: &mut Tx,
+    lost: &Lost,
+    cap: u32,
+) -> Result<Option<Reaped>, StoreError> {
     let lease = &lost.lease;
     tx.lock(Lock::Job(&lease.job_id)).await?;
     let found = sql(

@@ -13,7 +13,7 @@ use yoto_proto::v1::{JobError, JobResult, JobSpec, job_result, job_spec};
 
 /// Removes all rows of the person and notes their objects as deleted. Returns what was removed and what is to be removed from the
 /// store, or `None` if an open job still needs the person.
-pub async fn rows(tx: &mut Tx, erasure: &OpenErasure) -> Result<Option<Work>, StoreError> {
+pub(crate) async fn rows(tx: &mut Tx, erasure: &OpenErasure) -> Result<Option<Work>, StoreError> {
     let (tenant, id) = (&erasure.tenant, erasure.subject_id.as_str());
     let mut jobs = jobs_of(tx, erasure).await?;
     jobs.sort();

@@ -5,7 +5,7 @@ use crate::db::{Tx, sql};
 use crate::{RequestKey, StoreError, Tenant};
 
 /// The id in the earlier answer to the same request, if there was one. A request that is being answered now has none.
-pub async fn answered(
+pub(crate) async fn answered(
     tx: &mut Tx,
     tenant: &Tenant,
     request: Option<&RequestKey>,
@@ -33,7 +33,7 @@ pub async fn answered(
 
 /// Takes the id of a request, or returns the earlier answer to it. This is the first write of a transaction: a copy of the
 /// same call waits here until the first one has its answer. The caller stores the answer with [`remember`].
-pub async fn begin(
+pub(crate) async fn begin(
     tx: &mut Tx,
     tenant: &Tenant,
     request: Option<&RequestKey>,
@@ -60,7 +60,7 @@ pub async fn begin(
 }
 
 /// Stores the answer to a request that this transaction has begun.
-pub async fn remember(
+pub(crate) async fn remember(
     tx: &mut Tx,
     tenant: &Tenant,
     request: Option<&RequestKey>,
@@ -81,7 +81,7 @@ pub async fn remember(
 }
 
 /// Forgets answers that are older than `keep` seconds.
-pub async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
     let done = sql(concat!(
         "DELETE FROM request_ids WHERE ",
         age!("kept_since"),

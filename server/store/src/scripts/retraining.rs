@@ -12,7 +12,7 @@ const ANEW: &str = ", trained anew";
 
 /// The id of the new model in place of `model_id`, which is made if there is none yet; `None` where nothing is to be trained: the shared
 /// parameters have nothing of the person, nobody else is in the model, or it was never trained.
-pub async fn model(
+pub(crate) async fn model(
     tx: &mut Tx,
     erasure: &OpenErasure,
     model_id: &str,
@@ -61,7 +61,7 @@ pub async fn model(
 
 /// Queues the training of `new_id` in place of `model_id`, unless it was queued before: with the settings of the old model's last
 /// training, for as long as all of its trainings together.
-pub async fn job(
+pub(crate) async fn job(
     tx: &mut Tx,
     tenant: &Tenant,
     model_id: &str,
@@ -98,7 +98,7 @@ pub async fn job(
 }
 
 /// The new model in place of `model_id`, if one was made by this erasure.
-pub async fn made(
+pub(crate) async fn made(
     tx: &mut Tx,
     erasure_id: &str,
     model_id: &str,

@@ -21,7 +21,7 @@ pub struct ServiceState {
 }
 
 /// The state of the queue of a tenant.
-pub async fn read(tx: &mut Tx, tenant: &Tenant) -> Result<ServiceState, StoreError> {
+pub(crate) async fn read(tx: &mut Tx, tenant: &Tenant) -> Result<ServiceState, StoreError> {
     let rows = sql(
         "SELECT 'open' AS what, '' AS name, '' AS reason, NULL AS since,
              count(*) FILTER (WHERE state = 'QUEUED') AS queued,

@@ -26,7 +26,7 @@ macro_rules! with_state {
 }
 
 /// Adds a link to an export of the tenant.
-pub async fn create(
+pub(crate) async fn create(
     tx: &mut Tx,
     tenant: &Tenant,
     new: &NewShare,
@@ -56,7 +56,7 @@ pub async fn create(
 }
 
 /// What the link with this SHA-256 shows; `None` if there is none, or it has ended.
-pub async fn shown(
+pub(crate) async fn shown(
     tx: &mut Tx,
     sha256: &str,
     required: bool,
@@ -87,7 +87,7 @@ pub async fn shown(
 }
 
 /// The links of a tenant, newest first. A job or a person in the filter must be the tenant's.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     filter: &ShareFilter,
@@ -118,7 +118,7 @@ pub async fn list(
 }
 
 /// Deletes the links to pages of a person, and returns their ids.
-pub async fn remove_of(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn remove_of(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, StoreError> {
     let rows = sql("SELECT id FROM shares WHERE subject = $1 ORDER BY ord")
         .bind(subject_id)
         .rows(tx, "listing links of a person")
@@ -131,7 +131,7 @@ pub async fn remove_of(tx: &mut Tx, subject_id: &str) -> Result<Vec<String>, Sto
 }
 
 /// Revokes a link. A second revocation keeps the time of the first.
-pub async fn revoke(
+pub(crate) async fn revoke(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,

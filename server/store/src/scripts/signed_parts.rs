@@ -9,7 +9,7 @@ use yoto_proto::limits::UPLOAD_PIECES;
 use yoto_proto::v1::ErrorReason;
 
 /// Records a part. Returns whether it is new: one that is recorded already, with the same bytes, is not changed.
-pub async fn commit(
+pub(crate) async fn commit(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,

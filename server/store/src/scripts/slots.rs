@@ -21,7 +21,7 @@ pub(super) use newest_checkpoint;
 
 /// The slots of each of these models, by the models' ids. A model without slots is missing. They are read at once, since a
 /// page of models would otherwise ask the database for each.
-pub async fn of_models(
+pub(super) async fn of_models(
     tx: &mut Tx,
     models: &[String],
 ) -> Result<HashMap<String, Vec<IdentitySlot>>, StoreError> {

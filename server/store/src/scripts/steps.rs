@@ -25,7 +25,7 @@ pub(super) use age;
 
 /// The checks of the clock that a process has made.
 #[derive(Debug, Clone, Copy)]
-pub struct Checks {
+pub(crate) struct Checks {
     /// Since when the clock has had no step: small differences add up from there until they are one.
     pub since: Reading,
     /// The last check.
@@ -34,7 +34,7 @@ pub struct Checks {
 
 /// Records the time of `reading`, and a step of the clock since the last check of this process, or of another one that has
 /// checked after it. Returns the step, and the reading since which there was none.
-pub async fn keep_time(
+pub(crate) async fn keep_time(
     tx: &mut Tx,
     checks: Option<Checks>,
     reading: Reading,

@@ -32,7 +32,7 @@ pub(super) fn read(row: &Row) -> Result<Subject, StoreError> {
 }
 
 /// Creates a subject, or returns the one that `request` created before.
-pub async fn create(
+pub(crate) async fn create(
     tx: &mut Tx,
     tenant: &Tenant,
     new: NewSubject,
@@ -55,7 +55,7 @@ pub async fn create(
 }
 
 /// A subject by id.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Subject, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Subject, StoreError> {
     let row = sql("SELECT * FROM subject_catalogue WHERE id = $1 AND tenant = $2")
         .bind(id)
         .bind(tenant.id())
@@ -70,7 +70,7 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Subject, Stor
 }
 
 /// Changes a subject, if its version is `asked` (empty: any).
-pub async fn update(
+pub(crate) async fn update(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -93,7 +93,7 @@ pub async fn update(
 }
 
 /// Subjects, oldest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     page: Page,
@@ -109,7 +109,7 @@ pub async fn list(
 }
 
 /// The shard of the subject's newest READY capture.
-pub async fn shard(
+pub(crate) async fn shard(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -129,7 +129,10 @@ pub async fn shard(
 }
 
 /// The shard of a capture, if it is READY.
-pub async fn shard_of(tx: &mut Tx, capture_id: &str) -> Result<Option<SubjectShard>, StoreError> {
+pub(crate) async fn shard_of(
+    tx: &mut Tx,
+    capture_id: &str,
+) -> Result<Option<SubjectShard>, StoreError> {
     let row = sql(
         "SELECT s.id, s.display_name, c.shard_key, c.shard_bytes, c.shard_sha256, c.frames,
              c.first_frame, c.last_frame

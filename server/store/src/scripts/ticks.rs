@@ -5,7 +5,7 @@ use crate::db::{Tx, sql};
 
 /// A recorded check.
 #[derive(Debug, Clone, Copy)]
-pub enum Ticks {
+pub(crate) enum Ticks {
     /// Leases were checked for expiry.
     Leases,
     /// The clock was compared with the steady one.
@@ -14,7 +14,7 @@ pub enum Ticks {
 
 impl Ticks {
     /// The time of the last check; `None` before the first one.
-    pub async fn last(self, tx: &mut Tx) -> Result<Option<f64>, StoreError> {
+    pub(crate) async fn last(self, tx: &mut Tx) -> Result<Option<f64>, StoreError> {
         let statement = match self {
             Self::Leases => "SELECT last_tick FROM lease_clock WHERE id = 1",
             Self::Clock => "SELECT last_tick FROM service_clock WHERE id = 1",
@@ -26,7 +26,7 @@ impl Ticks {
     }
 
     /// Waits until no other transaction checks, and keeps others waiting until this one ends.
-    pub async fn lock(self, tx: &mut Tx) -> Result<(), StoreError> {
+    pub(crate) async fn lock(self, tx: &mut Tx) -> Result<(), StoreError> {
         // A write of the row is a lock of it on every database.
         let statement = match self {
             Self::Leases => "UPDATE lease_clock SET last_tick = last_tick WHERE id = 1",
@@ -37,7 +37,7 @@ impl Ticks {
     }
 
     /// Records a check.
-    pub async fn record(self, tx: &mut Tx) -> Result<(), StoreError> {
+    pub(crate) async fn record(self, tx: &mut Tx) -> Result<(), StoreError> {
         let statement = match self {
             Self::Leases => {
                 "INSERT INTO lease_clock (id, last_tick) VALUES (1, $1)

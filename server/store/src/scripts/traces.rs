@@ -25,12 +25,12 @@ const RANDOM: [&str; 11] = [
 ];
 
 /// The columns of all tables whose rows have one of these ids, in a text or in bytes.
-pub async fn of_ids(tx: &mut Tx, ids: &[String]) -> Result<Vec<Trace>, StoreError> {
+pub(crate) async fn of_ids(tx: &mut Tx, ids: &[String]) -> Result<Vec<Trace>, StoreError> {
     find(tx, ids, |_| true).await
 }
 
 /// The columns of texts and of encoded messages whose rows have this name.
-pub async fn of_name(tx: &mut Tx, name: &str) -> Result<Vec<Trace>, StoreError> {
+pub(crate) async fn of_name(tx: &mut Tx, name: &str) -> Result<Vec<Trace>, StoreError> {
     // The audit log has no texts of callers.
     let is_text = |column: &Column| {
         column.table != "audit" && !RANDOM.iter().any(|end| column.name.ends_with(end))

@@ -24,7 +24,7 @@ fn part(row: &Row) -> Result<UploadPart, StoreError> {
 }
 
 /// The newest part of an upload.
-pub async fn newest(tx: &mut Tx, id: &str) -> Result<Option<UploadPart>, StoreError> {
+pub(crate) async fn newest(tx: &mut Tx, id: &str) -> Result<Option<UploadPart>, StoreError> {
     let row = sql(
         "SELECT writer, number, key, bytes, sha256 FROM upload_parts WHERE capture = $1
          ORDER BY writer DESC, number DESC LIMIT 1",
@@ -36,7 +36,11 @@ pub async fn newest(tx: &mut Tx, id: &str) -> Result<Option<UploadPart>, StoreEr
 }
 
 /// The part of an upload with this id.
-pub async fn find(tx: &mut Tx, id: &str, of: PartId) -> Result<Option<UploadPart>, StoreError> {
+pub(crate) async fn find(
+    tx: &mut Tx,
+    id: &str,
+    of: PartId,
+) -> Result<Option<UploadPart>, StoreError> {
     let row = sql("SELECT writer, number, key, bytes, sha256 FROM upload_parts
          WHERE capture = $1 AND writer = $2 AND number = $3")
     .bind(id)
@@ -48,7 +52,7 @@ pub async fn find(tx: &mut Tx, id: &str, of: PartId) -> Result<Option<UploadPart
 }
 
 /// Number of pieces of an upload.
-pub async fn pieces(tx: &mut Tx, id: &str) -> Result<u64, StoreError> {
+pub(crate) async fn pieces(tx: &mut Tx, id: &str) -> Result<u64, StoreError> {
     sql("SELECT count(*) AS pieces FROM upload_pieces WHERE capture = $1")
         .bind(id)
         .one(tx, "counting the pieces of an upload")
@@ -57,7 +61,7 @@ pub async fn pieces(tx: &mut Tx, id: &str) -> Result<u64, StoreError> {
 }
 
 /// Whether `writer` is the newest one of the upload.
-pub async fn is_newest(tx: &mut Tx, id: &str, writer: u64) -> Result<bool, StoreError> {
+pub(crate) async fn is_newest(tx: &mut Tx, id: &str, writer: u64) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM captures WHERE id = $1 AND writer = $2) AS found")
         .bind(id)
         .bind(integer("writer", writer)?)
@@ -67,7 +71,7 @@ pub async fn is_newest(tx: &mut Tx, id: &str, writer: u64) -> Result<bool, Store
 }
 
 /// All parts of an upload in their order, each with its pieces.
-pub async fn all(tx: &mut Tx, id: &str) -> Result<Vec<StoredPart>, StoreError> {
+pub(crate) async fn all(tx: &mut Tx, id: &str) -> Result<Vec<StoredPart>, StoreError> {
     let rows = sql(
         "SELECT writer, number, key, bytes, sha256 FROM upload_parts WHERE capture = $1
          ORDER BY writer, number",
@@ -114,7 +118,7 @@ pub async fn all(tx: &mut Tx, id: &str) -> Result<Vec<StoredPart>, StoreError> {
 
 /// Records a part that its writer has put into the object store. Each piece begins where the committed bytes of its file
 /// end.
-pub async fn commit(
+pub(crate) async fn commit(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -264,7 +268,7 @@ async fn extend(
 
 /// Forgets the bytes of files that `writer` found to be lost, or to differ from the announced ones. If another writer has
 /// taken over or the upload has ended, nothing changes.
-pub async fn restart(
+pub(crate) async fn restart(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -305,7 +309,7 @@ pub async fn restart(
 }
 
 /// Forgets all parts of a capture whose files are removed.
-pub async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
     sql("DELETE FROM upload_parts WHERE capture = $1")
         .bind(id)
         .execute(tx, "forgetting the parts of an upload")
@@ -314,7 +318,11 @@ pub async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
 }
 
 /// Those of `ids` that belong to nothing: they have no row, and their writers are not the newest of the upload.
-pub async fn orphans(tx: &mut Tx, id: &str, ids: &[PartId]) -> Result<Vec<PartId>, StoreError> {
+pub(crate) async fn orphans(
+    tx: &mut Tx,
+    id: &str,
+    ids: &[PartId],
+) -> Result<Vec<PartId>, StoreError> {
     let row = sql("SELECT writer FROM captures WHERE id = $1")
         .bind(id)
         .row(tx, "looking for the newest writer of an upload")

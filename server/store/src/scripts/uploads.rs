@@ -12,7 +12,7 @@ use yoto_proto::v1::{Capture, ErrorReason, IngestSpec, JobSpec, job_spec};
 /// Rows of one INSERT; SQLite allows 32,766 parameters in a statement.
 const ROWS_PER_STATEMENT: usize = 4000;
 /// The call that opens an upload, under which its request id is stored.
-pub const CREATE: &str = "CreateUpload";
+pub(crate) const CREATE: &str = "CreateUpload";
 
 pub(super) fn not_found(id: &str) -> StoreError {
     StoreError::NotFound {
@@ -21,7 +21,7 @@ pub(super) fn not_found(id: &str) -> StoreError {
 }
 
 /// Opens an upload, or returns the one that `request` opened before. Returns its id.
-pub async fn create(
+pub(crate) async fn create(
     tx: &mut Tx,
     tenant: &Tenant,
     new: NewUpload,
@@ -71,7 +71,7 @@ pub async fn create(
 }
 
 /// Checks that the tenant has the upload, finished or not.
-pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
     let row = sql(
         "SELECT EXISTS (SELECT 1 FROM captures c JOIN subjects s ON s.id = c.subject
              WHERE c.id = $1 AND s.tenant = $2) AS found",
@@ -87,7 +87,7 @@ pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), Store
 }
 
 /// An upload by id, finished or not.
-pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
+pub(crate) async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, StoreError> {
     let row = sql(
         "SELECT c.subject, c.state, c.idle_since FROM captures c JOIN subjects s ON s.id = c.subject
          WHERE c.id = $1 AND s.tenant = $2")
@@ -122,7 +122,7 @@ pub async fn get(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<Upload, Store
 
 /// Makes the caller the newest writer of an upload, so that earlier ones commit nothing more, wherever they run. Returns
 /// the writer's number.
-pub async fn take_over(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<u64, StoreError> {
+pub(crate) async fn take_over(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<u64, StoreError> {
     tx.lock(Lock::Capture(id)).await?;
     let row = sql("UPDATE captures SET writer = writer + 1 WHERE id = $1
              AND subject IN (SELECT id FROM subjects WHERE tenant = $2) RETURNING writer")
@@ -134,7 +134,7 @@ pub async fn take_over(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<u64, St
 }
 
 /// Checks that the tenant's upload is open and that `writer` is its newest writer.
-pub async fn require_writer(
+pub(crate) async fn require_writer(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -160,7 +160,7 @@ pub async fn require_writer(
 }
 
 /// Bytes of all open uploads, of all tenants, that are still to come.
-pub async fn coming(tx: &mut Tx) -> Result<u64, StoreError> {
+pub(crate) async fn coming(tx: &mut Tx) -> Result<u64, StoreError> {
     sql(
         "SELECT CAST(coalesce(sum(f.bytes - f.committed), 0) AS BIGINT) AS coming
          FROM captures c JOIN capture_files f ON f.capture = c.id WHERE c.state = 'UPLOADING'",
@@ -186,7 +186,7 @@ async fn begin(
 
 /// Ends an upload whose files `writer` has compared with their checksums, and queues its ingest job. One that has ended
 /// already is not changed.
-pub async fn finish(
+pub(crate) async fn finish(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -234,7 +234,7 @@ async fn ingest(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError
 }
 
 /// Whether the capture is a film without poses.
-pub async fn is_film(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn is_film(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
     let rows = sql("SELECT path FROM capture_files WHERE capture = $1 LIMIT 2")
         .bind(id)
         .rows(tx, "looking for a film")
@@ -244,7 +244,7 @@ pub async fn is_film(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
 }
 
 /// Queues another ingest job for a capture whose last one made no shard.
-pub async fn ingest_again(
+pub(crate) async fn ingest_again(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -291,7 +291,7 @@ async fn files_removed(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
 }
 
 /// Ends the uploads without a write for `idle` seconds. Returns their ids.
-pub async fn expire(tx: &mut Tx, idle: f64, at: f64) -> Result<Vec<String>, StoreError> {
+pub(crate) async fn expire(tx: &mut Tx, idle: f64, at: f64) -> Result<Vec<String>, StoreError> {
     let rows = sql(concat!(
         "DELETE FROM captures WHERE state = 'UPLOADING' AND ",
         age!("idle_since"),
@@ -312,7 +312,7 @@ pub async fn expire(tx: &mut Tx, idle: f64, at: f64) -> Result<Vec<String>, Stor
 
 /// Notes the files of a removed upload as garbage, and frees its request id, so that the same files can be
 /// uploaded again.
-pub async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
     garbage::deleted(tx, &keys::upload_folder(id)).await?;
     sql("DELETE FROM request_ids WHERE method = $1 AND answer = $2")
         .bind(CREATE)

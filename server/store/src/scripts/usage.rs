@@ -59,7 +59,7 @@ macro_rules! open_jobs {
 }
 
 /// What a tenant uses, with its quota.
-pub async fn of(tx: &mut Tx, tenant: &Tenant) -> Result<Usage, StoreError> {
+pub(crate) async fn of(tx: &mut Tx, tenant: &Tenant) -> Result<Usage, StoreError> {
     let row = sql(concat!(
         "SELECT q.*, ",
         people!(),
@@ -91,7 +91,7 @@ pub async fn of(tx: &mut Tx, tenant: &Tenant) -> Result<Usage, StoreError> {
 }
 
 /// The ids of all tenants that have anything, ordered.
-pub async fn tenants(tx: &mut Tx) -> Result<Vec<Tenant>, StoreError> {
+pub(crate) async fn tenants(tx: &mut Tx) -> Result<Vec<Tenant>, StoreError> {
     let rows = sql("SELECT tenant FROM keys UNION SELECT tenant FROM quotas UNION SELECT tenant FROM work_of_days
          UNION SELECT tenant FROM subjects UNION SELECT tenant FROM models UNION SELECT tenant FROM jobs ORDER BY tenant")
     .rows(tx, "listing tenants")
@@ -105,7 +105,7 @@ pub async fn tenants(tx: &mut Tx) -> Result<Vec<Tenant>, StoreError> {
 }
 
 /// The quota of a tenant; without a row, one without limits.
-pub async fn quota(tx: &mut Tx, tenant: &Tenant) -> Result<Quota, StoreError> {
+pub(crate) async fn quota(tx: &mut Tx, tenant: &Tenant) -> Result<Quota, StoreError> {
     let row = sql("SELECT * FROM quotas WHERE tenant = $1")
         .bind(tenant.id())
         .row(tx, "reading a quota")
@@ -125,7 +125,7 @@ fn read(row: &Row) -> Result<Quota, StoreError> {
 }
 
 /// Number of people.
-pub async fn people(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
+pub(crate) async fn people(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
     sql(concat!("SELECT ", people!()))
         .bind(tenant.id())
         .one(tx, "counting people")
@@ -134,7 +134,7 @@ pub async fn people(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
 }
 
 /// Number of jobs that wait or run.
-pub async fn open_jobs(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
+pub(crate) async fn open_jobs(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
     sql(concat!("SELECT ", open_jobs!()))
         .bind(tenant.id())
         .one(tx, "counting open jobs")
@@ -143,7 +143,7 @@ pub async fn open_jobs(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> 
 }
 
 /// Bytes of all files that rows of the tenant name. Files of an upload count as announced.
-pub async fn bytes(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
+pub(crate) async fn bytes(tx: &mut Tx, tenant: &Tenant) -> Result<u64, StoreError> {
     let row = sql(concat!("SELECT ", stored!()))
         .bind(tenant.id())
         .one(tx, "adding up the bytes of a tenant")
@@ -166,7 +166,7 @@ fn read_stored(row: &Row) -> Result<StoredBytes, StoreError> {
 
 /// What workers have done.
 #[derive(Debug, Clone, Copy)]
-pub struct Work {
+pub(crate) struct Work {
     /// Seconds for which they had jobs.
     pub device_seconds: f64,
     /// Pictures of renders.
@@ -174,7 +174,7 @@ pub struct Work {
 }
 
 /// What workers have done for a tenant today and in the days before, with what they do now.
-pub async fn work(tx: &mut Tx, tenant: &Tenant) -> Result<Work, StoreError> {
+pub(crate) async fn work(tx: &mut Tx, tenant: &Tenant) -> Result<Work, StoreError> {
     let row = sql(concat!("SELECT ", work!()))
         .bind(tenant.id())
         .bind(day(tx.now()) - PAST_DAYS)
@@ -194,7 +194,7 @@ fn read_work(row: &Row) -> Result<Work, StoreError> {
 }
 
 /// Counts the seconds of the attempt of a lease, which ends now.
-pub async fn attempt_ends(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
+pub(crate) async fn attempt_ends(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreError> {
     sql("INSERT INTO work_of_days (tenant, day, device_seconds)
          SELECT j.tenant, $3, CASE WHEN a.begin_time < $4 THEN $4 - a.begin_time ELSE 0.0 END
          FROM job_attempts a JOIN jobs j ON j.id = a.job
@@ -211,7 +211,7 @@ pub async fn attempt_ends(tx: &mut Tx, lease: &LeaseKey) -> Result<(), StoreErro
 }
 
 /// Counts a picture, if the job is a render.
-pub async fn picture(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
+pub(crate) async fn picture(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
     sql("INSERT INTO work_of_days (tenant, day, pictures)
          SELECT tenant, $2, 1 FROM jobs WHERE id = $1 AND kind = 'render'
          ON CONFLICT (tenant, day) DO UPDATE SET pictures = work_of_days.pictures + 1")

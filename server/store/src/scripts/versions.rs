@@ -10,7 +10,7 @@ const LATE: i64 = 1000;
 
 /// The tenant's open jobs, and its jobs of whatever state at the end: those after the position `after`, which an earlier
 /// reading called the newest, and the last ones before it.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     after: Option<i64>,

@@ -10,7 +10,11 @@ use yoto_proto::v1::{ErrorReason, Webhook};
 const MOST: u64 = 16;
 
 /// Adds an address of the tenant.
-pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewWebhook) -> Result<Webhook, StoreError> {
+pub(crate) async fn create(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    new: &NewWebhook,
+) -> Result<Webhook, StoreError> {
     let count: u64 = sql("SELECT count(*) AS webhooks FROM webhooks WHERE tenant = $1")
         .bind(tenant.id())
         .one(tx, "counting webhooks")
@@ -41,7 +45,7 @@ pub async fn create(tx: &mut Tx, tenant: &Tenant, new: &NewWebhook) -> Result<We
 }
 
 /// The addresses of a tenant, newest first.
-pub async fn list(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<Webhook>, StoreError> {
+pub(crate) async fn list(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<Webhook>, StoreError> {
     let rows = sql("SELECT w.*,
              (SELECT count(*) FROM webhook_deliveries d WHERE d.webhook = w.id) AS waiting
          FROM webhooks w WHERE w.tenant = $1 ORDER BY w.ord DESC")
@@ -52,7 +56,7 @@ pub async fn list(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<Webhook>, StoreErr
 }
 
 /// Removes an address of the tenant with what it was still to be told.
-pub async fn delete(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn delete(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
     let done = sql("DELETE FROM webhooks WHERE id = $1 AND tenant = $2")
         .bind(id)
         .bind(tenant.id())
@@ -67,7 +71,7 @@ pub async fn delete(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreE
 }
 
 /// Notes that the addresses of the job's tenant are to be told of its end.
-pub async fn job_ended(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
+pub(crate) async fn job_ended(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
     let rows = sql(
         "SELECT w.id FROM webhooks w JOIN jobs j ON j.tenant = w.tenant WHERE j.id = $1 ORDER BY w.ord",
     )
@@ -87,7 +91,7 @@ pub async fn job_ended(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
 }
 
 /// Whether something is due.
-pub async fn any_due(tx: &mut Tx) -> Result<bool, StoreError> {
+pub(crate) async fn any_due(tx: &mut Tx) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM webhook_deliveries WHERE next_time <= $1) AS due")
         .bind(tx.now())
         .one(tx, "looking for due deliveries")
@@ -97,7 +101,11 @@ pub async fn any_due(tx: &mut Tx) -> Result<bool, StoreError> {
 
 /// Takes up to `most` due deliveries, which nobody else tries for `seconds`. What was to be told of a job that waits or runs again
 /// is forgotten: its next end is told.
-pub async fn take(tx: &mut Tx, most: u32, seconds: f64) -> Result<Vec<DueDelivery>, StoreError> {
+pub(crate) async fn take(
+    tx: &mut Tx,
+    most: u32,
+    seconds: f64,
+) -> Result<Vec<DueDelivery>, StoreError> {
     let at = tx.now();
     sql("DELETE FROM webhook_deliveries WHERE next_time <= $1 AND EXISTS (
              SELECT 1 FROM jobs j WHERE j.id = webhook_deliveries.job AND j.state IN ('QUEUED', 'RUNNING'))")
@@ -139,7 +147,7 @@ pub async fn take(tx: &mut Tx, most: u32, seconds: f64) -> Result<Vec<DueDeliver
 
 /// Notes the outcome of an attempt: `error` is empty after one that has succeeded. Without a later attempt in `again` seconds, nothing
 /// more is tried.
-pub async fn tried(
+pub(crate) async fn tried(
     tx: &mut Tx,
     delivery: &DueDelivery,
     error: &str,

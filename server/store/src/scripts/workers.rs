@@ -8,7 +8,11 @@ use yoto_proto::names::Collection;
 use yoto_proto::v1::{WorkerDevice, WorkerStatus};
 
 /// Adds a worker.
-pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<String, StoreError> {
+pub(crate) async fn register(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    new: NewWorker,
+) -> Result<String, StoreError> {
     let id = new_id();
     // No device has more memory than fits into the column.
     let memory = i64::try_from(new.device.memory_bytes).unwrap_or(i64::MAX);
@@ -44,7 +48,7 @@ pub async fn register(tx: &mut Tx, tenant: &Tenant, new: NewWorker) -> Result<St
 }
 
 /// Checks that the tenant has the worker.
-pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), StoreError> {
     let row = sql("SELECT EXISTS (SELECT 1 FROM workers WHERE id = $1 AND tenant = $2) AS found")
         .bind(id)
         .bind(tenant.id())
@@ -59,7 +63,7 @@ pub async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<(), Store
 }
 
 /// Checks that the tenant's worker has registered with this key.
-pub async fn require_key(
+pub(crate) async fn require_key(
     tx: &mut Tx,
     tenant: &Tenant,
     id: &str,
@@ -87,7 +91,7 @@ const NOTE_EVERY: f64 = 30.0;
 const ACTIVE: f64 = 600.0;
 
 /// Whether a request of the worker is noted that is younger than [`NOTE_EVERY`].
-pub async fn has_asked(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
+pub(crate) async fn has_asked(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
     sql(
         "SELECT EXISTS (SELECT 1 FROM workers WHERE id = $1 AND asked_time BETWEEN $2 AND $3) AS found",
     )
@@ -100,7 +104,7 @@ pub async fn has_asked(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
 }
 
 /// Notes that the worker asks for a job now.
-pub async fn note_request(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
+pub(crate) async fn note_request(tx: &mut Tx, id: &str) -> Result<(), StoreError> {
     sql("UPDATE workers SET asked_time = $2 WHERE id = $1")
         .bind(id)
         .bind(tx.now())
@@ -125,7 +129,7 @@ macro_rules! select_workers {
 
 /// The workers with a job, and those that have asked for one lately, by their names: two lanes of one process
 /// register in either order. After a clock was set back, a request in the future counts as late as well.
-pub async fn active(
+pub(crate) async fn active(
     tx: &mut Tx,
     tenant: &Tenant,
     lease_seconds: f64,
@@ -143,7 +147,7 @@ pub async fn active(
 }
 
 /// Whether a worker of the tenant with a pose model has a job, or has registered or asked for one lately.
-pub async fn any_reads_films(tx: &mut Tx, tenant: &Tenant) -> Result<bool, StoreError> {
+pub(crate) async fn any_reads_films(tx: &mut Tx, tenant: &Tenant) -> Result<bool, StoreError> {
     sql("SELECT EXISTS (SELECT 1 FROM workers w
              WHERE w.tenant = $1 AND w.reads_films = 1
                  AND (coalesce(w.asked_time, w.create_time) > $2 OR EXISTS (SELECT 1 FROM leases l WHERE l.worker = w.id))) AS found")
@@ -155,7 +159,7 @@ pub async fn any_reads_films(tx: &mut Tx, tenant: &Tenant) -> Result<bool, Store
 }
 
 /// Number of workers with a job, or that have asked for one lately, of all tenants.
-pub async fn count(tx: &mut Tx) -> Result<u64, StoreError> {
+pub(crate) async fn count(tx: &mut Tx) -> Result<u64, StoreError> {
     sql("SELECT count(*) AS workers FROM workers w
          WHERE w.asked_time > $1 OR EXISTS (SELECT 1 FROM leases l WHERE l.worker = w.id)")
     .bind(tx.now() - ACTIVE)
@@ -165,7 +169,7 @@ pub async fn count(tx: &mut Tx) -> Result<u64, StoreError> {
 }
 
 /// All registered workers, newest first.
-pub async fn list(
+pub(crate) async fn list(
     tx: &mut Tx,
     tenant: &Tenant,
     page: Page,
@@ -185,7 +189,7 @@ pub async fn list(
 
 /// Forgets workers that registered, and last asked for a job, more than `keep` seconds ago, and that neither a job nor its
 /// history names.
-pub async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
+pub(crate) async fn forget(tx: &mut Tx, keep: f64, at: f64) -> Result<u64, StoreError> {
     let done = sql(concat!(
         "DELETE FROM workers WHERE ",
         age!("coalesce(asked_time, create_time)"),

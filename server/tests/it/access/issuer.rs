@@ -26,7 +26,7 @@ use yoto_server::clock::{Clock, SystemClock};
 
 /// Whom the issuer signs in, and how it errs.
 #[derive(Debug, Clone)]
-pub struct Person {
+pub(super) struct Person {
     claims: Value,
     /// In place of the one of the request.
     pub nonce: Option<String>,
@@ -42,7 +42,7 @@ pub struct Person {
 
 impl Person {
     /// One with a subject and more claims.
-    pub fn new(subject: &str, mut claims: Value) -> Self {
+    pub(super) fn new(subject: &str, mut claims: Value) -> Self {
         claims["sub"] = json!(subject);
         Self {
             claims,
@@ -71,7 +71,7 @@ struct Shared {
 }
 
 /// The issuer.
-pub struct Issuer {
+pub(super) struct Issuer {
     /// Its URL.
     pub url: String,
     address: SocketAddr,
@@ -80,7 +80,7 @@ pub struct Issuer {
 }
 
 impl Issuer {
-    pub async fn start() -> Self {
+    pub(super) async fn start() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
         let address = listener.local_addr().expect("has an address");
         let random = SystemRandom::new();
@@ -117,19 +117,19 @@ impl Issuer {
     }
 
     /// Who signs in next.
-    pub fn expect(&self, person: Person) {
+    pub(super) fn expect(&self, person: Person) {
         *lock(&self.shared.expected) = Some(person);
     }
 
     /// Goes where a browser is sent: the address to which it is sent back.
-    pub async fn visit(&self, url: &str) -> String {
+    pub(super) async fn visit(&self, url: &str) -> String {
         let path = url.strip_prefix(&self.url).expect("the issuer's");
         let (_, head, _) = ask_with(self.address, "GET", path, "", "").await;
         let place = head.lines().find_map(|it| it.strip_prefix("location: "));
         place.expect("a redirection").trim().to_owned()
     }
 
-    pub async fn stop(self) {
+    pub(super) async fn stop(self) {
         self.serving.abort();
         let _ = self.serving.await;
     }

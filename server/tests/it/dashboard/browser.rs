@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const PROGRAMS: [&str; 2] = ["chromium", "google-chrome"];
 
 /// A browser with one page. It ends with this value.
-pub struct Browser {
+pub(crate) struct Browser {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
@@ -36,7 +36,7 @@ impl Drop for Browser {
 
 impl Browser {
     /// The browser of this machine; `None` without one, unless `YOTO_TEST_BROWSER` is `required`.
-    pub fn start() -> Option<Self> {
+    pub(crate) fn start() -> Option<Self> {
         let runs = |it: &&str| Command::new(it).arg("--version").output().is_ok();
         let Some(program) = PROGRAMS.into_iter().find(runs) else {
             let needed = std::env::var("YOTO_TEST_BROWSER").is_ok_and(|it| it == "required");
@@ -96,7 +96,7 @@ impl Browser {
     }
 
     /// The result of a command of the protocol.
-    pub fn call(&mut self, method: &str, params: Value) -> Value {
+    pub(crate) fn call(&mut self, method: &str, params: Value) -> Value {
         self.sent += 1;
         let mut message = json!({"id": self.sent, "method": method, "params": params});
         if let Some(session) = &self.session {
@@ -122,7 +122,7 @@ impl Browser {
     }
 
     /// What an expression is in the page.
-    pub fn of(&mut self, expression: &str) -> Value {
+    pub(crate) fn of(&mut self, expression: &str) -> Value {
         let asked = json!({"expression": expression, "returnByValue": true, "awaitPromise": true, "userGesture": true});
         let mut found = self.call("Runtime.evaluate", asked);
         assert!(found["exceptionDetails"].is_null(), "{expression}: {found}");
@@ -130,14 +130,14 @@ impl Browser {
     }
 
     /// The text of the page's first element at `selector`; empty without one.
-    pub fn text(&mut self, selector: &str) -> String {
+    pub(crate) fn text(&mut self, selector: &str) -> String {
         text_of(&self.of(&format!(
             "document.querySelector('{selector}')?.textContent ?? ''"
         )))
     }
 
     /// Waits until the expression is true; `said` is shown if it never is.
-    pub fn until(&mut self, expression: &str) {
+    pub(crate) fn until(&mut self, expression: &str) {
         let begun = Instant::now();
         let guarded = format!(
             "(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
@@ -152,7 +152,7 @@ impl Browser {
     }
 
     /// Opens the page with the form, and waits for its script.
-    pub fn open(&mut self, url: &str) {
+    pub(crate) fn open(&mut self, url: &str) {
         self.call("Page.navigate", json!({"url": url}));
         self.until(
             "document.readyState === 'complete' && !document.querySelector('#add form').hidden",
@@ -161,14 +161,14 @@ impl Browser {
     }
 
     /// Sends the key as a browser does whose user has signed in with it.
-    pub fn sign_in(&mut self, key: &str) {
+    pub(crate) fn sign_in(&mut self, key: &str) {
         let sent = format!("Basic {}", STANDARD.encode(format!("ada:{key}")));
         let headers = json!({"headers": {"Authorization": sent}});
         self.call("Network.setExtraHTTPHeaders", headers);
     }
 
     /// Drops files and folders of this machine onto the form.
-    pub fn drop_onto_form(&mut self, paths: &[&str]) {
+    pub(crate) fn drop_onto_form(&mut self, paths: &[&str]) {
         let place = "(() => { document.getElementById('add').open = true; const it = document.querySelector('.drop');
             it.scrollIntoView(); const { x, y } = it.getBoundingClientRect(); return [x + 20, y + 20]; })()";
         let place = self.of(place);
@@ -180,7 +180,7 @@ impl Browser {
     }
 
     /// Chooses files in the form's field for them.
-    pub fn choose(&mut self, paths: &[String]) {
+    pub(crate) fn choose(&mut self, paths: &[String]) {
         let asked = json!({"expression": "document.querySelector('#add [name=files]')"});
         let field = self.call("Runtime.evaluate", asked);
         let id = &field["result"]["objectId"];
@@ -191,7 +191,7 @@ impl Browser {
     }
 
     /// Writes into the form's field of this name.
-    pub fn write(&mut self, field: &str, text: &str) {
+    pub(crate) fn write(&mut self, field: &str, text: &str) {
         self.of(&format!(
             "document.querySelector('#add [name={field}]').select()"
         ));
@@ -199,7 +199,7 @@ impl Browser {
     }
 
     /// Presses the form's button with these words.
-    pub fn press(&mut self, words: &str) {
+    pub(crate) fn press(&mut self, words: &str) {
         let pressed = self.of(&format!(
             "[...document.querySelectorAll('#add button')].filter((it) => !it.hidden && it.textContent === '{words}').map((it) => it.click()).length"
         ));
@@ -207,7 +207,7 @@ impl Browser {
     }
 
     /// The network from now on: bytes per second that the page can send; 0: none at all.
-    pub fn network(&mut self, upload: Option<u64>) {
+    pub(crate) fn network(&mut self, upload: Option<u64>) {
         let conditions = json!({
             "offline": upload == Some(0),
             "latency": 0,

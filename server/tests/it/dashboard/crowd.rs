@@ -24,7 +24,7 @@ const LEASE_SECONDS: f64 = 3600.0;
 const TRAININGS: usize = 15;
 
 /// The service, and what it has.
-pub struct Crowd {
+pub(super) struct Crowd {
     pub stage: Stage,
     pub people: Vec<Subject>,
     /// The first one has several people, checkpoints, trainings, a render, an evaluation and an export; each other has a person.
@@ -35,7 +35,7 @@ pub struct Crowd {
 }
 
 impl Crowd {
-    pub async fn gathered() -> Self {
+    pub(super) async fn gathered() -> Self {
         // All that runs goes on running, however long the others take to come.
         let service = Service::start_with(|it| it.lease_seconds = LEASE_SECONDS).await;
         let stage = Stage::set_in(service).await;

@@ -7,7 +7,7 @@ use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{JobKind, ListModelsRequest, job, job_spec};
 
 /// The headers of a form.
-pub const FORM: &str =
+pub(crate) const FORM: &str =
     "Content-Type: application/x-www-form-urlencoded\r\nSec-Fetch-Site: same-origin\r\n";
 
 /// The value of the first field of this name in a page; empty without one.
@@ -17,13 +17,13 @@ async fn field(address: SocketAddr, path: &str, name: &str) -> String {
 }
 
 /// The value of a form's field in a page; empty without the field.
-pub fn field_in<'a>(page: &'a str, name: &str) -> &'a str {
+pub(crate) fn field_in<'a>(page: &'a str, name: &str) -> &'a str {
     let rest = page.split(&format!("name=\"{name}\" value=\"")).nth(1);
     rest.and_then(|it| it.split('"').next()).unwrap_or_default()
 }
 
 /// The token of the forms of a page; empty without a form.
-pub async fn token(address: SocketAddr, path: &str) -> String {
+pub(crate) async fn token(address: SocketAddr, path: &str) -> String {
     field(address, path, "token").await
 }
 

@@ -1,13 +1,13 @@
 //! The pages for people: what they show, whom they answer, what their forms change, and how they follow changes.
 
-pub mod browser;
+pub(crate) mod browser;
 mod crowd;
 mod events;
-pub mod forms;
+pub(crate) mod forms;
 mod packing;
 mod report;
 mod sending;
-pub mod stage;
+pub(crate) mod stage;
 mod statements;
 mod upload;
 

@@ -11,14 +11,14 @@ use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_proto::worker::v1::{HeartbeatRequest, Lease, RegisterWorkerRequest};
 
 /// A name that the service accepts.
-pub const HOSTILE: &str = "<script>alert(1)</script>";
+pub(crate) const HOSTILE: &str = "<script>alert(1)</script>";
 
 const REPORT: &str = r#"{"frames": 2, "looked_at": 2, "grade": "warn", "measures": [{"kind": "view_coverage", "grade": "warn",
     "value": 1.0, "shown": "1 of 12 <img src=x onerror=x>", "meaning": "few\u202e", "cause": null, "frames": [1]}], "causes": [],
     "headings": [0,0,0,0,0,0,0,0,0,0,0,0], "advice": ["turn <b>once</b>"], "tried": [], "mask_shifts": []}"#;
 
 /// What was set up.
-pub struct Stage {
+pub(crate) struct Stage {
     pub service: Service,
     pub subject: Subject,
     pub model: Model,
@@ -30,12 +30,12 @@ pub struct Stage {
 }
 
 impl Stage {
-    pub async fn set() -> Self {
+    pub(crate) async fn set() -> Self {
         Self::set_in(Service::start().await).await
     }
 
     /// The same in a new service.
-    pub async fn set_in(service: Service) -> Self {
+    pub(crate) async fn set_in(service: Service) -> Self {
         let subject = service.subject(HOSTILE).await;
         service.upload_good(&subject.name).await;
         let worker = register(&service).await;
@@ -78,7 +78,7 @@ impl Stage {
     }
 
     /// Reports progress of the running training.
-    pub async fn report(&self, step: u64) {
+    pub(crate) async fn report(&self, step: u64) {
         let request = HeartbeatRequest {
             claim: Some(claim(&self.lease)),
             progress: Some(Progress {
@@ -97,7 +97,7 @@ impl Stage {
     }
 
     /// An export of the model that has succeeded with this file.
-    pub async fn export(&self, file: &str, bytes: &[u8]) -> String {
+    pub(crate) async fn export(&self, file: &str, bytes: &[u8]) -> String {
         let spec = ExportSpec {
             model: self.model.name.clone(),
             subject: self.subject.name.clone(),
@@ -145,7 +145,7 @@ async fn register(service: &Service) -> String {
 }
 
 /// Completes a leased ingest job with a report and a thumbnail.
-pub async fn ingest(service: &Service, lease: &Lease) {
+pub(crate) async fn ingest(service: &Service, lease: &Lease) {
     let job = lease.job.clone().expect("has a job");
     let Some(job_spec::Kind::Ingest(spec)) = job.spec.and_then(|spec| spec.kind) else {
         panic!("{} is no ingest job", job.name);

@@ -27,7 +27,7 @@ use tonic::{Code, Request, Response, Status};
 
 /// What the collector got, and how it answers.
 #[derive(Debug, Default)]
-pub struct Got {
+pub(super) struct Got {
     pub figures: Vec<ExportMetricsServiceRequest>,
     pub traces: Vec<ExportTraceServiceRequest>,
     /// The headers of the newest call.
@@ -39,17 +39,17 @@ pub struct Got {
 }
 
 #[derive(Debug, Clone, Default)]
-pub struct Collector(Arc<Mutex<Got>>);
+pub(super) struct Collector(Arc<Mutex<Got>>);
 
 impl Collector {
     /// A collector and its address.
-    pub async fn start() -> (Self, SocketAddr) {
+    pub(super) async fn start() -> (Self, SocketAddr) {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
         let address = listener.local_addr().expect("has one");
         (Self::serve(listener), address)
     }
 
-    pub fn serve(listener: TcpListener) -> Self {
+    pub(super) fn serve(listener: TcpListener) -> Self {
         let collector = Self::default();
         let serving = Server::builder()
             .add_service(MetricsServiceServer::new(collector.clone()))
@@ -59,12 +59,12 @@ impl Collector {
         collector
     }
 
-    pub fn with<T>(&self, work: impl FnOnce(&mut Got) -> T) -> T {
+    pub(super) fn with<T>(&self, work: impl FnOnce(&mut Got) -> T) -> T {
         work(&mut self.0.lock().expect("nobody panicked"))
     }
 
     /// The newest figure called `name`, once `is_right` accepts it.
-    pub async fn figure(&self, name: &str, is_right: impl Fn(&Metric) -> bool) -> Metric {
+    pub(super) async fn figure(&self, name: &str, is_right: impl Fn(&Metric) -> bool) -> Metric {
         eventually(name, || async {
             let newest = self.with(|got| got.figures.last().cloned())?;
             let metrics = metrics(&newest);
@@ -75,19 +75,19 @@ impl Collector {
     }
 
     /// The spans of the newest trace of `job`, once there is one.
-    pub async fn trace(&self, job: &str) -> Vec<Span> {
+    pub(super) async fn trace(&self, job: &str) -> Vec<Span> {
         eventually(job, || async { self.found(job) }).await
     }
 
     /// The spans of the newest trace of `job`, if it has arrived.
-    pub fn found(&self, job: &str) -> Option<Vec<Span>> {
+    pub(super) fn found(&self, job: &str) -> Option<Vec<Span>> {
         let spans: Vec<Span> = self.with(|got| got.traces.iter().flat_map(spans).collect());
         let id = spans.iter().rfind(|it| is_of(it, job))?.trace_id.clone();
         Some(spans.into_iter().filter(|it| it.trace_id == id).collect())
     }
 
     /// Waits until a trace of `job` was refused at least `times` times.
-    pub async fn refused(&self, job: &str, times: usize) {
+    pub(super) async fn refused(&self, job: &str, times: usize) {
         let refused = || async {
             let names_it = |it: &&ExportTraceServiceRequest| spans(it).any(|it| is_of(&it, job));
             let calls = self.with(|got| got.refused.iter().filter(names_it).count());
@@ -109,7 +109,7 @@ fn spans(call: &ExportTraceServiceRequest) -> impl Iterator<Item = Span> {
 }
 
 /// All figures of a call.
-pub fn metrics(call: &ExportMetricsServiceRequest) -> Vec<Metric> {
+pub(super) fn metrics(call: &ExportMetricsServiceRequest) -> Vec<Metric> {
     let scopes = call
         .resource_metrics
         .iter()
@@ -118,7 +118,7 @@ pub fn metrics(call: &ExportMetricsServiceRequest) -> Vec<Metric> {
 }
 
 /// The text or number of an attribute; empty without one.
-pub fn attribute(attributes: &[KeyValue], key: &str) -> String {
+pub(super) fn attribute(attributes: &[KeyValue], key: &str) -> String {
     let found = attributes.iter().find(|it| it.key == key);
     let value = found.and_then(|it| it.value.clone()?.value);
     match value {

@@ -5,13 +5,13 @@ use yoto_proto::{crc32c, sha256_hex};
 
 /// A file of an upload: path, bytes, and the checksum to announce.
 #[derive(Clone)]
-pub struct File {
+pub(crate) struct File {
     pub path: String,
     pub bytes: Vec<u8>,
     pub sha256: String,
 }
 
-pub fn file(path: &str, bytes: &[u8]) -> File {
+pub(crate) fn file(path: &str, bytes: &[u8]) -> File {
     File {
         path: path.into(),
         bytes: bytes.into(),
@@ -20,7 +20,7 @@ pub fn file(path: &str, bytes: &[u8]) -> File {
 }
 
 /// What an upload announces.
-pub fn headers(files: &[File]) -> Vec<FileHeader> {
+pub(crate) fn headers(files: &[File]) -> Vec<FileHeader> {
     let header = |file: &File| FileHeader {
         path: file.path.clone(),
         bytes: file.bytes.len() as u64,
@@ -30,7 +30,7 @@ pub fn headers(files: &[File]) -> Vec<FileHeader> {
 }
 
 /// A message of an upload.
-pub fn chunk(upload: &str, path: &str, offset: u64, bytes: &[u8]) -> WriteUploadRequest {
+pub(crate) fn chunk(upload: &str, path: &str, offset: u64, bytes: &[u8]) -> WriteUploadRequest {
     WriteUploadRequest {
         upload: upload.into(),
         path: path.into(),
@@ -41,7 +41,7 @@ pub fn chunk(upload: &str, path: &str, offset: u64, bytes: &[u8]) -> WriteUpload
 }
 
 /// All messages of an upload; small files in chunks of 7 bytes.
-pub fn chunks(upload: &str, files: &[File]) -> Vec<WriteUploadRequest> {
+pub(crate) fn chunks(upload: &str, files: &[File]) -> Vec<WriteUploadRequest> {
     let mut messages = Vec::new();
     for file in files {
         let mut offset = 0;

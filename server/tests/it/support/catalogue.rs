@@ -10,7 +10,7 @@ use yoto_proto::v1::{
 };
 
 impl Service {
-    pub async fn subject(&self, display_name: &str) -> Subject {
+    pub(crate) async fn subject(&self, display_name: &str) -> Subject {
         let request = CreateSubjectRequest {
             display_name: display_name.into(),
             ..<_>::default()
@@ -22,7 +22,7 @@ impl Service {
             .into_inner()
     }
 
-    pub async fn get_subject(&self, name: &str) -> Subject {
+    pub(crate) async fn get_subject(&self, name: &str) -> Subject {
         let request = GetSubjectRequest { name: name.into() };
         self.subjects()
             .get_subject(request)
@@ -31,7 +31,7 @@ impl Service {
             .into_inner()
     }
 
-    pub async fn get_capture(&self, name: &str) -> Capture {
+    pub(crate) async fn get_capture(&self, name: &str) -> Capture {
         let request = GetCaptureRequest { name: name.into() };
         self.subjects()
             .get_capture(request)
@@ -40,7 +40,7 @@ impl Service {
             .into_inner()
     }
 
-    pub async fn get_job(&self, name: &str) -> Job {
+    pub(crate) async fn get_job(&self, name: &str) -> Job {
         let request = GetJobRequest { name: name.into() };
         self.jobs()
             .get_job(request)
@@ -50,7 +50,7 @@ impl Service {
     }
 
     /// A subject with an ingested capture.
-    pub async fn ready_subject(&self, display_name: &str) -> Subject {
+    pub(crate) async fn ready_subject(&self, display_name: &str) -> Subject {
         let subject = self.subject(display_name).await;
         self.upload_good(&subject.name).await;
         let worker = self.worker(&["ingest"]).await;
@@ -59,11 +59,11 @@ impl Service {
         self.get_subject(&subject.name).await
     }
 
-    pub async fn model(&self, display_name: &str) -> Model {
+    pub(crate) async fn model(&self, display_name: &str) -> Model {
         self.model_of_tier(display_name, "draft").await
     }
 
-    pub async fn model_of_tier(&self, display_name: &str, tier: &str) -> Model {
+    pub(crate) async fn model_of_tier(&self, display_name: &str, tier: &str) -> Model {
         let request = CreateModelRequest {
             display_name: display_name.into(),
             tier: tier.into(),
@@ -78,13 +78,13 @@ impl Service {
     }
 
     /// A model with one ingested subject.
-    pub async fn model_of(&self, subject: &Subject) -> Model {
+    pub(crate) async fn model_of(&self, subject: &Subject) -> Model {
         let model = self.model("shared").await;
         self.joined(model, subject).await
     }
 
     /// `model` with `subject` in it.
-    pub async fn joined(&self, model: Model, subject: &Subject) -> Model {
+    pub(crate) async fn joined(&self, model: Model, subject: &Subject) -> Model {
         let (model, subject) = (model.name.clone(), subject.name.clone());
         let request = AddIdentityRequest {
             model: model.clone(),
@@ -103,7 +103,7 @@ impl Service {
             .into_inner()
     }
 
-    pub async fn create_job(&self, kind: job_spec::Kind) -> Result<Job, Status> {
+    pub(crate) async fn create_job(&self, kind: job_spec::Kind) -> Result<Job, Status> {
         let spec = Some(JobSpec { kind: Some(kind) });
         let request = CreateJobRequest {
             spec,
@@ -115,7 +115,7 @@ impl Service {
             .map(|answer| answer.into_inner())
     }
 
-    pub async fn train(&self, model: &Model) -> Job {
+    pub(crate) async fn train(&self, model: &Model) -> Job {
         let spec = TrainSpec {
             model: model.name.clone(),
             seconds: 1.0,
@@ -127,7 +127,7 @@ impl Service {
     }
 
     /// Checkpoints of a model, newest first.
-    pub async fn checkpoints(&self, model: &str) -> Vec<Checkpoint> {
+    pub(crate) async fn checkpoints(&self, model: &str) -> Vec<Checkpoint> {
         let request = ListCheckpointsRequest {
             model: model.into(),
             ..ListCheckpointsRequest::default()
@@ -141,7 +141,7 @@ impl Service {
     }
 
     /// Queues a render of one picture.
-    pub async fn render(&self, model: &Model, subject: &Subject, checkpoint: &str) -> Job {
+    pub(crate) async fn render(&self, model: &Model, subject: &Subject, checkpoint: &str) -> Job {
         let spec = RenderSpec {
             model: model.name.clone(),
             subject: subject.name.clone(),

@@ -9,13 +9,13 @@ use std::sync::{LazyLock, Mutex, PoisonError};
 use yoto_server::PostgresUrl;
 
 /// The variable that makes all services of this process use PostgreSQL, with any value.
-pub const ON_POSTGRES: &str = "YOTO_TEST_ON_POSTGRES";
+pub(crate) const ON_POSTGRES: &str = "YOTO_TEST_ON_POSTGRES";
 
 /// Databases of services that were stopped, by their folders: a service in the same folder continues with it.
 static STOPPED: LazyLock<Mutex<HashMap<PathBuf, Database>>> = LazyLock::new(Mutex::default);
 
 /// A database.
-pub enum Database {
+pub(crate) enum Database {
     /// A file in the service's folder.
     Sqlite(PathBuf),
     /// A database on the server of this process.
@@ -23,14 +23,14 @@ pub enum Database {
 }
 
 /// A lock that keeps the service from writing.
-pub enum WriteLock {
+pub(crate) enum WriteLock {
     Sqlite(SqliteConnection),
     Postgres(PgConnection),
 }
 
 impl Database {
     /// The database of a service in `folder`.
-    pub fn of(folder: &Path) -> Self {
+    pub(crate) fn of(folder: &Path) -> Self {
         let stopped = STOPPED
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -45,13 +45,13 @@ impl Database {
     }
 
     /// Keeps it for the next service in `folder`.
-    pub fn keep(self, folder: &Path) {
+    pub(crate) fn keep(self, folder: &Path) {
         let mut stopped = STOPPED.lock().unwrap_or_else(PoisonError::into_inner);
         stopped.insert(folder.to_owned(), self);
     }
 
     /// The address for the service's configuration.
-    pub fn url(&self) -> Option<PostgresUrl> {
+    pub(crate) fn url(&self) -> Option<PostgresUrl> {
         match self {
             Self::Sqlite(_) => None,
             Self::Postgres(it) => Some(it.url().parse().expect("an address")),
@@ -69,12 +69,12 @@ impl Database {
     }
 
     /// Changes it behind the service's back.
-    pub async fn run(&self, statement: &str) {
+    pub(crate) async fn run(&self, statement: &str) {
         self.run_either(statement, statement).await;
     }
 
     /// The same by a statement for each database.
-    pub async fn run_either(&self, sqlite: &str, postgres: &str) {
+    pub(crate) async fn run_either(&self, sqlite: &str, postgres: &str) {
         let statement = |text: &str| sqlx::query(AssertSqlSafe(text.to_owned()));
         let changed = match self {
             Self::Sqlite(path) => {
@@ -93,7 +93,7 @@ impl Database {
     }
 
     /// Locks it for writes of the service, as another program can, until the lock is released.
-    pub async fn lock_writes(&self) -> WriteLock {
+    pub(crate) async fn lock_writes(&self) -> WriteLock {
         match self {
             Self::Sqlite(path) => {
                 let mut connection = Self::sqlite(path).await;
@@ -116,7 +116,7 @@ impl Database {
 }
 
 impl WriteLock {
-    pub async fn release(self) {
+    pub(crate) async fn release(self) {
         let closed = match self {
             Self::Sqlite(it) => it.close().await,
             Self::Postgres(it) => it.close().await,

@@ -10,7 +10,7 @@ use tonic_types::StatusExt;
 const DEADLINE: Duration = Duration::from_secs(20);
 
 /// Polls until `probe` finds something, and fails at the deadline.
-pub async fn eventually<T, F: Future<Output = Option<T>>>(
+pub(crate) async fn eventually<T, F: Future<Output = Option<T>>>(
     what: &str,
     mut probe: impl FnMut() -> F,
 ) -> T {
@@ -25,7 +25,11 @@ pub async fn eventually<T, F: Future<Output = Option<T>>>(
 }
 
 /// The error has `code` and an `ErrorInfo` with `reason`.
-pub fn assert_refused<T: std::fmt::Debug>(answer: Result<T, Status>, code: Code, reason: &str) {
+pub(crate) fn assert_refused<T: std::fmt::Debug>(
+    answer: Result<T, Status>,
+    code: Code,
+    reason: &str,
+) {
     let status = answer.expect_err("is refused");
     assert_eq!(status.code(), code, "{status}");
     let details = status.get_error_details();
@@ -38,7 +42,7 @@ pub fn assert_refused<T: std::fmt::Debug>(answer: Result<T, Status>, code: Code,
 }
 
 /// The error is INVALID_ARGUMENT and names `field`.
-pub fn assert_invalid<T: std::fmt::Debug>(answer: Result<T, Status>, field: &str) {
+pub(crate) fn assert_invalid<T: std::fmt::Debug>(answer: Result<T, Status>, field: &str) {
     let status = answer.expect_err("is refused");
     assert_eq!(status.code(), Code::InvalidArgument, "{status}");
     let details = status.get_error_details();

@@ -8,12 +8,12 @@ use tokio::task::JoinHandle;
 use yoto_server::{Admission, ServerError, Tenant};
 
 /// Serves on a port too.
-pub async fn listen(service: &Service) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
+pub(crate) async fn listen(service: &Service) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
     listen_for(service, Tenant::default()).await
 }
 
 /// The same for the calls of `tenant`.
-pub async fn listen_for(
+pub(crate) async fn listen_for(
     service: &Service,
     tenant: Tenant,
 ) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
@@ -21,7 +21,7 @@ pub async fn listen_for(
 }
 
 /// The same for those whom `admission` admits.
-pub async fn listen_as(
+pub(crate) async fn listen_as(
     service: &Service,
     admission: Admission,
 ) -> (SocketAddr, JoinHandle<Result<(), ServerError>>) {
@@ -35,12 +35,12 @@ pub async fn listen_as(
 }
 
 /// Status, headers in lower case and body of the answer to a request.
-pub async fn ask(address: SocketAddr, method: &str, path: &str) -> (u16, String, String) {
+pub(crate) async fn ask(address: SocketAddr, method: &str, path: &str) -> (u16, String, String) {
     ask_with(address, method, path, "", "").await
 }
 
 /// The same with more `headers`, each with its line end, and a body.
-pub async fn ask_with(
+pub(crate) async fn ask_with(
     address: SocketAddr,
     method: &str,
     path: &str,
@@ -87,13 +87,13 @@ fn whole(mut chunks: &str) -> String {
 }
 
 /// An open answer that has no end.
-pub struct Open {
+pub(crate) struct Open {
     connection: TcpStream,
     text: String,
 }
 
 impl Open {
-    pub async fn get(address: SocketAddr, path: &str, headers: &str) -> Self {
+    pub(crate) async fn get(address: SocketAddr, path: &str, headers: &str) -> Self {
         let mut connection = TcpStream::connect(address).await.expect("connects");
         let request = format!("GET {path} HTTP/1.1\r\nHost: {address}\r\n{headers}\r\n");
         let written = connection.write_all(request.as_bytes()).await;
@@ -105,7 +105,7 @@ impl Open {
     }
 
     /// All that has come, up to and with the first event after the ones read before that contains `needle`.
-    pub async fn until(&mut self, needle: &str) -> String {
+    pub(crate) async fn until(&mut self, needle: &str) -> String {
         loop {
             if let Some(at) = self.text.find(needle)
                 && let Some(end) = self.text[at..].find("\n\n")
@@ -121,7 +121,7 @@ impl Open {
     }
 
     /// Whether it ends.
-    pub async fn ended(mut self) -> bool {
+    pub(crate) async fn ended(mut self) -> bool {
         let mut rest = Vec::new();
         self.connection.read_to_end(&mut rest).await.is_ok()
     }

@@ -8,10 +8,10 @@ use yoto_proto::v1::{CreateKeyRequest, RevokeKeyRequest, Scope};
 use yoto_server::{Admission, in_memory};
 
 /// All scopes.
-pub const SCOPES: [Scope; 4] = [Scope::Read, Scope::Write, Scope::Operate, Scope::Work];
+pub(crate) const SCOPES: [Scope; 4] = [Scope::Read, Scope::Write, Scope::Operate, Scope::Work];
 
 /// A key that was made.
-pub struct Made {
+pub(crate) struct Made {
     /// Its resource name.
     pub name: String,
     /// The key.
@@ -21,12 +21,12 @@ pub struct Made {
 }
 
 impl Service {
-    pub fn keys(&self) -> KeyServiceClient<Channel> {
+    pub(crate) fn keys(&self) -> KeyServiceClient<Channel> {
         KeyServiceClient::new(self.connector.channel())
     }
 
     /// Makes a key as the operator of the service.
-    pub async fn key(&self, tenant: &str, scopes: &[Scope]) -> Made {
+    pub(crate) async fn key(&self, tenant: &str, scopes: &[Scope]) -> Made {
         let request = CreateKeyRequest {
             display_name: format!("of {tenant}"),
             scopes: scopes.iter().map(|it| i32::from(*it)).collect(),
@@ -42,13 +42,13 @@ impl Service {
         }
     }
 
-    pub async fn revoke(&self, name: &str) {
+    pub(crate) async fn revoke(&self, name: &str) {
         let request = RevokeKeyRequest { name: name.into() };
         self.keys().revoke_key(request).await.expect("is revoked");
     }
 
     /// A connection to a listener that admits those.
-    pub fn door(&self, admission: Admission) -> Channel {
+    pub(crate) fn door(&self, admission: Admission) -> Channel {
         let (connector, incoming) = in_memory();
         let serving = self
             .coordinator
@@ -58,7 +58,7 @@ impl Service {
     }
 
     /// Calls with `key` to a listener that admits nobody without one.
-    pub fn with_key(&self, key: &Made) -> Connection {
+    pub(crate) fn with_key(&self, key: &Made) -> Connection {
         connection(self.door(Admission::Nobody), Some(key.secret.clone()))
     }
 }

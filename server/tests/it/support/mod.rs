@@ -18,14 +18,14 @@ mod trained;
 mod uploads;
 mod workers;
 
-pub use capture::{File, chunk, chunks, file, headers};
-pub use database::{Database, ON_POSTGRES};
-pub use expect::{assert_invalid, assert_refused, eventually};
-pub use http::{Open, ask, ask_with, listen, listen_as, listen_for};
-pub use keys::{Made, SCOPES};
-pub use objects::ON_S3;
-pub use trained::Trained;
-pub use workers::{claim, job_error, job_name};
+pub(crate) use capture::{File, chunk, chunks, file, headers};
+pub(crate) use database::{Database, ON_POSTGRES};
+pub(crate) use expect::{assert_invalid, assert_refused, eventually};
+pub(crate) use http::{Open, ask, ask_with, listen, listen_as, listen_for};
+pub(crate) use keys::{Made, SCOPES};
+pub(crate) use objects::ON_S3;
+pub(crate) use trained::Trained;
+pub(crate) use workers::{claim, job_error, job_name};
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -45,7 +45,7 @@ use yoto_proto::worker::v1::worker_service_client::WorkerServiceClient;
 use yoto_server::{Coordinator, InMemoryConnector, ServerConfig, ServerError, in_memory};
 
 /// A running coordinator.
-pub struct Service {
+pub(crate) struct Service {
     pub dir: TempDir,
     pub channel: Channel,
     pub connector: InMemoryConnector,
@@ -57,15 +57,15 @@ pub struct Service {
 }
 
 impl Service {
-    pub async fn start() -> Self {
+    pub(crate) async fn start() -> Self {
         Self::start_with(|_| {}).await
     }
 
-    pub async fn start_with(change: impl FnOnce(&mut ServerConfig)) -> Self {
+    pub(crate) async fn start_with(change: impl FnOnce(&mut ServerConfig)) -> Self {
         Self::start_in(TempDir::new().expect("a folder"), change).await
     }
 
-    pub async fn start_in(dir: TempDir, change: impl FnOnce(&mut ServerConfig)) -> Self {
+    pub(crate) async fn start_in(dir: TempDir, change: impl FnOnce(&mut ServerConfig)) -> Self {
         let database = Database::of(dir.path());
         let mut config = ServerConfig::new(dir.path());
         config.database = database.url();
@@ -77,11 +77,11 @@ impl Service {
 
     /// Another coordinator on the same database and objects, with a data folder of its own. `None` where the database is one
     /// that coordinators do not share.
-    pub async fn beside(&self) -> Option<Self> {
+    pub(crate) async fn beside(&self) -> Option<Self> {
         self.beside_with(|_| {}).await
     }
 
-    pub async fn beside_with(&self, change: impl FnOnce(&mut ServerConfig)) -> Option<Self> {
+    pub(crate) async fn beside_with(&self, change: impl FnOnce(&mut ServerConfig)) -> Option<Self> {
         let url = self.database.url()?;
         let dir = TempDir::new().expect("a folder");
         let mut config = ServerConfig::new(dir.path());
@@ -95,7 +95,7 @@ impl Service {
     }
 
     /// Ends the coordinator as a crash would: no call is answered, and nothing is given back.
-    pub fn kill(self) -> TempDir {
+    pub(crate) fn kill(self) -> TempDir {
         self.serving.abort();
         drop(self.coordinator);
         self.database.keep(self.dir.path());
@@ -119,7 +119,7 @@ impl Service {
     }
 
     /// Stops the coordinator in order and returns its folder.
-    pub async fn stop(self) -> TempDir {
+    pub(crate) async fn stop(self) -> TempDir {
         drop(self.channel);
         self.coordinator.close().await;
         self.serving.await.expect("no panic").expect("serves");
@@ -127,32 +127,32 @@ impl Service {
         self.dir
     }
 
-    pub fn subjects(&self) -> SubjectServiceClient<Channel> {
+    pub(crate) fn subjects(&self) -> SubjectServiceClient<Channel> {
         SubjectServiceClient::new(self.channel.clone())
     }
 
-    pub fn models(&self) -> ModelServiceClient<Channel> {
+    pub(crate) fn models(&self) -> ModelServiceClient<Channel> {
         ModelServiceClient::new(self.channel.clone())
     }
 
-    pub fn jobs(&self) -> JobServiceClient<Channel> {
+    pub(crate) fn jobs(&self) -> JobServiceClient<Channel> {
         JobServiceClient::new(self.channel.clone())
     }
 
-    pub fn objects(&self) -> ObjectServiceClient<Channel> {
+    pub(crate) fn objects(&self) -> ObjectServiceClient<Channel> {
         ObjectServiceClient::new(self.channel.clone())
     }
 
-    pub fn renders(&self) -> RenderServiceClient<Channel> {
+    pub(crate) fn renders(&self) -> RenderServiceClient<Channel> {
         RenderServiceClient::new(self.channel.clone())
     }
 
-    pub fn storage(&self) -> StorageServiceClient<Channel> {
+    pub(crate) fn storage(&self) -> StorageServiceClient<Channel> {
         StorageServiceClient::new(self.channel.clone())
     }
 
     /// Collects garbage: removes what is due, and returns all garbage.
-    pub async fn collect(&self, dry_run: bool, now: bool) -> CollectGarbageResponse {
+    pub(crate) async fn collect(&self, dry_run: bool, now: bool) -> CollectGarbageResponse {
         let request = CollectGarbageRequest { dry_run, now };
         self.storage()
             .collect_garbage(request)
@@ -161,16 +161,16 @@ impl Service {
             .into_inner()
     }
 
-    pub fn workers(&self) -> WorkerServiceClient<Channel> {
+    pub(crate) fn workers(&self) -> WorkerServiceClient<Channel> {
         WorkerServiceClient::new(self.channel.clone())
     }
 
-    pub fn uploads(&self) -> UploadServiceClient<Channel> {
+    pub(crate) fn uploads(&self) -> UploadServiceClient<Channel> {
         UploadServiceClient::new(self.channel.clone())
     }
 }
 
 /// The id in a resource name.
-pub fn id(name: &str) -> &str {
+pub(crate) fn id(name: &str) -> &str {
     name.split_once('/').expect("a resource name").1
 }

@@ -7,10 +7,10 @@ use yoto_test_s3::BUCKET;
 
 /// The variable that makes all services of this process keep their objects in S3, with the folder in which the server
 /// has them. The server is that of the process that started this one.
-pub const ON_S3: &str = "YOTO_TEST_ON_S3";
+pub(crate) const ON_S3: &str = "YOTO_TEST_ON_S3";
 
 /// The URL for the configuration of a service in `folder`; none for objects in that folder.
-pub fn url(folder: &Path) -> Option<Url> {
+pub(super) fn url(folder: &Path) -> Option<Url> {
     std::env::var_os(ON_S3)?;
     let name = folder.file_name().expect("has a name").to_string_lossy();
     let prefix = name.trim_start_matches('.');
@@ -19,7 +19,7 @@ pub fn url(folder: &Path) -> Option<Url> {
 
 impl Service {
     /// Whether the object store has this file or folder.
-    pub fn has(&self, key: &str) -> bool {
+    pub(crate) fn has(&self, key: &str) -> bool {
         let path = self.path(key);
         // A server for S3 may leave folders that are empty, which are nothing there.
         path.is_file()
@@ -27,12 +27,12 @@ impl Service {
     }
 
     /// Where the object store has `key`.
-    pub fn path(&self, key: &str) -> PathBuf {
+    pub(crate) fn path(&self, key: &str) -> PathBuf {
         self.root().join(key)
     }
 
     /// Every file below the object store's root, but the one that names the store.
-    pub fn stored_files(&self) -> Vec<PathBuf> {
+    pub(crate) fn stored_files(&self) -> Vec<PathBuf> {
         files(self.root())
     }
 

@@ -12,7 +12,7 @@ fn has(bytes: &[u8], text: &str) -> bool {
 
 impl Service {
     /// Where `text` is: tables of the database, and files of the object store.
-    pub async fn residue(&self, text: &str) -> Vec<String> {
+    pub(crate) async fn residue(&self, text: &str) -> Vec<String> {
         let mut found = self.database.residue(text).await;
         for path in self.stored_files() {
             let name = path.to_string_lossy().into_owned();
@@ -26,7 +26,7 @@ impl Service {
 }
 
 impl Database {
-    pub async fn residue(&self, text: &str) -> Vec<String> {
+    pub(crate) async fn residue(&self, text: &str) -> Vec<String> {
         match self {
             Self::Sqlite(path) => {
                 let options = SqliteConnectOptions::new().filename(path);

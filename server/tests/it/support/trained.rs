@@ -5,7 +5,7 @@ use yoto_proto::v1::{Checkpoint, Model, Subject};
 use yoto_proto::worker::v1::Lease;
 
 /// A model of one person with a checkpoint at step 1. Its `worker` runs trainings and renders.
-pub struct Trained {
+pub(crate) struct Trained {
     pub subject: Subject,
     pub model: Model,
     pub worker: String,
@@ -15,7 +15,7 @@ pub struct Trained {
 }
 
 impl Service {
-    pub async fn trained(&self) -> Trained {
+    pub(crate) async fn trained(&self) -> Trained {
         let subject = self.ready_subject("Ada").await;
         let model = self.model_of(&subject).await;
         let worker = self.worker(&["train", "render"]).await;
@@ -30,7 +30,12 @@ impl Service {
     }
 
     /// Queues a training of `model`, leases it to `worker`, and publishes a checkpoint at `step`.
-    pub async fn train_to(&self, model: &Model, worker: &str, step: u64) -> (Lease, Checkpoint) {
+    pub(crate) async fn train_to(
+        &self,
+        model: &Model,
+        worker: &str,
+        step: u64,
+    ) -> (Lease, Checkpoint) {
         self.train(model).await;
         let lease = self.lease(worker).await.expect("the training waits");
         let checkpoint = self.publish(&lease, step).await.expect("publishes");

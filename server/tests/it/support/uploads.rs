@@ -12,7 +12,11 @@ use yoto_proto::worker::v1::Lease;
 
 impl Service {
     /// Opens an upload of `files`.
-    pub async fn open_upload(&self, subject: &str, files: &[File]) -> Result<Upload, Status> {
+    pub(crate) async fn open_upload(
+        &self,
+        subject: &str,
+        files: &[File],
+    ) -> Result<Upload, Status> {
         let request = CreateUploadRequest {
             subject: subject.into(),
             files: headers(files),
@@ -24,13 +28,13 @@ impl Service {
     }
 
     /// Sends `messages` in one stream. Returns the committed bytes.
-    pub async fn write(&self, messages: Vec<WriteUploadRequest>) -> Result<u64, Status> {
+    pub(crate) async fn write(&self, messages: Vec<WriteUploadRequest>) -> Result<u64, Status> {
         let written = self.uploads().write_upload(stream::iter(messages)).await;
         written.map(|answer| answer.into_inner().committed_bytes)
     }
 
     /// An upload, after its writer has stopped.
-    pub async fn get_upload(&self, name: &str) -> Result<Upload, Status> {
+    pub(crate) async fn get_upload(&self, name: &str) -> Result<Upload, Status> {
         let request = GetUploadRequest {
             name: name.into(),
             stop_writer: true,
@@ -39,7 +43,7 @@ impl Service {
         upload.map(|answer| answer.into_inner())
     }
 
-    pub async fn finish(&self, upload: &str) -> Result<Capture, Status> {
+    pub(crate) async fn finish(&self, upload: &str) -> Result<Capture, Status> {
         let request = FinishUploadRequest {
             name: upload.into(),
             request_id: String::new(),
@@ -49,13 +53,13 @@ impl Service {
     }
 
     /// Uploads `files` in one stream.
-    pub async fn upload(&self, subject: &str, files: Vec<File>) -> Result<Capture, Status> {
+    pub(crate) async fn upload(&self, subject: &str, files: Vec<File>) -> Result<Capture, Status> {
         let upload = self.open_upload(subject, &files).await?.name;
         self.write(chunks(&upload, &files)).await?;
         self.finish(&upload).await
     }
 
-    pub async fn upload_good(&self, subject: &str) -> Capture {
+    pub(crate) async fn upload_good(&self, subject: &str) -> Capture {
         let files = vec![
             file("poses.json", b"{}"),
             file("frames/000000.png", b"not looked at"),
@@ -64,12 +68,16 @@ impl Service {
     }
 
     /// The content of the file `path`, put together from the parts in the order of its ingest job.
-    pub fn ingested(&self, lease: &Lease, path: &str) -> Vec<u8> {
+    pub(crate) fn ingested(&self, lease: &Lease, path: &str) -> Vec<u8> {
         Self::ingested_from(lease, path, |key| self.path(key))
     }
 
     /// The same from objects that are in the files which `place` tells.
-    pub fn ingested_from(lease: &Lease, path: &str, place: impl Fn(&str) -> PathBuf) -> Vec<u8> {
+    pub(crate) fn ingested_from(
+        lease: &Lease,
+        path: &str,
+        place: impl Fn(&str) -> PathBuf,
+    ) -> Vec<u8> {
         let inputs = lease.inputs.clone().expect("has inputs");
         let file = inputs.files.into_iter().find(|file| file.path == path);
         let file = file.expect("is in the order");
@@ -95,13 +103,13 @@ impl Service {
     }
 
     /// Leases the ingest job of the newest upload.
-    pub async fn ingest_lease(&self) -> Lease {
+    pub(crate) async fn ingest_lease(&self) -> Lease {
         let worker = self.worker(&["ingest"]).await;
         self.lease(&worker).await.expect("the ingest job waits")
     }
 
     /// The files of the upload's parts, with their sizes.
-    pub fn parts(&self, upload: &str) -> Vec<(PathBuf, u64)> {
+    pub(crate) fn parts(&self, upload: &str) -> Vec<(PathBuf, u64)> {
         let folder = self.path(&keys::upload_parts(id(upload)));
         let entries = std::fs::read_dir(folder).expect("lists");
         let parts = entries.map(|entry| {

@@ -17,12 +17,12 @@ use yoto_proto::{keys, names};
 
 impl Service {
     /// Registers a worker that runs `kinds`.
-    pub async fn worker(&self, kinds: &[&str]) -> String {
+    pub(crate) async fn worker(&self, kinds: &[&str]) -> String {
         self.worker_called("test worker", kinds).await
     }
 
     /// The same with a name.
-    pub async fn worker_called(&self, display_name: &str, kinds: &[&str]) -> String {
+    pub(crate) async fn worker_called(&self, display_name: &str, kinds: &[&str]) -> String {
         let request = RegisterWorkerRequest {
             display_name: display_name.into(),
             device: Some(WorkerDevice {
@@ -42,7 +42,7 @@ impl Service {
     }
 
     /// Registers a worker that ingests, and has a pose model for films.
-    pub async fn worker_for_films(&self) -> String {
+    pub(crate) async fn worker_for_films(&self) -> String {
         let request = RegisterWorkerRequest {
             display_name: "sees people".into(),
             device: Some(WorkerDevice::default()),
@@ -56,17 +56,22 @@ impl Service {
     }
 
     /// Asks for a lease once.
-    pub async fn lease(&self, worker: &str) -> Option<Lease> {
+    pub(crate) async fn lease(&self, worker: &str) -> Option<Lease> {
         self.lease_by(worker, "").await
     }
 
     /// The same in a call that may be repeated.
-    pub async fn lease_by(&self, worker: &str, request_id: &str) -> Option<Lease> {
+    pub(crate) async fn lease_by(&self, worker: &str, request_id: &str) -> Option<Lease> {
         self.lease_or_help(worker, request_id, false).await
     }
 
     /// The same for a worker that may `help` with a render.
-    pub async fn lease_or_help(&self, worker: &str, request_id: &str, help: bool) -> Option<Lease> {
+    pub(crate) async fn lease_or_help(
+        &self,
+        worker: &str,
+        request_id: &str,
+        help: bool,
+    ) -> Option<Lease> {
         let request = LeaseJobRequest {
             worker: worker.into(),
             request_id: request_id.into(),
@@ -81,7 +86,7 @@ impl Service {
     }
 
     /// Registers a worker of the coordinator's own process, which runs trainings.
-    pub async fn embedded_worker(&self) -> String {
+    pub(crate) async fn embedded_worker(&self) -> String {
         let request = RegisterWorkerRequest {
             display_name: "embedded".into(),
             device: Some(WorkerDevice::default()),
@@ -95,25 +100,29 @@ impl Service {
     }
 
     /// Asks for a lease until there is one.
-    pub async fn lease_eventually(&self, worker: &str) -> Lease {
+    pub(crate) async fn lease_eventually(&self, worker: &str) -> Lease {
         eventually("a lease", || self.lease(worker)).await
     }
 
     /// Writes an object as a worker would.
-    pub async fn put(&self, key: &str, bytes: &[u8]) -> ObjectRef {
+    pub(crate) async fn put(&self, key: &str, bytes: &[u8]) -> ObjectRef {
         let objects = Objects::open_with(self.coordinator.objects_url(), &self.environment);
         let objects = objects.expect("opens");
         let written = objects.put(key, bytes.to_vec().into()).await;
         written.expect("writes")
     }
 
-    pub async fn complete(&self, lease: &Lease, kind: job_result::Kind) -> Result<(), Status> {
+    pub(crate) async fn complete(
+        &self,
+        lease: &Lease,
+        kind: job_result::Kind,
+    ) -> Result<(), Status> {
         let result = JobResult { kind: Some(kind) };
         self.end(lease, Outcome::Succeeded(result)).await
     }
 
     /// Ends a lease.
-    pub async fn end(&self, lease: &Lease, outcome: Outcome) -> Result<(), Status> {
+    pub(crate) async fn end(&self, lease: &Lease, outcome: Outcome) -> Result<(), Status> {
         let request = EndJobRequest {
             claim: Some(claim(lease)),
             outcome: Some(outcome),
@@ -122,7 +131,7 @@ impl Service {
     }
 
     /// Completes a leased ingest job with a shard.
-    pub async fn complete_ingest(&self, lease: &Lease) {
+    pub(crate) async fn complete_ingest(&self, lease: &Lease) {
         let job = lease.job.clone().expect("has a job");
         let Some(job_spec::Kind::Ingest(spec)) = job.spec.and_then(|spec| spec.kind) else {
             panic!("{} is no ingest job", job.name);
@@ -143,12 +152,12 @@ impl Service {
     }
 
     /// Publishes a checkpoint of a leased train job.
-    pub async fn publish(&self, lease: &Lease, step: u64) -> Result<Checkpoint, Status> {
+    pub(crate) async fn publish(&self, lease: &Lease, step: u64) -> Result<Checkpoint, Status> {
         self.publish_with(lease, step, 25.0).await
     }
 
     /// The same with a held-out PSNR.
-    pub async fn publish_with(
+    pub(crate) async fn publish_with(
         &self,
         lease: &Lease,
         step: u64,
@@ -180,7 +189,7 @@ impl Service {
     }
 
     /// The manifest of a checkpoint in `folder`, which has weights alone.
-    pub async fn manifest(&self, folder: &str, step: u64) -> ObjectRef {
+    pub(crate) async fn manifest(&self, folder: &str, step: u64) -> ObjectRef {
         let key = format!("{folder}/{}", files::WEIGHTS);
         let weights = self.put(&key, b"weights").await;
         self.manifest_of(folder, step, vec![(files::WEIGHTS, weights)])
@@ -188,7 +197,7 @@ impl Service {
     }
 
     /// The manifest of a checkpoint in `folder` with these objects.
-    pub async fn manifest_of(
+    pub(crate) async fn manifest_of(
         &self,
         folder: &str,
         step: u64,
@@ -216,7 +225,7 @@ impl Service {
     }
 
     /// Completes a leased render with one picture; the picture's key.
-    pub async fn complete_render(&self, lease: &Lease) -> String {
+    pub(crate) async fn complete_render(&self, lease: &Lease) -> String {
         let key = keys::render(id(&job_name(lease)), lease.token, "000000.png");
         let files = vec![RenderedFile {
             file: "000000.png".into(),
@@ -233,7 +242,7 @@ impl Service {
     }
 
     /// Ends a leased training with `checkpoint` as its result.
-    pub async fn complete_training(&self, lease: &Lease, checkpoint: &Checkpoint) {
+    pub(crate) async fn complete_training(&self, lease: &Lease, checkpoint: &Checkpoint) {
         let result = TrainResult {
             checkpoint: checkpoint.name.clone(),
             ..<_>::default()
@@ -245,7 +254,7 @@ impl Service {
 }
 
 /// The claim of a lease on its job.
-pub fn claim(lease: &Lease) -> Claim {
+pub(crate) fn claim(lease: &Lease) -> Claim {
     let job = lease.job.clone().expect("has a job");
     Claim {
         job: job.name,
@@ -255,7 +264,7 @@ pub fn claim(lease: &Lease) -> Claim {
 }
 
 /// An error with this code.
-pub fn job_error(code: &str, message: &str) -> JobError {
+pub(crate) fn job_error(code: &str, message: &str) -> JobError {
     JobError {
         code: code.into(),
         message: message.into(),
@@ -274,6 +283,6 @@ fn job_kind(name: &str) -> JobKind {
     }
 }
 
-pub fn job_name(lease: &Lease) -> String {
+pub(crate) fn job_name(lease: &Lease) -> String {
     lease.job.clone().expect("has a job").name
 }

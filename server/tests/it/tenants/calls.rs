@@ -10,7 +10,7 @@ use yoto_proto::key::Connection;
 
 /// What a caller learns from a call.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Answer {
+pub(crate) struct Answer {
     pub code: Code,
     pub message: String,
     /// The error's details, or the encoded first response.
@@ -19,20 +19,20 @@ pub struct Answer {
 
 impl Answer {
     /// The answer with the id in `name` blotted out.
-    pub fn without(&self, name: &str) -> (Code, String, String) {
+    pub(crate) fn without(&self, name: &str) -> (Code, String, String) {
         let id = super::requests::id(name);
         let bytes = String::from_utf8_lossy(&self.bytes).replace(id, "ID");
         (self.code, self.message.replace(id, "ID"), bytes)
     }
 
     /// Whether it contains `id` anywhere.
-    pub fn holds(&self, id: &str) -> bool {
+    pub(crate) fn holds(&self, id: &str) -> bool {
         self.message.contains(id) || String::from_utf8_lossy(&self.bytes).contains(id)
     }
 }
 
 /// Calls `method` with one message. All calls are made as streams in both directions, which is the same on the wire.
-pub async fn call(
+pub(crate) async fn call(
     connection: Connection,
     method: &MethodDescriptor,
     request: &DynamicMessage,
@@ -42,7 +42,7 @@ pub async fn call(
 }
 
 /// The same by the method's path.
-pub async fn call_path(connection: Connection, path: &str, request: Vec<u8>) -> Answer {
+pub(crate) async fn call_path(connection: Connection, path: &str, request: Vec<u8>) -> Answer {
     let path = PathAndQuery::try_from(path).expect("a path");
     let request = Request::new(tokio_stream::once(request));
     let mut grpc = tonic::client::Grpc::new(connection);

@@ -2,8 +2,8 @@
 //!
 //! The contract's descriptors are walked, so that a new call is covered without being named here.
 
-pub mod calls;
-pub mod requests;
+pub(crate) mod calls;
+pub(crate) mod requests;
 
 use crate::support::{SCOPES, Service, chunks as chunks_of, file};
 use calls::{Answer, call};

@@ -8,7 +8,7 @@ use yoto_proto::v1::Scope;
 
 /// Names of one of everything that a tenant has.
 #[derive(Debug)]
-pub struct Content {
+pub(crate) struct Content {
     pub subject: String,
     pub capture: String,
     pub upload: String,
@@ -25,7 +25,7 @@ pub struct Content {
 }
 
 impl Content {
-    pub fn names(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         let Self {
             subject,
             capture,
@@ -149,7 +149,7 @@ const NEEDS: &[(&str, &str)] = &[
 ];
 
 /// All methods of the contract.
-pub fn methods() -> Vec<MethodDescriptor> {
+pub(crate) fn methods() -> Vec<MethodDescriptor> {
     let pool = DescriptorPool::decode(yoto_proto::DESCRIPTORS).expect("descriptors");
     let services: Vec<_> = pool.services().collect();
     services
@@ -159,7 +159,7 @@ pub fn methods() -> Vec<MethodDescriptor> {
 }
 
 /// The scope that the contract names beside a method.
-pub fn scope(method: &MethodDescriptor) -> Scope {
+pub(crate) fn scope(method: &MethodDescriptor) -> Scope {
     number(method, "scope")
         .expect("has a scope")
         .try_into()
@@ -167,7 +167,7 @@ pub fn scope(method: &MethodDescriptor) -> Scope {
 }
 
 /// Whether the contract says beside a method that it is about the whole service.
-pub fn is_of_whole_service(method: &MethodDescriptor) -> bool {
+pub(crate) fn is_of_whole_service(method: &MethodDescriptor) -> bool {
     number(method, "whole_service") == Some(1)
 }
 
@@ -188,17 +188,17 @@ fn number(method: &MethodDescriptor, option: &str) -> Option<i32> {
 }
 
 /// The id in a name: of the resource, or of the one that it belongs to.
-pub fn id(name: &str) -> &str {
+pub(crate) fn id(name: &str) -> &str {
     name.split('/').nth(1).expect("a resource name")
 }
 
 /// A name of the same form and length, with an id that nobody has.
-pub fn unknown(name: &str) -> String {
+pub(crate) fn unknown(name: &str) -> String {
     name.replace(id(name), "00000000-0000-4000-8000-000000000000")
 }
 
 /// Paths to all fields of a message that may hold a name.
-pub fn leaves(message: &MessageDescriptor) -> Vec<Vec<FieldDescriptor>> {
+pub(crate) fn leaves(message: &MessageDescriptor) -> Vec<Vec<FieldDescriptor>> {
     let mut found = Vec::new();
     collect(message, &mut Vec::new(), &mut found);
     found
@@ -229,14 +229,14 @@ fn collect(
 }
 
 /// Whether the field at the end of `path` is in a message whose names are never answered with NOT_FOUND.
-pub fn is_report(path: &[FieldDescriptor]) -> bool {
+pub(crate) fn is_report(path: &[FieldDescriptor]) -> bool {
     path.iter()
         .any(|it| REPORTS.contains(&it.parent_message().name()))
 }
 
 /// A request with `name` in the field at the end of `path`, and otherwise one that the tenant with the content `own` may
 /// make.
-pub fn with(
+pub(crate) fn with(
     message: &MessageDescriptor,
     path: &[FieldDescriptor],
     own: &Content,

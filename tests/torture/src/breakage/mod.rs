@@ -29,7 +29,7 @@ const JUMP: f64 = 3600.0;
 const STEPS: u64 = 100;
 
 /// Breaks things.
-pub struct Breaker {
+pub(crate) struct Breaker {
     /// The processes.
     pub fleet: Arc<Fleet>,
     /// People whose trainings lose their workers, one after another, since a model has one trainer at a time;
@@ -58,7 +58,7 @@ impl Breaker {
     ///
     /// # Errors
     /// When it does not happen, or the service does not recover.
-    pub async fn make(&mut self, fault: Fault) -> Result<()> {
+    pub(crate) async fn make(&mut self, fault: Fault) -> Result<()> {
         match fault {
             Fault::WorkerKilled => self.kill_worker().await,
             Fault::CoordinatorKilled => self.kill_coordinator().await,

@@ -22,12 +22,12 @@ use yoto_proto::{keys, names, sha256_hex};
 use yoto_tests::upload::file;
 
 /// A running job.
-pub struct Lessee {
+pub(super) struct Lessee {
     pub claim: Claim,
 }
 
 /// The person and model of all renders.
-pub struct Scene {
+pub(super) struct Scene {
     client: YotoClient,
     channel: Channel,
     objects: PathBuf,
@@ -40,7 +40,7 @@ impl Scene {
     ///
     /// # Errors
     /// When a call fails.
-    pub async fn make(channel: Channel, data: &Path) -> Result<Self> {
+    pub(super) async fn make(channel: Channel, data: &Path) -> Result<Self> {
         let client = YotoClient::new(channel.clone());
         let subject = client.create_subject("ada", "made up").await?.name;
         let files = vec![
@@ -156,7 +156,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the call fails.
-    pub async fn queue_render(&self) -> Result<()> {
+    pub(super) async fn queue_render(&self) -> Result<()> {
         let spec = self.render(What::Orbit(Orbit {
             frame: 0,
             views: 1,
@@ -166,7 +166,7 @@ impl Scene {
     }
 
     /// A render of the person.
-    pub fn render(&self, what: What) -> RenderSpec {
+    pub(super) fn render(&self, what: What) -> RenderSpec {
         RenderSpec {
             model: self.model.clone(),
             subject: self.subject.clone(),
@@ -179,7 +179,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the call fails.
-    pub async fn queue(&self, spec: RenderSpec) -> Result<()> {
+    pub(super) async fn queue(&self, spec: RenderSpec) -> Result<()> {
         self.client.create_job(job_spec::Kind::Render(spec)).await?;
         Ok(())
     }
@@ -188,7 +188,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the call fails.
-    pub async fn commit_file(&self, lessee: &Lessee, number: u32) -> Result<()> {
+    pub(super) async fn commit_file(&self, lessee: &Lessee, number: u32) -> Result<()> {
         let (claim, file) = (&lessee.claim, keys::picture(number));
         let key = keys::render(id(&claim.job)?, claim.token, &file);
         let object = Some(self.put(&key, b"a picture")?);
@@ -204,7 +204,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the call fails.
-    pub async fn register(&self, kind: JobKind) -> Result<String> {
+    pub(super) async fn register(&self, kind: JobKind) -> Result<String> {
         let request = RegisterWorkerRequest {
             display_name: "load".into(),
             device: Some(WorkerDevice::default()),
@@ -224,7 +224,7 @@ impl Scene {
     ///
     /// # Errors
     /// When the call fails, or no job waits.
-    pub async fn lease(&self, worker: &str) -> Result<Lessee> {
+    pub(super) async fn lease(&self, worker: &str) -> Result<Lessee> {
         let request = LeaseJobRequest {
             worker: worker.to_owned(),
             request_id: String::new(),

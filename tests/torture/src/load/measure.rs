@@ -7,13 +7,13 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Latencies of one kind of calls.
-pub struct Latencies {
+pub(super) struct Latencies {
     name: &'static str,
     times: Mutex<Vec<Duration>>,
 }
 
 impl Latencies {
-    pub fn new(name: &'static str) -> Self {
+    pub(super) fn new(name: &'static str) -> Self {
         Self {
             name,
             times: Mutex::default(),
@@ -24,7 +24,7 @@ impl Latencies {
     ///
     /// # Errors
     /// When the call fails.
-    pub async fn time<T, E>(&self, call: impl Future<Output = Result<T, E>>) -> Result<T>
+    pub(super) async fn time<T, E>(&self, call: impl Future<Output = Result<T, E>>) -> Result<T>
     where
         anyhow::Error: From<E>,
     {
@@ -36,7 +36,7 @@ impl Latencies {
     }
 
     /// Number of calls so far.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.times
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -73,7 +73,7 @@ impl fmt::Display for Latencies {
 ///
 /// # Errors
 /// When the system is not Linux.
-pub fn resident_bytes(process: u32) -> Result<u64> {
+pub(super) fn resident_bytes(process: u32) -> Result<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status"))?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     let kib = line.and_then(|line| line.split_whitespace().next());

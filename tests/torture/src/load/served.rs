@@ -9,7 +9,7 @@ use yoto_test_postgres::Database;
 use yoto_tests::process::Process;
 
 /// It ends when this is dropped.
-pub struct Served {
+pub(super) struct Served {
     server: Process,
     address: String,
     folder: TempDir,
@@ -21,7 +21,7 @@ impl Served {
     ///
     /// # Errors
     /// When it does not start.
-    pub fn start(postgres: bool) -> Result<Self> {
+    pub(super) fn start(postgres: bool) -> Result<Self> {
         let program = std::env::current_exe()?.with_file_name("yoto-under-test");
         let program = program.to_str().context("a path in UTF-8")?;
         ensure!(
@@ -64,13 +64,13 @@ impl Served {
     ///
     /// # Errors
     /// When it is refused.
-    pub async fn connect(&self) -> Result<Channel> {
+    pub(super) async fn connect(&self) -> Result<Channel> {
         let endpoint = Endpoint::from_shared(self.address.clone())?;
         Ok(endpoint.connect().await?)
     }
 
     /// The data folder.
-    pub fn data(&self) -> PathBuf {
+    pub(super) fn data(&self) -> PathBuf {
         self.folder.path().to_owned()
     }
 
@@ -78,7 +78,7 @@ impl Served {
     ///
     /// # Errors
     /// When the process has ended, or the system is not Linux.
-    pub fn resident_bytes(&self) -> Result<u64> {
+    pub(super) fn resident_bytes(&self) -> Result<u64> {
         resident_bytes(self.server.id())
     }
 }

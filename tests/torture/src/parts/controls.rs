@@ -13,7 +13,7 @@ use yoto_server::faults::Moment;
 
 /// How the workers' object store fails.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StoreFault {
+pub(crate) enum StoreFault {
     /// With an error.
     Error,
     /// After a while.
@@ -28,7 +28,7 @@ impl StoreFault {
     const ALL: [Self; 4] = [Self::Error, Self::Late, Self::Half, Self::Never];
 
     /// Its kind of fault.
-    pub fn fault(self) -> Fault {
+    pub(crate) fn fault(self) -> Fault {
         match self {
             Self::Error => Fault::StoreError,
             Self::Late => Fault::StoreLate,
@@ -46,16 +46,16 @@ const MOMENTS: [(Moment, Fault); 3] = [
 
 /// The folder.
 #[derive(Debug, Clone)]
-pub struct Controls(PathBuf);
+pub(crate) struct Controls(PathBuf);
 
 impl Controls {
     /// The controls in `folder`.
-    pub fn of(folder: PathBuf) -> Self {
+    pub(crate) fn of(folder: PathBuf) -> Self {
         Self(folder)
     }
 
     /// The folder.
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.0
     }
 
@@ -63,12 +63,12 @@ impl Controls {
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn set_clock(&self, coordinator: usize, seconds: f64) -> Result<()> {
+    pub(crate) fn set_clock(&self, coordinator: usize, seconds: f64) -> Result<()> {
         self.write(&format!("clock-{coordinator}"), &seconds.to_string())
     }
 
     /// Seconds by which that coordinator's clock is ahead.
-    pub fn clock(&self, coordinator: usize) -> f64 {
+    pub(crate) fn clock(&self, coordinator: usize) -> f64 {
         let text = self.read(&format!("clock-{coordinator}"));
         text.and_then(|text| text.parse().ok()).unwrap_or(0.0)
     }
@@ -77,17 +77,17 @@ impl Controls {
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn set_end(&self, fault: Fault, call: &str) -> Result<()> {
+    pub(crate) fn set_end(&self, fault: Fault, call: &str) -> Result<()> {
         self.write("end", &format!("{} {call}", fault.name()))
     }
 
     /// Withdraws it; whether it was still to come.
-    pub fn withdraw_end(&self) -> bool {
+    pub(crate) fn withdraw_end(&self) -> bool {
         std::fs::remove_file(self.0.join("end")).is_ok()
     }
 
     /// The kind of end, if the coordinator is to end now.
-    pub fn end(&self, call: &str, moment: Moment) -> Option<Fault> {
+    pub(crate) fn end(&self, call: &str, moment: Moment) -> Option<Fault> {
         let text = self.read("end")?;
         let (fault, wanted) = text.split_once(' ')?;
         let (_, kind) = MOMENTS.into_iter().find(|(at, _)| *at == moment)?;
@@ -98,12 +98,12 @@ impl Controls {
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn set_store(&self, fault: Option<StoreFault>) -> Result<()> {
+    pub(crate) fn set_store(&self, fault: Option<StoreFault>) -> Result<()> {
         self.write("store", fault.map_or("", |it| it.fault().name()))
     }
 
     /// How the workers' store fails now.
-    pub fn store(&self) -> Option<StoreFault> {
+    pub(crate) fn store(&self) -> Option<StoreFault> {
         let text = self.read("store")?;
         let mut kinds = StoreFault::ALL.into_iter();
         kinds.find(|it| it.fault().name() == text)
@@ -113,12 +113,12 @@ impl Controls {
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn set_full(&self, full: bool) -> Result<()> {
+    pub(crate) fn set_full(&self, full: bool) -> Result<()> {
         self.write("full", if full { "full" } else { "" })
     }
 
     /// Whether the coordinator's writes to files fail.
-    pub fn is_full(&self) -> bool {
+    pub(crate) fn is_full(&self) -> bool {
         self.read("full").is_some_and(|text| !text.is_empty())
     }
 
@@ -126,12 +126,12 @@ impl Controls {
     ///
     /// # Errors
     /// When the file can't be written.
-    pub fn set_poison(&self, part: &str) -> Result<()> {
+    pub(crate) fn set_poison(&self, part: &str) -> Result<()> {
         self.write("poison", part)
     }
 
     /// Whether the object at `key` ends a worker.
-    pub fn is_poison(&self, key: &str) -> bool {
+    pub(crate) fn is_poison(&self, key: &str) -> bool {
         let part = self.read("poison");
         part.is_some_and(|part| !part.is_empty() && key.contains(&part))
     }
@@ -140,7 +140,7 @@ impl Controls {
     ///
     /// # Errors
     /// When it can't be written.
-    pub fn note(&self, fault: Fault) -> Result<()> {
+    pub(crate) fn note(&self, fault: Fault) -> Result<()> {
         let path = self.0.join("notes");
         let file = OpenOptions::new().append(true).create(true).open(&path);
         let mut file = file.with_context(|| path.display().to_string())?;
@@ -150,7 +150,7 @@ impl Controls {
     }
 
     /// Notes it, and ends this process at once.
-    pub fn end_here(&self, fault: Fault) -> ! {
+    pub(crate) fn end_here(&self, fault: Fault) -> ! {
         if let Err(error) = self.note(fault) {
             tracing::error!(%error, "could not note a fault");
         }
@@ -160,7 +160,7 @@ impl Controls {
     }
 
     /// How often each kind of fault was noted.
-    pub fn noted(&self) -> BTreeMap<Fault, usize> {
+    pub(crate) fn noted(&self) -> BTreeMap<Fault, usize> {
         let mut counts = BTreeMap::new();
         let text = self.read("notes").unwrap_or_default();
         for fault in text.lines().filter_map(Fault::of_name) {

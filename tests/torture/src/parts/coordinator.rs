@@ -35,7 +35,7 @@ const LOST: f64 = 0.05;
 const UNHEARD: f64 = 0.3;
 
 /// Serves until SIGTERM.
-pub async fn run(settings: CoordinatorArgs) -> Result<()> {
+pub(super) async fn run(settings: CoordinatorArgs) -> Result<()> {
     let CoordinatorArgs {
         number,
         data,

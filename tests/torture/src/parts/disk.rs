@@ -13,7 +13,7 @@ const INTERVAL: Duration = Duration::from_millis(20);
 ///
 /// # Errors
 /// When the system refuses the limit.
-pub fn limit(bytes: u64) -> Result<()> {
+pub(super) fn limit(bytes: u64) -> Result<()> {
     // SAFETY: ignoring a signal installs no handler that could run.
     unsafe { signal(Signal::SIGXFSZ, SigHandler::SigIgn) }.context("ignoring SIGXFSZ")?;
     let (_, hard) = getrlimit(Resource::RLIMIT_FSIZE).context("reading the limit of files")?;
@@ -21,7 +21,7 @@ pub fn limit(bytes: u64) -> Result<()> {
 }
 
 /// Makes all writes of this process to files fail while the controls say so. Never returns.
-pub async fn follow(controls: Controls) {
+pub(super) async fn follow(controls: Controls) {
     let mut full = false;
     loop {
         tokio::time::sleep(INTERVAL).await;

@@ -8,7 +8,7 @@ use yoto::embedded::{Embedded, EmbeddedOptions};
 use yoto_server::{ServerConfig, StorageLimits};
 
 /// Serves and works until SIGTERM.
-pub async fn run(data: PathBuf, port: u16) -> Result<()> {
+pub(super) async fn run(data: PathBuf, port: u16) -> Result<()> {
     let server = ServerConfig {
         storage: StorageLimits {
             min_free_bytes: 0,

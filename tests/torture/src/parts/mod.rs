@@ -10,7 +10,7 @@ mod embedded;
 mod store;
 mod worker;
 
-pub use controls::{Controls, StoreFault};
+pub(crate) use controls::{Controls, StoreFault};
 
 use clap::{Args, Subcommand};
 use std::path::PathBuf;

@@ -21,7 +21,7 @@ const LATE: Duration = Duration::from_millis(700);
 /// A store with faults. While it fails, every second call does, so that a caller that tries again
 /// gets on.
 #[derive(Debug)]
-pub struct FaultyStore {
+pub(super) struct FaultyStore {
     inner: Arc<dyn ObjectStore>,
     controls: Controls,
     calls: AtomicU64,
@@ -29,7 +29,7 @@ pub struct FaultyStore {
 
 impl FaultyStore {
     /// Has `inner` fail by the `controls`.
-    pub fn new(inner: Arc<dyn ObjectStore>, controls: Controls) -> Self {
+    pub(super) fn new(inner: Arc<dyn ObjectStore>, controls: Controls) -> Self {
         Self {
             inner,
             controls,

@@ -14,7 +14,7 @@ use yoto_worker::{Worker, WorkerConfig};
 const SILENCE: f64 = 10.0;
 
 /// Works until SIGTERM.
-pub async fn run(
+pub(super) async fn run(
     service: &str,
     objects: &Url,
     name: String,

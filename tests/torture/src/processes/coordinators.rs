@@ -10,14 +10,14 @@ use std::time::{Duration, Instant};
 
 /// What all processes of a coordinator have.
 #[derive(Debug)]
-pub struct Seat {
+pub(super) struct Seat {
     port: u16,
     /// Its way to the database, with PostgreSQL.
     database: Option<Proxy>,
 }
 
 impl Seat {
-    pub async fn new(outside: &Outside) -> Result<Self> {
+    pub(super) async fn new(outside: &Outside) -> Result<Self> {
         let database = match &outside.database {
             Some(database) => {
                 let socket = Target::Socket(database.socket());
@@ -38,7 +38,7 @@ impl Seat {
 
 impl Fleet {
     /// Addresses of all coordinators, each the same for all of its processes.
-    pub fn addresses(&self) -> Vec<SocketAddr> {
+    pub(crate) fn addresses(&self) -> Vec<SocketAddr> {
         self.seats.iter().map(Seat::address).collect()
     }
 
@@ -46,7 +46,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When a process can't be started.
-    pub fn start_coordinators(&self) -> Result<()> {
+    pub(crate) fn start_coordinators(&self) -> Result<()> {
         (0..self.seats.len()).try_for_each(|number| self.start_coordinator(number))
     }
 
@@ -111,7 +111,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When it does not run.
-    pub fn kill_coordinator(&self, number: usize, held: bool) -> Result<()> {
+    pub(crate) fn kill_coordinator(&self, number: usize, held: bool) -> Result<()> {
         let mut inside = self.inside();
         if let Some(down) = inside.held_down.get_mut(number) {
             *down = held;
@@ -122,7 +122,7 @@ impl Fleet {
     }
 
     /// Lets a coordinator start again.
-    pub fn let_start(&self, number: usize) {
+    pub(crate) fn let_start(&self, number: usize) {
         if let Some(down) = self.inside().held_down.get_mut(number) {
             *down = false;
         }
@@ -132,7 +132,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When it has none.
-    pub fn set_way_to_database(&self, number: usize, gate: Gate) -> Result<()> {
+    pub(crate) fn set_way_to_database(&self, number: usize, gate: Gate) -> Result<()> {
         let seat = self.seats.get(number).and_then(|it| it.database.as_ref());
         seat.context("no way to a database")?.set(gate);
         Ok(())
@@ -142,7 +142,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When one does not end within `limit`.
-    pub async fn end_coordinators(&self, limit: Duration) -> Result<()> {
+    pub(crate) async fn end_coordinators(&self, limit: Duration) -> Result<()> {
         let taken: Vec<_> = {
             let mut inside = self.inside();
             let all = inside.coordinators.iter_mut();

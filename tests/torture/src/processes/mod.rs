@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 /// Coordinators and their workers in a folder.
 #[derive(Debug)]
-pub struct Fleet {
+pub(crate) struct Fleet {
     program: PathBuf,
     folder: PathBuf,
     lease_seconds: f64,
@@ -56,7 +56,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When a folder can't be made, or no port is free.
-    pub async fn new(
+    pub(crate) async fn new(
         folder: &Path,
         outside: Outside,
         coordinators: usize,
@@ -86,17 +86,17 @@ impl Fleet {
     }
 
     /// What goes wrong in the processes.
-    pub fn controls(&self) -> &Controls {
+    pub(crate) fn controls(&self) -> &Controls {
         &self.controls
     }
 
     /// What the processes share.
-    pub fn outside(&self) -> &Outside {
+    pub(crate) fn outside(&self) -> &Outside {
         &self.outside
     }
 
     /// The service's records.
-    pub fn records(&self) -> Records {
+    pub(crate) fn records(&self) -> Records {
         match self.outside.database_url() {
             Some(url) => Records::Postgres(url),
             None => Records::Sqlite(self.outside.data(0).join("yoto.db")),
@@ -104,12 +104,12 @@ impl Fleet {
     }
 
     /// Folder of all data and logs.
-    pub fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// Length of a lease.
-    pub fn lease(&self) -> Duration {
+    pub(crate) fn lease(&self) -> Duration {
         Duration::from_secs_f64(self.lease_seconds)
     }
 
@@ -122,7 +122,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When the process can't be started.
-    pub async fn start_lasting(&self) -> Result<String> {
+    pub(crate) async fn start_lasting(&self) -> Result<String> {
         let mut proxies = Vec::new();
         for address in self.addresses() {
             proxies.push(Proxy::start(vec![Target::Port(address)]).await?);
@@ -134,7 +134,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When the process can't be started.
-    pub fn start_full(&self, largest_file: u64) -> Result<String> {
+    pub(crate) fn start_full(&self, largest_file: u64) -> Result<String> {
         self.start_worker(Vec::new(), Some(largest_file))
     }
 
@@ -169,7 +169,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When the process can't be started.
-    pub fn start_embedded(&self, port: u16) -> Result<Child> {
+    pub(crate) fn start_embedded(&self, port: u16) -> Result<Child> {
         let arguments = [
             "embedded".to_owned(),
             format!("--data={}", self.folder.join("embedded").display()),
@@ -198,7 +198,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When a process can't be started.
-    pub fn tend(&self) -> Result<Option<Instant>> {
+    pub(crate) fn tend(&self) -> Result<Option<Instant>> {
         let ended = self.tend_coordinators()?;
         let mut proxies = Vec::new();
         {
@@ -223,19 +223,19 @@ impl Fleet {
     }
 
     /// Number of workers that have ended by themselves, with an error.
-    pub fn gave_up(&self) -> u64 {
+    pub(crate) fn gave_up(&self) -> u64 {
         self.inside().gave_up
     }
 
     /// The proxies of the worker with this display name, one to each coordinator; empty without the worker.
-    pub fn proxies(&self, name: &str) -> Vec<Proxy> {
+    pub(crate) fn proxies(&self, name: &str) -> Vec<Proxy> {
         let inside = self.inside();
         let member = inside.workers.iter().find(|it| it.name == name);
         member.map(|it| it.proxies.clone()).unwrap_or_default()
     }
 
     /// Holds back what the worker with this display name sends and gets, or lets it pass. Returns whether there is one.
-    pub fn hold(&self, name: &str, held: bool) -> bool {
+    pub(crate) fn hold(&self, name: &str, held: bool) -> bool {
         let proxies = self.proxies(name);
         let gate = if held { Gate::Held } else { Gate::Open };
         for proxy in &proxies {
@@ -248,7 +248,7 @@ impl Fleet {
     ///
     /// # Errors
     /// When the signal can't be sent.
-    pub fn signal_worker(&self, name: &str, signal: Signal) -> Result<bool> {
+    pub(crate) fn signal_worker(&self, name: &str, signal: Signal) -> Result<bool> {
         let mut inside = self.inside();
         let Some(member) = inside.workers.iter_mut().find(|it| it.name == name) else {
             return Ok(false);
@@ -287,7 +287,7 @@ fn send(child: &Child, signal: Signal) -> Result<()> {
 ///
 /// # Errors
 /// When there is none.
-pub fn free_port() -> Result<u16> {
+pub(crate) fn free_port() -> Result<u16> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     Ok(listener.local_addr()?.port())
 }

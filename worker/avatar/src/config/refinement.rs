@@ -137,7 +137,7 @@ pub(crate) struct RefinementStage {
 
 impl RefinementStage {
     /// The same stage without any step taken: what fits ask for tells how far given poses are off.
-    pub fn observing(self) -> Self {
+    pub(crate) fn observing(self) -> Self {
         Self { share: 0.0, ..self }
     }
 }

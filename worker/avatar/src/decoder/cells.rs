@@ -99,7 +99,7 @@ pub(crate) struct Means {
 
 impl Means {
     /// The mean at a place, of the cells around it that have a weight; `None` if none has.
-    pub fn at(&self, place: BodyPlace) -> Option<[f32; 3]> {
+    pub(crate) fn at(&self, place: BodyPlace) -> Option<[f32; 3]> {
         let (mut sum, mut total) = ([0.0; 3], 0.0);
         for (cell, share) in around(place) {
             if self.weights[cell] > 0.0 {
@@ -113,7 +113,7 @@ impl Means {
     }
 
     /// The means of colours at places, each with a weight.
-    pub fn of(points: impl Iterator<Item = (BodyPlace, [f32; 3], f32)>) -> Self {
+    pub(crate) fn of(points: impl Iterator<Item = (BodyPlace, [f32; 3], f32)>) -> Self {
         let mut sums = vec![[0f64; 4]; CELLS];
         for (place, colour, weight) in points {
             for (cell, share) in around(place) {

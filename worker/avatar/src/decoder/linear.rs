@@ -94,7 +94,7 @@ impl Decoder {
 
 impl Decoded {
     /// The colour at a place.
-    pub fn colour(&self, place: BodyPlace) -> [f32; 3] {
+    pub(crate) fn colour(&self, place: BodyPlace) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for (cell, share) in around(place) {
             for (sum, value) in sum.iter_mut().zip(self.colours[cell]) {

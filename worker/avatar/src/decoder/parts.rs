@@ -59,7 +59,7 @@ struct Axis {
 
 impl Parts {
     /// The parts of a skeleton with SMPL's joints; `None` for others, and where joints coincide.
-    pub fn of(skeleton: &Skeleton) -> Option<Self> {
+    pub(crate) fn of(skeleton: &Skeleton) -> Option<Self> {
         let names = skeleton.names.iter().zip(&skeleton.parents);
         let smpl = skeleton.joints() == JOINTS.len()
             && names
@@ -104,12 +104,12 @@ impl Parts {
     }
 
     /// The part that the joint belongs to.
-    pub fn part(joint: usize) -> usize {
+    pub(crate) fn part(joint: usize) -> usize {
         PART_OF.get(joint).copied().unwrap_or(TRUNK)
     }
 
     /// The part on the other side of the body.
-    pub fn other(part: usize) -> usize {
+    pub(crate) fn other(part: usize) -> usize {
         match part {
             TRUNK | HEAD => part,
             _ => part ^ 1,
@@ -117,12 +117,12 @@ impl Parts {
     }
 
     /// Unit vector along a part.
-    pub fn along(&self, part: usize) -> [f32; 3] {
+    pub(crate) fn along(&self, part: usize) -> [f32; 3] {
         self.axes[part].along
     }
 
     /// The place of a point of the rest pose, metres, that the `joint` moves.
-    pub fn place(&self, point: [f32; 3], joint: usize) -> BodyPlace {
+    pub(crate) fn place(&self, point: [f32; 3], joint: usize) -> BodyPlace {
         let part = Self::part(joint);
         let axis = &self.axes[part];
         let off = minus(point, axis.start);
@@ -137,7 +137,7 @@ impl Parts {
 
 impl Parts {
     /// How far a point is from the middle line of its part, metres, and the unit vector from there to it.
-    pub fn across(&self, point: [f32; 3], joint: usize) -> (f32, [f32; 3]) {
+    pub(crate) fn across(&self, point: [f32; 3], joint: usize) -> (f32, [f32; 3]) {
         let axis = &self.axes[Self::part(joint)];
         let off = minus(point, axis.start);
         let along = dot(off, axis.along);

@@ -7,7 +7,7 @@ use yoto_proto::v1::Scores;
 
 /// PSNR of two equal pictures in a mean, dB. Their actual PSNR is infinite, and so would be every
 /// mean with it.
-pub const EQUAL: f64 = 100.0;
+pub(crate) const EQUAL: f64 = 100.0;
 /// Scores of one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureScore {
@@ -84,7 +84,7 @@ pub fn compare(
 }
 
 /// 8-bit values as floats in [0, 1].
-pub fn unit(bytes: &[u8]) -> Vec<f32> {
+pub(crate) fn unit(bytes: &[u8]) -> Vec<f32> {
     bytes
         .iter()
         .map(|&value| f32::from(value) / 255.0)

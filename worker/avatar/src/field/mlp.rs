@@ -12,7 +12,7 @@ use burn::tensor::Tensor;
 use yoto_ops::mlp::{Hidden, Input, MlpPlan, mlp};
 
 /// Shape of a [`Mlp`].
-pub struct MlpShape<'a> {
+pub(crate) struct MlpShape<'a> {
     /// Path of the network in the model, which names its tensors.
     pub path: &'a str,
     /// Width of the input.
@@ -35,7 +35,7 @@ pub struct MlpShape<'a> {
 
 /// A ReLU network with a skip connection and constant codes.
 #[derive(Module, Debug)]
-pub struct Mlp {
+pub(crate) struct Mlp {
     hidden: Vec<Layer>,
     output: Layer,
     #[module(skip)]
@@ -163,7 +163,7 @@ impl Mlp {
 
     /// `[N, kind.given()]` → `[N, output]`. `kind` describes `input` and must encode it in the
     /// network's input width. `codes` holds the code of each layer that takes one.
-    pub fn forward(
+    pub(crate) fn forward(
         &self,
         input: Tensor<2>,
         kind: Input,

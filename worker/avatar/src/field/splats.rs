@@ -59,7 +59,7 @@ pub(crate) const HIDDEN: f32 = -20.0;
 
 impl SplatValues {
     /// These values, and hidden splats behind them: `count` in all.
-    pub fn padded_to(mut self, count: usize) -> Self {
+    pub(crate) fn padded_to(mut self, count: usize) -> Self {
         let hidden = Self::at_origin(count - self.opacities.len());
         self.means.extend(hidden.means);
         self.rotations.extend(hidden.rotations);
@@ -70,7 +70,7 @@ impl SplatValues {
     }
 
     /// `count` splats at the origin: placeholders before a person is known.
-    pub fn at_origin(count: usize) -> Self {
+    pub(crate) fn at_origin(count: usize) -> Self {
         Self {
             means: vec![0.0; 3 * count],
             rotations: [1.0, 0.0, 0.0, 0.0].repeat(count),

@@ -29,7 +29,7 @@ impl Tables {
     ///
     /// # Panics
     /// If the encoding is a hash grid and `grid` is absent.
-    pub fn new(
+    pub(super) fn new(
         init: &Initial,
         path: &str,
         encoding: &Encoding,

@@ -15,12 +15,12 @@ pub(crate) struct PoseChange(pub Vec<f32>);
 
 impl PoseChange {
     /// No change of a pose of `joints` joints.
-    pub fn none(joints: usize) -> Self {
+    pub(crate) fn none(joints: usize) -> Self {
         Self(vec![0.0; 3 * (joints + 1)])
     }
 
     /// `pose` with this change.
-    pub fn of(&self, pose: &Pose) -> Pose {
+    pub(crate) fn of(&self, pose: &Pose) -> Pose {
         let change: Vec<f64> = self.0.iter().map(|v| f64::from(*v)).collect();
         let (rotations, shift) = parts(&change);
         let given = pose.rotations_f64();
@@ -40,7 +40,7 @@ impl PoseChange {
 
     /// The prior on each parameter's return to the given pose. `config` has the expected errors, which are multiplied by
     /// `scale`: the factor of rotations, and that of the position.
-    pub fn priors(&self, config: &RefinementConfig, scale: [f64; 2]) -> Vec<StepPrior> {
+    pub(crate) fn priors(&self, config: &RefinementConfig, scale: [f64; 2]) -> Vec<StepPrior> {
         let rotations = self.0.len() - 3;
         (self.0.iter().enumerate())
             .map(|(i, now)| {
@@ -58,7 +58,7 @@ impl PoseChange {
     }
 
     /// Moves it by the share `by` of a `step` `[3 (K + 1)]` in the axes of the changed pose.
-    pub fn take(&mut self, step: &[f64], by: f64) {
+    pub(crate) fn take(&mut self, step: &[f64], by: f64) {
         let (steps, shift) = parts(step);
         let (vectors, _) = self.0.as_chunks_mut::<3>();
         let Some((position, rotations)) = vectors.split_last_mut() else {

@@ -25,7 +25,12 @@ impl PixelGrid {
     /// A grid over the box of the `covered` pixels and a margin, for a blur with a standard
     /// deviation of the share `blur` of its longer side. `offset` in [0, 1)² shifts it within
     /// a cell. `None` if no pixel is covered.
-    pub fn new(image: &FrameImage, covered: &[u32], blur: f64, offset: [f64; 2]) -> Option<Self> {
+    pub(super) fn new(
+        image: &FrameImage,
+        covered: &[u32],
+        blur: f64,
+        offset: [f64; 2],
+    ) -> Option<Self> {
         let at = |p: &u32| [*p as usize % image.width, *p as usize / image.width];
         let first = at(covered.first()?);
         let (mut low, mut high) = (first, first);
@@ -46,7 +51,7 @@ impl PixelGrid {
 
     /// A grid of at most some `most` pixels over a box of a picture of `width` pixels, from its first to its last pixel, for a
     /// blur with a standard deviation of `blur` pixels.
-    pub fn over(
+    pub(super) fn over(
         width: usize,
         [low, high]: [[usize; 2]; 2],
         most: f64,
@@ -72,12 +77,12 @@ impl PixelGrid {
     }
 
     /// Number of independent values per pixel after the blur, at most 1.
-    pub fn independent(&self) -> f64 {
+    pub(super) fn independent(&self) -> f64 {
         self.taps.iter().map(|tap| tap * tap).sum::<f64>().powi(2)
     }
 
     /// Blurs `values` `[pixels, width]`; outside the grid they are 0.
-    pub fn blur(&self, values: &[f64], width: usize) -> Vec<f64> {
+    pub(super) fn blur(&self, values: &[f64], width: usize) -> Vec<f64> {
         let across = self.along(values, width, self.columns, 1);
         self.along(&across, width, self.rows, self.columns)
     }

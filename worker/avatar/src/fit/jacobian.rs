@@ -28,7 +28,11 @@ pub(super) struct HostPose {
 }
 
 impl HostPose {
-    pub fn new(body: &CanonicalBody, pose: &Pose, posed: &Posed) -> Result<Self, RenderError> {
+    pub(super) fn new(
+        body: &CanonicalBody,
+        pose: &Pose,
+        posed: &Posed,
+    ) -> Result<Self, RenderError> {
         Ok(Self {
             weights: read(posed.weights.clone().detach())?,
             transforms: read(posed.transforms.clone().detach())?,

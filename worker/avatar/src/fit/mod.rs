@@ -111,7 +111,7 @@ impl PoseFitter<'_> {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn step(
+    pub(crate) fn step(
         &self,
         pose: &Pose,
         picture: &Picture,
@@ -194,7 +194,7 @@ impl PoseFitter<'_> {
     ///
     /// # Errors
     /// If the device fails.
-    pub fn misfit(
+    pub(crate) fn misfit(
         &self,
         pose: &Pose,
         picture: &Picture,

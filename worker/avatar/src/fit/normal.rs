@@ -9,7 +9,7 @@ pub(super) struct Normal {
 
 impl Normal {
     /// The equations of `n` unknowns without any residual.
-    pub fn new(n: usize) -> Self {
+    pub(super) fn new(n: usize) -> Self {
         Self {
             h: vec![0.0; n * n],
             b: vec![0.0; n],
@@ -17,7 +17,7 @@ impl Normal {
     }
 
     /// Adds the residual `value` − `row` · x, with a weight.
-    pub fn add_residual(&mut self, row: &[f64], value: f64, weight: f64) {
+    pub(super) fn add_residual(&mut self, row: &[f64], value: f64, weight: f64) {
         let n = self.b.len();
         for (i, &by) in row.iter().enumerate() {
             if by == 0.0 {
@@ -32,19 +32,19 @@ impl Normal {
     }
 
     /// Adds a prior on the unknown `i` with the mean `value` and a weight, which is its precision.
-    pub fn add_prior(&mut self, i: usize, value: f64, weight: f64) {
+    pub(super) fn add_prior(&mut self, i: usize, value: f64, weight: f64) {
         self.h[i * (self.b.len() + 1)] += weight;
         self.b[i] += weight * value;
     }
 
     /// The solution, by Cholesky's factors; `None` if `H` is not positive definite or a number is
     /// not finite.
-    pub fn solve(self) -> Option<Vec<f64>> {
+    pub(super) fn solve(self) -> Option<Vec<f64>> {
         Some(self.solve_with_variances()?.0)
     }
 
     /// The solution, and the diagonal of H⁻¹.
-    pub fn solve_with_variances(self) -> Option<(Vec<f64>, Vec<f64>)> {
+    pub(super) fn solve_with_variances(self) -> Option<(Vec<f64>, Vec<f64>)> {
         let Self { h: mut l, b: mut x } = self;
         let n = x.len();
         for i in 0..n {

@@ -24,7 +24,7 @@ pub(super) struct TestScene {
 
 impl TestScene {
     /// A frame of `size` x `size` pixels.
-    pub fn new(config: ModelConfig, size: u32) -> Self {
+    pub(crate) fn new(config: ModelConfig, size: u32) -> Self {
         let device = Device::flex().autodiff();
         let (track, mut frames) = SyntheticPerson::cast(1, 7)[0].capture(4, size);
         let skeleton = Skeleton::from_track(&track.skeleton).expect("a skeleton");
@@ -43,7 +43,7 @@ impl TestScene {
     }
 
     /// The picture to fit to.
-    pub fn picture(&self) -> Picture<'_> {
+    pub(crate) fn picture(&self) -> Picture<'_> {
         Picture {
             image: &self.image,
             camera: &self.camera,
@@ -52,7 +52,7 @@ impl TestScene {
     }
 
     /// The fit of the person in slot 0 of `avatar`.
-    pub fn fitter<'a>(&'a self, avatar: &'a Avatar) -> PoseFitter<'a> {
+    pub(crate) fn fitter<'a>(&'a self, avatar: &'a Avatar) -> PoseFitter<'a> {
         PoseFitter {
             avatar,
             config: &self.config,

@@ -16,12 +16,12 @@ pub(super) struct Wrench {
 
 impl Wrench {
     /// The wrench of a `force` at a point.
-    pub fn at(at: Vec3, force: Vec3) -> Self {
+    pub(super) fn at(at: Vec3, force: Vec3) -> Self {
         let moment = cross(at, force);
         Self { force, moment }
     }
 
-    pub fn add(&mut self, other: Self) {
+    pub(super) fn add(&mut self, other: Self) {
         self.force = add(self.force, other.force);
         self.moment = add(self.moment, other.moment);
     }

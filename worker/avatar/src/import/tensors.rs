@@ -38,7 +38,7 @@ impl Tensors {
     ///
     /// # Errors
     /// When the file is not one that PyTorch wrote, or holds none of HumanNeRF's tensors.
-    pub fn open(path: &Path) -> Result<Self, ImportError> {
+    pub(super) fn open(path: &Path) -> Result<Self, ImportError> {
         let reader = match PytorchReader::with_top_level_key(path, NETWORK) {
             // A bare state dict, or no dict at all.
             Err(PytorchError::KeyNotFound(_) | PytorchError::InvalidFormat(_)) => {
@@ -82,13 +82,13 @@ impl Tensors {
     }
 
     /// Extents of a tensor; empty when it is missing.
-    pub fn shape(&self, name: &str) -> &[usize] {
+    pub(super) fn shape(&self, name: &str) -> &[usize] {
         self.by_name.get(name).map_or(&[], Tensor::shape)
     }
 
     /// The tensor's numbers, which must be floats in `shape`. [`Self::finish`] reports the faults
     /// of all tensors at once.
-    pub fn take(&mut self, name: &str, shape: &[usize]) -> Vec<f32> {
+    pub(super) fn take(&mut self, name: &str, shape: &[usize]) -> Vec<f32> {
         match self.read(name, shape) {
             Ok(values) => values,
             Err(fault) => {
@@ -125,7 +125,7 @@ impl Tensors {
 
     /// # Errors
     /// All faults of [`Self::take`].
-    pub fn finish(self, path: &Path) -> Result<(), ImportError> {
+    pub(super) fn finish(self, path: &Path) -> Result<(), ImportError> {
         if self.faults.is_empty() {
             return Ok(());
         }

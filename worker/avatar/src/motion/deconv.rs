@@ -20,7 +20,7 @@ const EMBEDDING_STD: f64 = 1.0;
 
 /// Embeddings and the network that decodes them.
 #[derive(Module, Debug)]
-pub struct Decoder {
+pub(crate) struct Decoder {
     /// One `[E]` per identity.
     embeddings: Vec<Param<Tensor<1>>>,
     /// `[E, H]`.
@@ -93,7 +93,7 @@ impl Decoder {
     ///
     /// # Panics
     /// If there is no identity in `slot`.
-    pub fn forward(&self, slot: usize) -> Tensor<2> {
+    pub(crate) fn forward(&self, slot: usize) -> Tensor<2> {
         let embedding = self.embeddings[slot].val();
         let hidden =
             embedding.unsqueeze::<2>().matmul(self.linear.val()) + self.bias.val().unsqueeze::<2>();

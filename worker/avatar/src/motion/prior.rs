@@ -114,12 +114,12 @@ fn blobs(skeleton: &Skeleton) -> Vec<Blob> {
 pub(crate) struct Halo(Vec<Blob>);
 
 impl Halo {
-    pub fn new(skeleton: &Skeleton) -> Self {
+    pub(crate) fn new(skeleton: &Skeleton) -> Self {
         Self(blobs(skeleton))
     }
 
     /// The sum at `point`, metres.
-    pub fn at(&self, point: [f64; 3]) -> f64 {
+    pub(crate) fn at(&self, point: [f64; 3]) -> f64 {
         self.0.iter().map(|blob| blob.weight(point)).sum()
     }
 }

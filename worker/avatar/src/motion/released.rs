@@ -11,14 +11,14 @@ use yoto_capture::skeleton::Vec3;
 use yoto_ops::cofactors::inverse;
 
 /// Added to each number of the pose vector before any network sees it.
-pub const POSE_SHIFT: f32 = 1e-2;
+pub(crate) const POSE_SHIFT: f32 = 1e-2;
 /// Added to the angle in the division that gives a pose's axis.
 const AXIS_GUARD: f64 = 1e-5;
 /// Added to the squared angle of a correction.
 const ANGLE_GUARD: f32 = 1e-5;
 
 /// Rotations of corrections `[K, 3]` radians → `[K, 3, 3]`, by θ = √(1e-5 + |v|²).
-pub fn rodrigues(r: Tensor<2>) -> Tensor<3> {
+pub(crate) fn rodrigues(r: Tensor<2>) -> Tensor<3> {
     let angle = ((r.clone() * r.clone()).sum_dim(1) + ANGLE_GUARD).sqrt();
     about(r / angle.clone(), angle)
 }
@@ -62,7 +62,11 @@ fn about(axis: Tensor<2>, angle: Tensor<2>) -> Tensor<3> {
 
 /// `[K, 12]`: posed body to canonical, of each bone, row-major 3x4. `correction`
 /// `[K − 1, 3, 3]` follows each local rotation except the root's.
-pub fn transforms(body: &CanonicalBody, pose: &Pose, correction: Option<Tensor<3>>) -> Tensor<2> {
+pub(crate) fn transforms(
+    body: &CanonicalBody,
+    pose: &Pose,
+    correction: Option<Tensor<3>>,
+) -> Tensor<2> {
     let device = body.log_prior.device();
     let (axes, angles): (Vec<[f32; 3]>, Vec<f32>) =
         pose.unrooted().into_iter().skip(1).map(local).unzip();

@@ -42,7 +42,7 @@ impl PosedActor<'_> {
     }
 
     /// The rays of a `batch` of pixels that cross the person's box, with their indices in it.
-    pub fn hits(&self, batch: &[usize], width: usize) -> Vec<(usize, Ray)> {
+    pub(super) fn hits(&self, batch: &[usize], width: usize) -> Vec<(usize, Ray)> {
         let pixels = batch.iter().enumerate();
         let hits = pixels.filter_map(|(at, i)| Some((at, self.ray(*i, width)?)));
         hits.collect()

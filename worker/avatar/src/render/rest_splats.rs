@@ -28,7 +28,7 @@ pub(super) struct RestSplatsCache {
 
 impl RestSplatsCache {
     /// An empty cache for people in `slots` slots; frames have all splats.
-    pub fn new(slots: usize) -> Self {
+    pub(super) fn new(slots: usize) -> Self {
         Self {
             levels: vec![(1.0, empty(slots))],
             chosen: 0,
@@ -36,7 +36,7 @@ impl RestSplatsCache {
         }
     }
 
-    pub fn add_slot(&mut self) {
+    pub(super) fn add_slot(&mut self) {
         self.slots += 1;
         let levels = self.levels.iter_mut();
         levels.for_each(|(_, slots)| slots.push(OnceLock::new()));
@@ -44,7 +44,7 @@ impl RestSplatsCache {
 
     /// Frames have this `share` of the splats from now on. Of more than [`LEVELS`] levels the oldest goes, but never that
     /// of all splats.
-    pub fn choose(&mut self, share: f32) {
+    pub(super) fn choose(&mut self, share: f32) {
         let known = self.levels.iter().position(|(known, _)| *known == share);
         self.chosen = known.unwrap_or_else(|| {
             if self.levels.len() == LEVELS {
@@ -80,7 +80,7 @@ pub(super) struct RestSplats {
 
 impl RestSplats {
     /// The rows in `pose`, with the colours that a camera sees of splats with these `transforms` `[N, 12]`.
-    pub fn rows_for_view(
+    pub(super) fn rows_for_view(
         &self,
         body_view: &View,
         pose: &Pose,
@@ -97,7 +97,7 @@ impl RestSplats {
     }
 
     /// Canonical to posed `[N, 12]` of each splat, from the bones' `transforms` `[K, 12]`.
-    pub fn skin(&self, transforms: &[f32]) -> Vec<f32> {
+    pub(super) fn skin(&self, transforms: &[f32]) -> Vec<f32> {
         self.shares.skin(transforms)
     }
 }

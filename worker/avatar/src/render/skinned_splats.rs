@@ -15,7 +15,7 @@ use yoto_ops::splat::{SplatRow, harmonics, means_of_rows, splat_rows};
 use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.
-pub const BONES: usize = 4;
+pub(super) const BONES: usize = 4;
 
 /// A person of a model of splats, in host memory.
 #[derive(Clone, Debug, PartialEq)]

@@ -40,7 +40,7 @@ pub(crate) struct HostSplats<'a> {
 
 impl HostSplats<'_> {
     /// Reads `splats` from their device, with the colours that the camera sees.
-    pub fn read(splats: Splats, body_view: &View) -> Result<Self, RenderError> {
+    pub(crate) fn read(splats: Splats, body_view: &View) -> Result<Self, RenderError> {
         let splats = splats.with_view_colours(body_view);
         Ok(Self {
             rows: read(splats.rows().detach())?.into(),
@@ -50,7 +50,7 @@ impl HostSplats<'_> {
     }
 
     /// The numbers as [`render`] takes them.
-    pub fn as_slices(&self) -> SplatSlices<'_> {
+    pub(crate) fn as_slices(&self) -> SplatSlices<'_> {
         SplatSlices {
             transforms: &self.transforms,
             rows: &self.rows,

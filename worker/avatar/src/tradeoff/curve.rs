@@ -6,7 +6,7 @@ use thiserror::Error;
 
 /// Version of the format that this program writes. It also reads version 1, which knows neither shares of splats nor
 /// a fixed part of the time for each setting.
-pub const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 2;
 /// Oldest version that this program reads.
 const OLDEST: u32 = 1;
 

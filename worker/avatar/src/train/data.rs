@@ -13,7 +13,7 @@ pub(crate) struct Data {
 
 impl Data {
     /// The `subjects`, at least one, each with at least one frame.
-    pub fn new(subjects: Vec<TrainSubject>, sampling: SamplingConfig, seed: u64) -> Self {
+    pub(super) fn new(subjects: Vec<TrainSubject>, sampling: SamplingConfig, seed: u64) -> Self {
         let counts: Vec<usize> = subjects.iter().map(|it| it.frames.len()).collect();
         Self {
             order: FrameOrder::new(sampling, seed, &counts),
@@ -22,25 +22,25 @@ impl Data {
     }
 
     /// The frame of a step.
-    pub fn at(&mut self, step: u64, known: &Known) -> FrameIndex {
+    pub(super) fn at(&mut self, step: u64, known: &Known) -> FrameIndex {
         let slots = self.subjects.iter().map(|it| it.slot);
         let steps_per_person: Vec<PersonSteps> = slots.map(|slot| known.steps_with(slot)).collect();
         self.order.at(step, &steps_per_person)
     }
 
     /// A frame, and its person.
-    pub fn frame(&self, index: FrameIndex) -> (&TrainSubject, &TrainFrame) {
+    pub(super) fn frame(&self, index: FrameIndex) -> (&TrainSubject, &TrainFrame) {
         let subject = &self.subjects[index.subject];
         (subject, &subject.frames[index.frame])
     }
 
     /// All people.
-    pub fn subjects(&self) -> &[TrainSubject] {
+    pub(super) fn subjects(&self) -> &[TrainSubject] {
         &self.subjects
     }
 
     /// The person in `slot`, if they take part.
-    pub fn in_slot(&self, slot: usize) -> Option<&TrainSubject> {
+    pub(super) fn in_slot(&self, slot: usize) -> Option<&TrainSubject> {
         self.subjects.iter().find(|it| it.slot == slot)
     }
 }

@@ -22,7 +22,7 @@ pub(crate) struct Known {
 
 impl Known {
     /// The people of the checkpoint with the state `saved`.
-    pub fn new(saved: &ModelState, kept_tracks: Vec<(usize, Vec<u8>)>) -> Self {
+    pub(super) fn new(saved: &ModelState, kept_tracks: Vec<(usize, Vec<u8>)>) -> Self {
         let mut steps_per_person = saved.steps_per_person.clone();
         steps_per_person.resize(saved.slots.len(), PersonSteps::default());
         Self {
@@ -36,27 +36,27 @@ impl Known {
     }
 
     /// The skeleton of each slot.
-    pub fn skeletons(&self) -> &[Option<Skeleton>] {
+    pub(super) fn skeletons(&self) -> &[Option<Skeleton>] {
         &self.slots
     }
 
     /// Whether the model knows the person in `slot`.
-    pub fn has_person(&self, slot: usize) -> bool {
+    pub(super) fn has_person(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(Option::is_some)
     }
 
     /// Whether the model knows anybody.
-    pub fn has_people(&self) -> bool {
+    pub(super) fn has_people(&self) -> bool {
         self.slots.iter().any(Option::is_some)
     }
 
     /// Makes the person in `slot` known.
-    pub fn add_person(&mut self, slot: usize, skeleton: Skeleton) {
+    pub(super) fn add_person(&mut self, slot: usize, skeleton: Skeleton) {
         self.slots[slot] = Some(skeleton);
     }
 
     /// Notes by which decoder guesses of the person in `slot` are made.
-    pub fn note_prior(&mut self, slot: usize, prior: Option<String>) {
+    pub(super) fn note_prior(&mut self, slot: usize, prior: Option<String>) {
         match prior {
             Some(prior) => _ = self.priors.insert(slot, prior),
             None => _ = self.priors.remove(&slot),
@@ -64,27 +64,27 @@ impl Known {
     }
 
     /// The steps with the person in `slot`.
-    pub fn steps_with(&self, slot: usize) -> PersonSteps {
+    pub(super) fn steps_with(&self, slot: usize) -> PersonSteps {
         self.steps_per_person[slot]
     }
 
     /// Counts a step with the person in `slot`.
-    pub fn count_step(&mut self, slot: usize) {
+    pub(super) fn count_step(&mut self, slot: usize) {
         self.steps_per_person[slot].steps += 1;
     }
 
     /// Slots of people who were removed.
-    pub fn erased(&self) -> &BTreeSet<usize> {
+    pub(super) fn erased(&self) -> &BTreeSet<usize> {
         &self.erased
     }
 
     /// Slots and files of the refined pose tracks of people who do not take part.
-    pub fn kept_tracks(&self) -> &[(usize, Vec<u8>)] {
+    pub(super) fn kept_tracks(&self) -> &[(usize, Vec<u8>)] {
         &self.kept_tracks
     }
 
     /// Writes what a checkpoint keeps of people into `state`.
-    pub fn record(&self, state: &mut ModelState) {
+    pub(super) fn record(&self, state: &mut ModelState) {
         state.slots.clone_from(&self.slots);
         state.own_only.clone_from(&self.own_only);
         state.steps_per_person.clone_from(&self.steps_per_person);

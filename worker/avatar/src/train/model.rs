@@ -47,7 +47,7 @@ pub(crate) struct Descent {
 
 impl Model {
     /// The model of `saved` in `state`.
-    pub fn new(
+    pub(super) fn new(
         saved: &ModelState,
         state: TrainState,
         device: Device,
@@ -64,12 +64,12 @@ impl Model {
     }
 
     /// The model's representation in canonical space.
-    pub fn appearance(&self) -> AvatarAppearance<'_> {
+    pub(super) fn appearance(&self) -> AvatarAppearance<'_> {
         self.state.avatar().appearance(&self.config)
     }
 
     /// How the model compares patches; `None` for splats.
-    pub fn patches(&self) -> Option<&PatchLearning> {
+    pub(super) fn patches(&self) -> Option<&PatchLearning> {
         self.patches.as_ref()
     }
 
@@ -77,7 +77,10 @@ impl Model {
     ///
     /// # Errors
     /// If the model learns from whole pictures.
-    pub fn set_objective(&mut self, objective: Box<dyn Objective>) -> Result<(), TrainError> {
+    pub(super) fn set_objective(
+        &mut self,
+        objective: Box<dyn Objective>,
+    ) -> Result<(), TrainError> {
         match &mut self.patches {
             Some(patches) => patches.objective = objective,
             None => {
@@ -91,7 +94,7 @@ impl Model {
     }
 
     /// The person in `pose`, and the state of the model.
-    pub fn scene<'a>(
+    pub(super) fn scene<'a>(
         &'a self,
         subject: &'a TrainSubject,
         pose: &'a Pose,
@@ -112,7 +115,7 @@ impl Model {
     ///
     /// # Errors
     /// If the device fails, or training diverged.
-    pub fn descend(
+    pub(super) fn descend(
         &mut self,
         loss: Tensor<1>,
         terms: &[LossTerm],
@@ -153,12 +156,12 @@ impl Model {
     }
 
     /// Steps that were skipped, and returns to an earlier state.
-    pub fn mishaps(&self) -> (u64, u64) {
+    pub(super) fn mishaps(&self) -> (u64, u64) {
         (self.guard.skipped, self.guard.rollbacks)
     }
 
     /// Parts that take part only from some moment of a run on, and do after the fraction `schedule_progress`.
-    pub fn active_parts(&self, schedule_progress: f64) -> Vec<String> {
+    pub(super) fn active_parts(&self, schedule_progress: f64) -> Vec<String> {
         let config = &self.config;
         let mut parts = config
             .schedule
@@ -174,7 +177,7 @@ impl Model {
     }
 
     /// Writes what a checkpoint's state keeps of the model into `state`.
-    pub fn record(&self, state: &mut ModelState) {
+    pub(super) fn record(&self, state: &mut ModelState) {
         state.rate_scale = self.state.rate_scale;
         (state.skipped_steps, state.rollbacks) = self.mishaps();
     }

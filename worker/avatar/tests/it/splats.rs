@@ -14,7 +14,7 @@ use yoto_capture::ShardBuilder;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_synthetic::SyntheticPerson;
 
-pub const SIZE: u32 = 64;
+pub(crate) const SIZE: u32 = 64;
 
 /// Few splats, for small pictures, with poses as they are: they are exact.
 fn config() -> ModelConfig {
@@ -25,13 +25,13 @@ fn config() -> ModelConfig {
     config
 }
 
-pub fn trainer(slots: &[usize], steps: u64) -> Trainer {
+pub(crate) fn trainer(slots: &[usize], steps: u64) -> Trainer {
     let people = people(slots, 12, SIZE);
     Trainer::new(config(), options(steps), people, &Device::flex()).expect("starts")
 }
 
 /// Frame `place` of a person's capture, with the identity in `slot`.
-pub fn view_of(person: &TrainPerson, slot: usize, place: usize) -> RenderView {
+pub(crate) fn view_of(person: &TrainPerson, slot: usize, place: usize) -> RenderView {
     let track = &person.shard.track;
     let frame = &track.frames[place];
     RenderView {

@@ -50,13 +50,13 @@ impl Disc {
     }
 
     /// A point's coordinates along the axes, from the middle.
-    pub fn local(&self, point: [f32; 3]) -> [f32; 3] {
+    pub(super) fn local(&self, point: [f32; 3]) -> [f32; 3] {
         let from = minus(point, self.mean);
         self.axes.map(|axis| dot(axis, from))
     }
 
     /// The outward unit vector.
-    pub fn normal(&self) -> [f32; 3] {
+    pub(super) fn normal(&self) -> [f32; 3] {
         self.axes[2]
     }
 }
@@ -69,7 +69,7 @@ pub(super) struct Cloud {
 
 impl Cloud {
     /// The cloud of `splats`; `colours` has the colour of each.
-    pub fn new(splats: &[SkinnedSplat], colours: &[[f32; 3]]) -> Self {
+    pub(super) fn new(splats: &[SkinnedSplat], colours: &[[f32; 3]]) -> Self {
         let discs: Vec<Disc> = splats
             .iter()
             .zip(colours)
@@ -84,7 +84,7 @@ impl Cloud {
 
     /// Calls `take` with every splat that has its mean at most a cell's width from `point`, and with some farther
     /// ones.
-    pub fn near(&self, point: [f32; 3], mut take: impl FnMut(&Disc)) {
+    pub(super) fn near(&self, point: [f32; 3], mut take: impl FnMut(&Disc)) {
         let [x, y, z] = cell(point);
         for i in x - 1..=x + 1 {
             for j in y - 1..=y + 1 {

@@ -9,19 +9,19 @@ use yoto_film::{
 use yoto_proto::v1::RenderSpec;
 use yoto_synthetic::SyntheticPerson;
 
-pub const ANN: &str = "subjects/ann";
-pub const BEN: &str = "subjects/ben";
+pub(crate) const ANN: &str = "subjects/ann";
+pub(crate) const BEN: &str = "subjects/ben";
 /// A model of fields.
-pub const FIELDS: &str = "models/fields";
+pub(crate) const FIELDS: &str = "models/fields";
 /// A model of splats.
-pub const SPLATS: &str = "models/splats";
+pub(crate) const SPLATS: &str = "models/splats";
 /// Frames of a capture.
-pub const FRAMES: usize = 6;
+pub(crate) const FRAMES: usize = 6;
 /// Longest side of a capture's pictures, pixels.
-pub const SIDE: u32 = 24;
+pub(crate) const SIDE: u32 = 24;
 
 /// The people of a test.
-pub struct People {
+pub(crate) struct People {
     pub bodies: Bodies,
     shards: [(&'static str, Arc<Shard>); 2],
 }
@@ -48,7 +48,7 @@ fn model(name: &str, shards: &[(&str, Arc<Shard>)]) -> ModelBodies {
 
 impl People {
     /// Ann and Ben in each of these models.
-    pub fn of(models: &[&str]) -> Self {
+    pub(crate) fn of(models: &[&str]) -> Self {
         let cast = SyntheticPerson::cast(2, 7);
         let shard = |person: &SyntheticPerson| {
             let (track, images) = person.capture(FRAMES, SIDE);
@@ -70,7 +70,7 @@ impl People {
     }
 
     /// The capture of `subject`.
-    pub fn shard(&self, subject: &str) -> &Arc<Shard> {
+    pub(crate) fn shard(&self, subject: &str) -> &Arc<Shard> {
         let (_, shard) = self
             .shards
             .iter()
@@ -80,13 +80,13 @@ impl People {
     }
 
     /// The captures that a plan of `spec` needs, and whether their pictures.
-    pub fn needs<'a>(&self, spec: &'a RenderSpec) -> Vec<(&'a str, bool)> {
+    pub(crate) fn needs<'a>(&self, spec: &'a RenderSpec) -> Vec<(&'a str, bool)> {
         let needs = needs(spec, &self.bodies).into_iter();
         needs.map(|need| (need.subject, need.pictures)).collect()
     }
 
     /// The plan of `spec` from the captures that it needs, and no others.
-    pub fn plan(&self, spec: &RenderSpec) -> Result<Plan, PlanError> {
+    pub(crate) fn plan(&self, spec: &RenderSpec) -> Result<Plan, PlanError> {
         let mut captures = Captures::default();
         for CaptureNeed {
             model,

@@ -80,7 +80,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    pub fn new(bytes: &'a [u8]) -> Self {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
         Self {
             bytes,
             at: 0,
@@ -99,7 +99,7 @@ impl<'a> Machine<'a> {
     /// Runs up to STOP, and returns the top of the stack: the value of the pickle.
     ///
     /// Every instruction takes at least a byte of the file, so this ends.
-    pub fn run(&mut self) -> Result<Id, PickleError> {
+    pub(super) fn run(&mut self) -> Result<Id, PickleError> {
         loop {
             let [instruction] = self.fixed::<1>()?;
             if instruction == b'.' {
@@ -110,7 +110,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Runs a whole pickle that starts here, with a stack and a memo of its own.
-    pub fn run_apart(&mut self) -> Result<Id, PickleError> {
+    pub(super) fn run_apart(&mut self) -> Result<Id, PickleError> {
         let stack = mem::take(&mut self.stack);
         let marks = mem::take(&mut self.marks);
         let memo = mem::take(&mut self.memo);
@@ -120,21 +120,21 @@ impl<'a> Machine<'a> {
     }
 
     /// The node with this index.
-    pub fn node(&self, id: Id) -> Result<&Node, PickleError> {
+    pub(super) fn node(&self, id: Id) -> Result<&Node, PickleError> {
         self.nodes
             .get(id)
             .ok_or(PickleError::Malformed("an unknown node"))
     }
 
     /// Replaces the node with this index.
-    pub fn replace(&mut self, id: Id, node: Node) {
+    pub(super) fn replace(&mut self, id: Id, node: Node) {
         if let Some(old) = self.nodes.get_mut(id) {
             *old = node;
         }
     }
 
     /// The next `length` bytes of the file.
-    pub fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
+    pub(super) fn take(&mut self, length: usize) -> Result<&'a [u8], PickleError> {
         let end = self.at.checked_add(length).ok_or(PickleError::Truncated)?;
         let bytes = self.bytes.get(self.at..end).ok_or(PickleError::Truncated)?;
         self.at = end;
@@ -142,12 +142,12 @@ impl<'a> Machine<'a> {
     }
 
     /// The next `N` bytes of the file, as an array.
-    pub fn fixed<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
+    pub(super) fn fixed<const N: usize>(&mut self) -> Result<[u8; N], PickleError> {
         self.take(N)?.try_into().map_err(|_| PickleError::Truncated)
     }
 
     /// The bytes up to the next line feed, without it.
-    pub fn line(&mut self) -> Result<&'a [u8], PickleError> {
+    pub(super) fn line(&mut self) -> Result<&'a [u8], PickleError> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let length = rest.iter().position(|b| *b == b'\n');
         let line = self.take(length.ok_or(PickleError::Truncated)?)?;
@@ -155,7 +155,7 @@ impl<'a> Machine<'a> {
         Ok(line)
     }
 
-    pub fn push(&mut self, node: Node) -> Result<(), PickleError> {
+    pub(super) fn push(&mut self, node: Node) -> Result<(), PickleError> {
         if self.nodes.len() >= MAX_NODES {
             return Err(PickleError::TooLarge);
         }
@@ -164,16 +164,16 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    pub fn pop(&mut self) -> Result<Id, PickleError> {
+    pub(super) fn pop(&mut self) -> Result<Id, PickleError> {
         self.stack.pop().ok_or(EMPTY)
     }
 
-    pub fn top(&self) -> Result<Id, PickleError> {
+    pub(super) fn top(&self) -> Result<Id, PickleError> {
         self.stack.last().copied().ok_or(EMPTY)
     }
 
     /// Pops everything since the last MARK.
-    pub fn since_mark(&mut self) -> Result<Vec<Id>, PickleError> {
+    pub(super) fn since_mark(&mut self) -> Result<Vec<Id>, PickleError> {
         let mark = self.marks.pop().ok_or(EMPTY)?;
         // A hostile file may pop below its mark; `split_off` would panic.
         if mark > self.stack.len() {
@@ -183,7 +183,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Appends to the list on top of the stack.
-    pub fn append(&mut self, items: Vec<Id>) -> Result<(), PickleError> {
+    pub(super) fn append(&mut self, items: Vec<Id>) -> Result<(), PickleError> {
         let top = self.top()?;
         match self.nodes.get_mut(top) {
             Some(Node::List(list)) => {
@@ -197,7 +197,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Adds alternating keys and values to the dictionary on top of the stack.
-    pub fn set(&mut self, items: &[Id]) -> Result<(), PickleError> {
+    pub(super) fn set(&mut self, items: &[Id]) -> Result<(), PickleError> {
         let top = self.top()?;
         match self.nodes.get_mut(top) {
             Some(Node::Dict(entries)) => {
@@ -212,7 +212,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Stores the top of the stack in the memo; `None` takes the next key.
-    pub fn remember(&mut self, key: Option<u32>) -> Result<(), PickleError> {
+    pub(super) fn remember(&mut self, key: Option<u32>) -> Result<(), PickleError> {
         let top = self.top()?;
         let key = key.unwrap_or(self.memo.len() as u32);
         self.memo.insert(key, top);
@@ -220,7 +220,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Pushes the memo's entry `key`.
-    pub fn recall(&mut self, key: u32) -> Result<(), PickleError> {
+    pub(super) fn recall(&mut self, key: u32) -> Result<(), PickleError> {
         let id = self.memo.get(&key).copied();
         self.stack
             .push(id.ok_or(PickleError::Malformed("an unknown memo"))?);

@@ -27,17 +27,17 @@ pub(super) struct RawArray {
 
 impl RawArray {
     /// Number of elements that fit in its bytes, for limits.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.data.len() / self.dtype.size().unwrap_or(1).max(1)
     }
 
     /// Whether its elements are strings.
-    pub fn is_text(&self) -> bool {
+    pub(super) fn is_text(&self) -> bool {
         self.dtype.is_text()
     }
 
     /// Its numbers or texts; `bytes` is the whole file.
-    pub fn value(&self, bytes: &[u8]) -> Result<Value, PickleError> {
+    pub(super) fn value(&self, bytes: &[u8]) -> Result<Value, PickleError> {
         let bytes = self.data.bytes(bytes);
         let fits = |found: usize| {
             if count(&self.shape) == Some(found) {

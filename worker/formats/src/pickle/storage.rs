@@ -37,14 +37,14 @@ impl From<Rc<[u8]>> for StorageBytes {
 
 impl StorageBytes {
     /// Number of bytes.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         match self {
             Self::File(range) | Self::Held(_, range) => range.len(),
         }
     }
 
     /// The bytes; `file` is the whole file.
-    pub fn bytes<'a>(&'a self, file: &'a [u8]) -> &'a [u8] {
+    pub(super) fn bytes<'a>(&'a self, file: &'a [u8]) -> &'a [u8] {
         match self {
             Self::File(range) => file.get(range.clone()),
             Self::Held(bytes, range) => bytes.get(range.clone()),
@@ -79,17 +79,17 @@ pub(super) struct Tensor {
 
 impl Tensor {
     /// Number of elements, unless it overflows.
-    pub fn count(&self) -> Option<usize> {
+    pub(super) fn count(&self) -> Option<usize> {
         count(&self.size)
     }
 
     /// Number of elements in the storage.
-    pub fn stored(&self) -> usize {
+    pub(super) fn stored(&self) -> usize {
         self.storage.count
     }
 
     /// The numbers. It allocates memory for [`Self::count`] numbers, so the count must be checked before.
-    pub fn array(&self, machine: &Machine) -> Result<Array, PickleError> {
+    pub(super) fn array(&self, machine: &Machine) -> Result<Array, PickleError> {
         const MISSING: PickleError = PickleError::Malformed("the numbers of a tensor are missing");
         let data = match &self.storage.location {
             Location::Here(data) => data,

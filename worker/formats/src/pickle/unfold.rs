@@ -10,12 +10,16 @@ const TEXT: usize = 64;
 
 impl Machine<'_> {
     /// The value of a node with everything below it, except the values of the keys in `self.without`.
-    pub fn unfold(&self, root: Id) -> Result<Value, PickleError> {
+    pub(super) fn unfold(&self, root: Id) -> Result<Value, PickleError> {
         self.unfold_within(root, &mut Budget::default())
     }
 
     /// Unfolds as [`Self::unfold`] does, within the file's `budget`.
-    pub fn unfold_within(&self, root: Id, budget: &mut Budget) -> Result<Value, PickleError> {
+    pub(super) fn unfold_within(
+        &self,
+        root: Id,
+        budget: &mut Budget,
+    ) -> Result<Value, PickleError> {
         self.value(root, MAX_DEPTH, budget)
     }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// A network under construction.
 #[derive(Default)]
-pub struct Network {
+pub(crate) struct Network {
     graph: GraphProto,
 }
 
@@ -34,17 +34,17 @@ fn value(name: &str, shape: &[i64]) -> ValueInfoProto {
 }
 
 impl Network {
-    pub fn input(mut self, name: &str, shape: &[i64]) -> Self {
+    pub(crate) fn input(mut self, name: &str, shape: &[i64]) -> Self {
         self.graph.input.push(value(name, shape));
         self
     }
 
-    pub fn output(mut self, name: &str, shape: &[i64]) -> Self {
+    pub(crate) fn output(mut self, name: &str, shape: &[i64]) -> Self {
         self.graph.output.push(value(name, shape));
         self
     }
 
-    pub fn constant(mut self, name: &str, number: f32) -> Self {
+    pub(crate) fn constant(mut self, name: &str, number: f32) -> Self {
         self.graph.initializer.push(TensorProto {
             name: Some(name.into()),
             dims: vec![1],
@@ -55,7 +55,7 @@ impl Network {
         self
     }
 
-    pub fn node(mut self, kind: &str, inputs: &[&str], output: &str) -> Self {
+    pub(crate) fn node(mut self, kind: &str, inputs: &[&str], output: &str) -> Self {
         self.graph.node.push(NodeProto {
             op_type: Some(kind.into()),
             name: Some(format!("{kind} of {output}")),
@@ -67,7 +67,7 @@ impl Network {
     }
 
     /// Gives the last node a list of whole numbers.
-    pub fn with(mut self, name: &str, numbers: &[i64]) -> Self {
+    pub(crate) fn with(mut self, name: &str, numbers: &[i64]) -> Self {
         if let Some(node) = self.graph.node.last_mut() {
             node.attribute.push(AttributeProto {
                 name: Some(name.into()),
@@ -79,7 +79,7 @@ impl Network {
         self
     }
 
-    pub fn bytes(self) -> Vec<u8> {
+    pub(crate) fn bytes(self) -> Vec<u8> {
         let model = ModelProto {
             ir_version: Some(8),
             graph: Some(self.graph),
@@ -92,14 +92,14 @@ impl Network {
         model.write_buf().expect("a network as bytes")
     }
 
-    pub fn write(self, path: &Path) {
+    pub(crate) fn write(self, path: &Path) {
         std::fs::write(path, self.bytes()).expect("a file");
     }
 }
 
 /// Takes levels from -1 to 1, as MODNet does, of pictures `[1, 3, rows, columns]` (0: of any size): the
 /// brightest channel becomes coverage, 0 up to the level 32 of 255 and 1 from 45 on.
-pub fn bright(rows: i64, columns: i64) -> Network {
+pub(crate) fn bright(rows: i64, columns: i64) -> Network {
     Network::default()
         .input("input", &[1, 3, rows, columns])
         .constant("steep", 10.0)

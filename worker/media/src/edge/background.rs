@@ -125,7 +125,7 @@ impl KnownBackground {
 
 impl Plate<'_> {
     /// The colour at a pixel of the frame, if it is known.
-    pub fn at(&self, pixel: usize) -> Option<[u8; 3]> {
+    pub(super) fn at(&self, pixel: usize) -> Option<[u8; 3]> {
         let at = self.shift.of(pixel, self.known.size)?;
         self.known.colours.get(at).copied().flatten()
     }

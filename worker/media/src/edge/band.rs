@@ -47,7 +47,7 @@ pub(super) struct Band {
 
 impl Band {
     /// The band around the edge of `mask` of a picture with `width` columns; `None` if nothing lies inside.
-    pub fn around(mask: &[u8], width: usize) -> Option<Self> {
+    pub(super) fn around(mask: &[u8], width: usize) -> Option<Self> {
         let height = mask.len() / width.max(1);
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
         for (at, _) in mask.iter().enumerate().filter(|(_, it)| **it >= INSIDE) {
@@ -100,7 +100,7 @@ impl Band {
     }
 
     /// Sets the certain coverage: 0 far outside, full far inside.
-    pub fn settle(&self, mask: &mut [u8]) {
+    pub(super) fn settle(&self, mask: &mut [u8]) {
         mask.fill(0);
         for (at, zone) in self.zones.iter().enumerate() {
             if *zone == Zone::Foreground {
@@ -110,7 +110,7 @@ impl Band {
     }
 
     /// For each of the picture's `count` pixels, whether it is far outside of the mask.
-    pub fn background(&self, count: usize) -> Vec<bool> {
+    pub(super) fn background(&self, count: usize) -> Vec<bool> {
         let mut outside = vec![true; count];
         for (at, zone) in self.zones.iter().enumerate() {
             outside[self.pixel(at)] = *zone == Zone::Background;
@@ -119,13 +119,13 @@ impl Band {
     }
 
     /// Index in the picture of a pixel of the crop.
-    pub fn pixel(&self, at: usize) -> usize {
+    pub(super) fn pixel(&self, at: usize) -> usize {
         let [x, y] = [at % self.size[0], at / self.size[0]];
         (self.origin[1] + y) * self.stride + self.origin[0] + x
     }
 
     /// A pixel of the crop and its four neighbours; at the crop's border, itself again.
-    pub fn cross(&self, at: usize) -> [usize; 5] {
+    pub(super) fn cross(&self, at: usize) -> [usize; 5] {
         let [columns, rows] = self.size;
         let (x, y) = (at % columns, at / columns);
         [
@@ -138,7 +138,7 @@ impl Band {
     }
 
     /// For each pixel of the crop, the first one in a direction that is far outside of the mask, if one is near.
-    pub fn outward(&self, [dx, dy]: [isize; 2]) -> Vec<Option<u32>> {
+    pub(super) fn outward(&self, [dx, dy]: [isize; 2]) -> Vec<Option<u32>> {
         let [columns, rows] = self.size;
         let mut first: Vec<Option<u32>> = vec![None; self.zones.len()];
         // Each pixel asks the next one in the direction, so that one comes before it.
@@ -169,7 +169,7 @@ impl Band {
     }
 
     /// The distance of pixels from the edge of `mask`.
-    pub fn depths(&self, mask: &[u8]) -> Depths {
+    pub(super) fn depths(&self, mask: &[u8]) -> Depths {
         let [columns, rows] = self.size;
         let size = self.size.map(|it| it.div_ceil(2));
         let half: Vec<f32> = (0..rows)
@@ -194,7 +194,7 @@ pub(super) struct Depths {
 
 impl Depths {
     /// The distance at a pixel of the crop: 0 at the edge, 1 where pixels are certain.
-    pub fn at(&self, band: &Band, at: usize) -> f32 {
+    pub(super) fn at(&self, band: &Band, at: usize) -> f32 {
         let [x, y] = [at % band.size[0] / 2, at / band.size[0] / 2];
         self.values[y * self.columns + x]
     }

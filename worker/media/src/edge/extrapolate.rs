@@ -8,7 +8,7 @@ pub(super) struct Continued(Level);
 
 impl Continued {
     /// Continues the colours that `known` gives, of an index in the crop and in the picture.
-    pub fn of(band: &Band, known: impl Fn(usize, usize) -> Option<Rgb>) -> Self {
+    pub(super) fn of(band: &Band, known: impl Fn(usize, usize) -> Option<Rgb>) -> Self {
         let [columns, rows] = band.size;
         let size = band.size.map(|it| it.div_ceil(2));
         let mut level = Level {
@@ -28,7 +28,7 @@ impl Continued {
     }
 
     /// The colour at an index in the crop.
-    pub fn at(&self, band: &Band, at: usize) -> Rgb {
+    pub(super) fn at(&self, band: &Band, at: usize) -> Rgb {
         let [x, y] = [at % band.size[0] / 2, at / band.size[0] / 2];
         self.0.colours[y * self.0.size[0] + x]
     }

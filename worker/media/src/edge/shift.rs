@@ -17,7 +17,7 @@ pub(super) struct Shift([i32; 2]);
 
 impl Shift {
     /// The index in the other picture, of the same size, of what is seen at index `at`.
-    pub fn of(self, at: usize, [columns, rows]: [usize; 2]) -> Option<usize> {
+    pub(super) fn of(self, at: usize, [columns, rows]: [usize; 2]) -> Option<usize> {
         let x = (at % columns).checked_add_signed(self.0[0] as isize)?;
         let y = (at / columns).checked_add_signed(self.0[1] as isize)?;
         (x < columns && y < rows).then_some(y * columns + x)
@@ -36,7 +36,7 @@ struct Level {
 
 impl Pyramid {
     /// The pyramid of a picture of `size` with the colours that `known` gives.
-    pub fn new(size: [usize; 2], known: impl Fn(usize) -> Option<[u8; 3]>) -> Self {
+    pub(super) fn new(size: [usize; 2], known: impl Fn(usize) -> Option<[u8; 3]>) -> Self {
         let brightness = |at: usize| match known(at) {
             Some(colour) => colour.map(f32::from).iter().sum::<f32>() / 3.0,
             None => f32::NAN,
@@ -53,7 +53,7 @@ impl Pyramid {
     }
 
     /// The shift from this picture to `other`, of the same size, from coarse to fine.
-    pub fn shift_to(&self, other: &Self) -> Shift {
+    pub(super) fn shift_to(&self, other: &Self) -> Shift {
         let (mut best, mut least) = ([0; 2], f32::INFINITY);
         for (level, (own, other)) in self.0.iter().zip(&other.0).enumerate().rev() {
             let reach = if level + 1 == LEVELS { SEARCH } else { 1 };

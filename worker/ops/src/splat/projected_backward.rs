@@ -21,7 +21,7 @@ pub(super) struct ProjectedGradient {
 
 impl ProjectedGradient {
     /// Adds another.
-    pub fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         for a in 0..2 {
             self.centre[a] += other.centre[a];
         }

@@ -23,7 +23,7 @@ pub(super) struct Tiles {
 
 impl Tiles {
     /// The tiles of a picture of `width` x `height` pixels.
-    pub fn new(projected: &[Projected], width: usize, height: usize) -> Self {
+    pub(super) fn new(projected: &[Projected], width: usize, height: usize) -> Self {
         let (across, down) = Self::sides(width, height);
         // Depths are positive, so their bits have the same order; the index settles ties.
         let mut order: Vec<(u32, u32, Overlap)> = projected
@@ -62,22 +62,22 @@ impl Tiles {
     }
 
     /// Tiles per row and per column of a picture of `width` x `height` pixels.
-    pub fn sides(width: usize, height: usize) -> (usize, usize) {
+    pub(super) fn sides(width: usize, height: usize) -> (usize, usize) {
         (width.div_ceil(SIDE), height.div_ceil(SIDE))
     }
 
     /// Number of tiles.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.starts.len() - 1
     }
 
     /// The splats of a tile, near to far.
-    pub fn of(&self, tile: usize) -> &[u32] {
+    pub(super) fn of(&self, tile: usize) -> &[u32] {
         &self.entries[self.starts[tile]..self.starts[tile + 1]]
     }
 
     /// Column and row of a tile's first pixel.
-    pub fn corner(&self, tile: usize) -> [usize; 2] {
+    pub(super) fn corner(&self, tile: usize) -> [usize; 2] {
         [tile % self.across * SIDE, tile / self.across * SIDE]
     }
 }

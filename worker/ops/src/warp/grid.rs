@@ -43,7 +43,7 @@ pub(super) struct Support {
 
 impl Support {
     #[inline(always)]
-    pub fn contains(&self, p: [f32; 3]) -> bool {
+    pub(super) fn contains(&self, p: [f32; 3]) -> bool {
         // Comparisons are false for a NaN.
         (0..3).all(|a| p[a] > self.min[a] && p[a] < self.max[a])
     }
@@ -96,7 +96,7 @@ impl Cell {
     /// The cell of point `p`, or `None` more than one cell outside the box, where all weights are
     /// zero.
     #[inline(always)]
-    pub fn of(p: [f32; 3], min: [f32; 3], scale: [f32; 3], sides: [i32; 3]) -> Option<Self> {
+    pub(super) fn of(p: [f32; 3], min: [f32; 3], scale: [f32; 3], sides: [i32; 3]) -> Option<Self> {
         let mut low = [0i32; 3];
         let mut part = [0f32; 3];
         for a in 0..3 {
@@ -114,7 +114,7 @@ impl Cell {
     /// Calls `visit` for each of the eight nodes that is inside the box, with the node's index,
     /// its trilinear weight and the derivatives of that weight with respect to the offset along x, y, z.
     #[inline(always)]
-    pub fn taps(&self, sides: [i32; 3], mut visit: impl FnMut(usize, f32, [f32; 3])) {
+    pub(super) fn taps(&self, sides: [i32; 3], mut visit: impl FnMut(usize, f32, [f32; 3])) {
         for corner in 0..8 {
             let bit = [corner & 1, corner >> 1 & 1, corner >> 2];
             let node: [i32; 3] = std::array::from_fn(|a| self.low[a] + bit[a]);
@@ -153,7 +153,7 @@ impl Cell {
     /// Adds `to_value` to the nodes of the cell in proportion to their trilinear weights, and returns the
     /// derivatives of the volume with respect to the offset along x, y, z.
     #[inline(always)]
-    pub fn spread(
+    pub(super) fn spread(
         &self,
         volume: &[f32],
         to_volume: &mut [f32],
@@ -194,7 +194,7 @@ impl Cell {
     }
 
     /// The derivatives of the volume with respect to the offset along x, y, z.
-    pub fn slope(&self, volume: &[f32], sides: [i32; 3]) -> [f32; 3] {
+    pub(super) fn slope(&self, volume: &[f32], sides: [i32; 3]) -> [f32; 3] {
         let mut slope = [0f32; 3];
         self.taps(sides, |index, _, by_offset| {
             for a in 0..3 {
@@ -206,7 +206,7 @@ impl Cell {
 
     /// The volume's value here; nodes outside the box count as zero.
     #[inline(always)]
-    pub fn sample(&self, volume: &[f32], sides: [i32; 3]) -> f32 {
+    pub(super) fn sample(&self, volume: &[f32], sides: [i32; 3]) -> f32 {
         if let Some((first, row, slab)) = self.inner(sides) {
             let cell = &volume[first..][..slab + row + 2];
             let [x, y, z] = self.part;

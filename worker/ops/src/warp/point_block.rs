@@ -20,7 +20,7 @@ pub(super) struct PointBlock {
 }
 
 impl PointBlock {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             count: 0,
             from: [[0.0; BLOCK]; 3],
@@ -30,7 +30,7 @@ impl PointBlock {
     }
 
     /// Replaces the points of the block by at most [`BLOCK`] other points.
-    pub fn fill<'a>(&mut self, points: impl Iterator<Item = &'a [f32; 3]>) {
+    pub(super) fn fill<'a>(&mut self, points: impl Iterator<Item = &'a [f32; 3]>) {
         self.count = 0;
         for (i, point) in points.take(BLOCK).enumerate() {
             for (from, c) in self.from.iter_mut().zip(point) {
@@ -44,7 +44,7 @@ impl PointBlock {
     /// index in the block and its transformed position. `bone` `[12]` is a 3x4
     /// transform, row by row.
     #[inline(always)]
-    pub fn for_each_in_support(
+    pub(super) fn for_each_in_support(
         &mut self,
         bone: &[f32],
         support: &Support,

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use yoto_ops::splat::{Splats, View, reference, splat};
 
 /// A camera two metres from the body, rotated a little, with a skew; its picture ends inside tiles.
-pub fn view() -> View {
+pub(crate) fn view() -> View {
     View {
         width: 37,
         height: 29,
@@ -20,7 +20,7 @@ pub fn view() -> View {
 }
 
 /// `count` splats within half a metre, each with a transform of its own.
-pub fn splats(count: usize, opacities: [f32; 2], device: &Device) -> Splats {
+pub(crate) fn splats(count: usize, opacities: [f32; 2], device: &Device) -> Splats {
     let mut rng = ChaCha8Rng::seed_from_u64(count as u64);
     let mut draw = |columns, low, high| numbers(&mut rng, [count, columns], low, high, device);
     let plain = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];

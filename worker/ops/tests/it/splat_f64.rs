@@ -4,7 +4,7 @@
 use yoto_ops::splat::{LOW_PASS, MAX_ALPHA, MIN_ALPHA, NEAR, View};
 
 /// Numbers per splat: transform, mean, rotation, scales, opacity, colour.
-pub const ROW: usize = 26;
+pub(crate) const ROW: usize = 26;
 
 type V3 = [f64; 3];
 
@@ -125,7 +125,7 @@ fn project(row: &[f64], light: &[f64], view: &View) -> Projected {
 }
 
 /// The picture `[H W, 4]` of the splats with these numbers.
-pub fn picture(rows: &[f64], light: &[f64], view: &View) -> Vec<f64> {
+pub(crate) fn picture(rows: &[f64], light: &[f64], view: &View) -> Vec<f64> {
     let projected = rows.chunks(ROW).map(|row| project(row, light, view));
     let mut projected: Vec<Projected> = projected.filter(Projected::is_drawn).collect();
     projected.sort_by(|a, b| a.depth.total_cmp(&b.depth));
@@ -145,7 +145,7 @@ pub fn picture(rows: &[f64], light: &[f64], view: &View) -> Vec<f64> {
 }
 
 /// The sum over the picture, weighted by `towards` `[H W, 4]`.
-pub fn sum(rows: &[f64], light: &[f64], view: &View, towards: &[f32]) -> f64 {
+pub(crate) fn sum(rows: &[f64], light: &[f64], view: &View, towards: &[f32]) -> f64 {
     let seen = picture(rows, light, view);
     let products = seen.iter().zip(towards).map(|(a, b)| a * f64::from(*b));
     products.sum()

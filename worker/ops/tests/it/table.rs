@@ -3,12 +3,12 @@
 use burn::tensor::Tensor;
 
 /// Values of a tensor.
-pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
 /// Largest difference, relative to the larger of 1 and the largest reference magnitude.
-pub fn error(ours: &[f32], reference: &[f64]) -> f64 {
+pub(crate) fn error(ours: &[f32], reference: &[f64]) -> f64 {
     assert_eq!(ours.len(), reference.len());
     let scale = reference.iter().fold(1f64, |m, v| m.max(v.abs()));
     let differences = ours
@@ -20,7 +20,7 @@ pub fn error(ours: &[f32], reference: &[f64]) -> f64 {
 
 /// Prints the row of a case and asserts that all values are finite, and close to the f64 reference
 /// if there is one.
-pub fn report(
+pub(crate) fn report(
     hazard: &str,
     case: &str,
     values: &[f32],

@@ -44,7 +44,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    pub fn new(columns: Columns) -> Self {
+    pub(crate) fn new(columns: Columns) -> Self {
         Self {
             columns,
             width: match columns {
@@ -59,17 +59,17 @@ impl Rows {
     }
 
     /// Whether the table has derivatives.
-    pub fn has_slopes(&self) -> bool {
+    pub(crate) fn has_slopes(&self) -> bool {
         self.columns != Columns::Cost
     }
 
     /// Whether the table has columns of shared unknowns.
-    pub fn has_shared(&self) -> bool {
+    pub(crate) fn has_shared(&self) -> bool {
         matches!(self.columns, Columns::All(_))
     }
 
     /// Adds a residual that is already scaled by its weight, without its cost.
-    pub fn push(&mut self, value: f64, slopes: impl FnOnce(&mut [f64])) {
+    pub(crate) fn push(&mut self, value: f64, slopes: impl FnOnce(&mut [f64])) {
         if !self.has_slopes() {
             return;
         }
@@ -84,14 +84,14 @@ impl Rows {
     /// Adds the cost of a squared residual r² and returns the factor of its rows, by Geman and McClure's
     /// function `r² / (1 + r² / bound²)`. A residual far beyond `bound` standard deviations costs `bound²`
     /// at most and has no more influence.
-    pub fn robust(&mut self, squared: f64, bound: f64) -> f64 {
+    pub(crate) fn robust(&mut self, squared: f64, bound: f64) -> f64 {
         let shrink = 1.0 / (1.0 + squared / (bound * bound));
         self.cost += squared * shrink;
         shrink
     }
 
     /// Adds a residual with its squared cost, without a bound.
-    pub fn plain(&mut self, value: f64, slopes: impl FnOnce(&mut [f64])) {
+    pub(crate) fn plain(&mut self, value: f64, slopes: impl FnOnce(&mut [f64])) {
         self.cost += value * value;
         self.push(value, slopes);
     }

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use yoto_request::methods::POOL;
 
 /// Path and operation of a call.
-pub fn of(binding: &'static Binding, schemas: &mut Schemas) -> (String, Value) {
+pub(super) fn of(binding: &'static Binding, schemas: &mut Schemas) -> (String, Value) {
     let (path, mut parameters) = path(binding);
     let method = &binding.method;
     let in_path: Vec<&str> = binding.template.fields().collect();
@@ -59,7 +59,7 @@ pub fn of(binding: &'static Binding, schemas: &mut Schemas) -> (String, Value) {
 }
 
 /// Path and operation of the call that writes bytes of an upload.
-pub fn upload(schemas: &mut Schemas) -> (String, Value) {
+pub(super) fn upload(schemas: &mut Schemas) -> (String, Value) {
     let text = |name: &str, told: &str| {
         json!({
             "name": name, "in": "path", "required": true, "description": told,

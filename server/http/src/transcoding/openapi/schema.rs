@@ -7,11 +7,11 @@ use serde_json::{Map, Value, json};
 
 /// The schemas that the description refers to.
 #[derive(Debug, Default)]
-pub struct Schemas(Map<String, Value>);
+pub(super) struct Schemas(Map<String, Value>);
 
 impl Schemas {
     /// A reference to the schema of a message.
-    pub fn message(&mut self, message: &MessageDescriptor) -> Value {
+    pub(super) fn message(&mut self, message: &MessageDescriptor) -> Value {
         if let Some(known) = well_known(message.full_name()) {
             return known;
         }
@@ -34,7 +34,7 @@ impl Schemas {
     }
 
     /// The schema of a field, with what the contract says of it.
-    pub fn field(&mut self, field: &FieldDescriptor) -> Value {
+    pub(super) fn field(&mut self, field: &FieldDescriptor) -> Value {
         let mut schema = match field.kind() {
             Kind::Message(entry) if field.is_map() => {
                 let value = self.kind(&entry.map_entry_value_field());
@@ -89,7 +89,7 @@ impl Schemas {
     }
 
     /// All schemas by their names.
-    pub fn into_all(self) -> Map<String, Value> {
+    pub(super) fn into_all(self) -> Map<String, Value> {
         self.0
     }
 }
@@ -124,7 +124,7 @@ fn describe(schema: &mut Value, told: &str) {
 }
 
 /// What the contract says of a call.
-pub fn of_method(method: &MethodDescriptor) -> String {
+pub(super) fn of_method(method: &MethodDescriptor) -> String {
     comment(&method.parent_service().parent_file(), method.path())
 }
 

@@ -7,7 +7,7 @@ use std::fmt::Display;
 use std::io::ErrorKind;
 
 /// The refusal for an error of the first connection, or of bringing the schema up to date.
-pub fn refusal(error: sqlx::Error, options: &PgConnectOptions) -> StoreError {
+pub(super) fn refusal(error: sqlx::Error, options: &PgConnectOptions) -> StoreError {
     match advice(&error, options) {
         Some(advice) => StoreError::Unusable(advice),
         None => StoreError::Database {

@@ -8,13 +8,13 @@ use std::time::Duration;
 use tokio::time::timeout;
 
 /// Longest wait for an answer: six times as long as for a lock, and shorter than calls of workers wait in all.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The result of `work`, or an error of the connection if that is not there in time. The caller drops the connection then.
 ///
 /// # Errors
 /// Those of `work`, and [`io::ErrorKind::TimedOut`].
-pub async fn within<T>(
+pub(super) async fn within<T>(
     patience: Duration,
     work: impl Future<Output = Result<T, Error>>,
 ) -> Result<T, Error> {
@@ -28,6 +28,6 @@ pub async fn within<T>(
 ///
 /// # Errors
 /// When the connection is lost.
-pub async fn ping(patience: Duration, connection: &mut PgConnection) -> Result<(), Error> {
+pub(super) async fn ping(patience: Duration, connection: &mut PgConnection) -> Result<(), Error> {
     within(patience, connection.ping()).await
 }

@@ -34,7 +34,7 @@ const SETTINGS: [(&str, &str); 7] = [
 ///
 /// # Errors
 /// When a part of the URL is unknown.
-pub fn options(url: &PostgresUrl) -> Result<PgConnectOptions, StoreError> {
+pub(super) fn options(url: &PostgresUrl) -> Result<PgConnectOptions, StoreError> {
     let options: Result<PgConnectOptions, sqlx::Error> = url.secret().parse();
     let options = options.during("reading the URL of the database")?;
     Ok(options.application_name("yoto").options(SETTINGS))
@@ -45,7 +45,10 @@ pub fn options(url: &PostgresUrl) -> Result<PgConnectOptions, StoreError> {
 ///
 /// # Errors
 /// When the database can't be reached, or refuses the user.
-pub async fn pool(options: PgConnectOptions, patience: Duration) -> Result<PgPool, StoreError> {
+pub(super) async fn pool(
+    options: PgConnectOptions,
+    patience: Duration,
+) -> Result<PgPool, StoreError> {
     let pool = PgPoolOptions::new()
         .max_connections(CONNECTIONS)
         .acquire_timeout(ACQUIRE_TIMEOUT)
@@ -70,7 +73,7 @@ pub async fn pool(options: PgConnectOptions, patience: Duration) -> Result<PgPoo
 ///
 /// # Errors
 /// When the database can't be reached.
-pub async fn single(pool: &PgPool) -> Result<PgPool, sqlx::Error> {
+pub(super) async fn single(pool: &PgPool) -> Result<PgPool, sqlx::Error> {
     let options = pool.connect_options().as_ref().clone();
     PgPoolOptions::new()
         .max_connections(1)

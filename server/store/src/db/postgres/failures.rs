@@ -3,7 +3,7 @@
 use crate::StoreError;
 
 /// Adds the action to errors of the driver.
-pub trait During<T> {
+pub(super) trait During<T> {
     /// Adds `action`, e.g. "reading a job", and classifies the failure of something that has not changed the database:
     /// a statement outside of a transaction that writes, or one inside, which is rolled back.
     fn during(self, action: &'static str) -> Result<T, StoreError>;

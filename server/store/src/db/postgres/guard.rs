@@ -14,7 +14,7 @@ use tokio::sync::Mutex;
 use tokio::time::{Instant, sleep};
 
 /// The first number of this program's advisory locks, "yoto" in ASCII: other programs may have locks in the same database.
-pub const PROGRAM: i32 = 0x796f_746f;
+pub(super) const PROGRAM: i32 = 0x796f_746f;
 /// The second number of the coordinators' lock. Locks of transactions have others.
 const COORDINATOR: i32 = 0;
 /// How long a new coordinator waits for the lock: the database needs a moment to notice that a killed one is gone.
@@ -24,7 +24,7 @@ const RETRY: Duration = Duration::from_millis(100);
 
 /// The lock. The database frees it when the connection ends.
 #[derive(Debug)]
-pub struct Guard {
+pub(super) struct Guard {
     options: PgConnectOptions,
     connection: Mutex<Option<PgConnection>>,
     /// Whether no coordinator had it alone at the last check.
@@ -36,7 +36,7 @@ impl Guard {
     ///
     /// # Errors
     /// When a coordinator of another version uses the database, or it can't be reached; an error of the two.
-    pub async fn take(
+    pub(super) async fn take(
         options: PgConnectOptions,
         is_pending: impl AsyncFn() -> Result<bool, StoreError>,
         upgrade: impl AsyncFn() -> Result<(), StoreError>,
@@ -85,7 +85,7 @@ impl Guard {
     /// # Errors
     /// When a coordinator of another version has taken it meanwhile, or the database can't be reached; an error of
     /// `is_known`.
-    pub async fn renew(
+    pub(super) async fn renew(
         &self,
         is_known: impl Future<Output = Result<(), StoreError>>,
     ) -> Result<(), StoreError> {
@@ -112,7 +112,7 @@ impl Guard {
     ///
     /// # Errors
     /// [`StoreError::Unavailable`].
-    pub fn check(&self) -> Result<(), StoreError> {
+    pub(super) fn check(&self) -> Result<(), StoreError> {
         match self.held.load(Ordering::Relaxed) {
             true => Ok(()),
             false => Err(StoreError::Unavailable {
@@ -124,7 +124,7 @@ impl Guard {
     }
 
     /// Frees the lock.
-    pub async fn release(&self) {
+    pub(super) async fn release(&self) {
         if let Some(connection) = self.connection.lock().await.take()
             && let Err(error) = within(answer::PATIENCE, connection.close()).await
         {

@@ -8,7 +8,7 @@ use sqlx::migrate::Migration;
 use sqlx::{Executor, PgPool, Row};
 
 /// The steps of the schema. Each has its counterpart in SQLite's.
-pub fn steps() -> Steps {
+pub(super) fn steps() -> Steps {
     let start = include_str!("../../../../../migrations/postgres/0039_start.sql");
     Steps {
         start: step(START, "start", start),
@@ -21,7 +21,7 @@ pub fn steps() -> Steps {
 ///
 /// # Errors
 /// When the database is of another program, a newer version or one that is too early, or fails.
-pub async fn run(pool: &PgPool, steps: &Steps) -> Result<(), StoreError> {
+pub(super) async fn run(pool: &PgPool, steps: &Steps) -> Result<(), StoreError> {
     if schema::state(steps, &found(pool).await?)? == State::Replaced {
         let done = take_over(pool, &steps.start).await;
         done.map_err(|error| refusal(error, &pool.connect_options()))?;
@@ -47,7 +47,7 @@ async fn take_over(pool: &PgPool, start: &Migration) -> Result<(), sqlx::Error> 
 ///
 /// # Errors
 /// As [`run`].
-pub async fn are_pending(pool: &PgPool, steps: &Steps) -> Result<bool, StoreError> {
+pub(super) async fn are_pending(pool: &PgPool, steps: &Steps) -> Result<bool, StoreError> {
     schema::are_pending(steps, &found(pool).await?)
 }
 
@@ -55,7 +55,7 @@ pub async fn are_pending(pool: &PgPool, steps: &Steps) -> Result<bool, StoreErro
 ///
 /// # Errors
 /// As [`run`].
-pub async fn are_known(pool: &PgPool) -> Result<(), StoreError> {
+pub(super) async fn are_known(pool: &PgPool) -> Result<(), StoreError> {
     schema::state(&steps(), &found(pool).await?).map(drop)
 }
 

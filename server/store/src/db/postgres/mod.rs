@@ -33,7 +33,7 @@ use std::time::Duration;
 
 /// An open database.
 #[derive(Debug)]
-pub struct Postgres {
+pub(crate) struct Postgres {
     pool: PgPool,
     guard: Guard,
     /// Seconds by which the database's clock was last ahead of the coordinator's, as the bits of an `f64`.
@@ -44,7 +44,7 @@ pub struct Postgres {
 
 /// A connection of the pool, with or without a transaction. If an answer takes too long, it is given up.
 #[derive(Debug)]
-pub struct Connection {
+pub(crate) struct Connection {
     held: Held,
     patience: Duration,
 }
@@ -63,7 +63,7 @@ enum Held {
 
 impl Postgres {
     /// Opens the database, and brings its schema up to date. Other coordinators of this version may use it at the same time.
-    pub async fn open(url: &PostgresUrl) -> Result<Self, StoreError> {
+    pub(crate) async fn open(url: &PostgresUrl) -> Result<Self, StoreError> {
         Self::open_with(url, &migrations::steps()).await
     }
 
@@ -91,7 +91,7 @@ impl Postgres {
     }
 
     /// Opens the database for reads, unless its schema has to be brought up to date.
-    pub async fn inspect(url: &PostgresUrl) -> Result<Self, StoreError> {
+    pub(crate) async fn inspect(url: &PostgresUrl) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
         let pool = connections::pool(options.clone(), PATIENCE).await?;
         let steps = migrations::steps();
@@ -103,18 +103,18 @@ impl Postgres {
         Ok(Self::new(pool, guard, PATIENCE))
     }
 
-    pub async fn read(&self) -> Result<Connection, StoreError> {
+    pub(crate) async fn read(&self) -> Result<Connection, StoreError> {
         let connection = self.pool.acquire().await;
         let connection = connection.during("waiting for a database connection")?;
         Ok(self.connection(Held::Single(connection)))
     }
 
-    pub async fn snapshot(&self) -> Result<Connection, StoreError> {
+    pub(crate) async fn snapshot(&self) -> Result<Connection, StoreError> {
         self.begin("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY")
             .await
     }
 
-    pub async fn write(&self) -> Result<Connection, StoreError> {
+    pub(crate) async fn write(&self) -> Result<Connection, StoreError> {
         self.guard.check()?;
         self.begin("BEGIN ISOLATION LEVEL READ COMMITTED READ WRITE")
             .await
@@ -129,22 +129,26 @@ impl Postgres {
     }
 
     /// Sends a text to all coordinators.
-    pub async fn notify(&self, text: &str) -> Result<(), StoreError> {
+    pub(crate) async fn notify(&self, text: &str) -> Result<(), StoreError> {
         notices::notify(&self.pool, text).await
     }
 
     /// Receives the texts of all coordinators.
-    pub async fn listen(&self) -> Result<Listener, StoreError> {
+    pub(crate) async fn listen(&self) -> Result<Listener, StoreError> {
         Listener::open(&self.pool, self.patience).await
     }
 
     /// Makes sure that no coordinator of another version has the database.
-    pub async fn renew(&self) -> Result<(), StoreError> {
+    pub(crate) async fn renew(&self) -> Result<(), StoreError> {
         self.guard.renew(migrations::are_known(&self.pool)).await
     }
 
     /// The database's time, and the difference to the coordinator's time `own` is kept for [`Self::estimate`].
-    pub async fn now(&self, connection: &mut Connection, own: f64) -> Result<f64, StoreError> {
+    pub(crate) async fn now(
+        &self,
+        connection: &mut Connection,
+        own: f64,
+    ) -> Result<f64, StoreError> {
         let action = "reading the database's clock";
         let statement = "SELECT extract(epoch FROM clock_timestamp())::float8 AS now";
         let row = within(self.patience, connection.get().fetch_one(statement)).await;
@@ -155,11 +159,11 @@ impl Postgres {
     }
 
     /// The database's time at the coordinator's time `own`, without a question to the database.
-    pub fn estimate(&self, own: f64) -> f64 {
+    pub(crate) fn estimate(&self, own: f64) -> f64 {
         own + f64::from_bits(self.ahead.load(Ordering::Relaxed))
     }
 
-    pub async fn close(&self) {
+    pub(crate) async fn close(&self) {
         self.pool.close().await;
         self.guard.release().await;
     }
@@ -184,7 +188,7 @@ impl Connection {
     /// Waits for the lock: of a row, or one of the program's own where there is no row. That of a row does not exclude new
     /// rows that refer to it, which take KEY SHARE locks. After a wait for one of the program's own, returns the database's
     /// time: what one transaction after another writes there has times in their order.
-    pub async fn lock(&mut self, lock: Lock<'_>) -> Result<Option<f64>, StoreError> {
+    pub(crate) async fn lock(&mut self, lock: Lock<'_>) -> Result<Option<f64>, StoreError> {
         let action = "waiting for a lock";
         let (statement, id) = match lock {
             // Not 0, which is the coordinators' lock.
@@ -219,7 +223,7 @@ impl Connection {
         row.try_get("now").map(Some)
     }
 
-    pub async fn row(
+    pub(crate) async fn row(
         &mut self,
         statement: Statement,
         action: &'static str,
@@ -232,7 +236,7 @@ impl Connection {
         self.noted(row).during(action)
     }
 
-    pub async fn rows(
+    pub(crate) async fn rows(
         &mut self,
         statement: Statement,
         action: &'static str,
@@ -241,7 +245,7 @@ impl Connection {
         self.noted(rows).during(action)
     }
 
-    pub async fn execute(
+    pub(crate) async fn execute(
         &mut self,
         statement: Statement,
         action: &'static str,
@@ -251,7 +255,7 @@ impl Connection {
     }
 
     /// Commits a transaction. A connection without one has nothing to commit.
-    pub async fn commit(self) -> Result<(), StoreError> {
+    pub(crate) async fn commit(self) -> Result<(), StoreError> {
         match self.held {
             Held::Single(_) => Ok(()),
             Held::Transaction { failed: true, .. } => Err(StoreError::Database {

@@ -22,7 +22,7 @@ pub struct Listener {
 }
 
 /// Sends a text to all who listen, the sender too.
-pub async fn notify(pool: &PgPool, text: &str) -> Result<(), StoreError> {
+pub(super) async fn notify(pool: &PgPool, text: &str) -> Result<(), StoreError> {
     // Nothing is lost with it, so no commit has to reach the disk.
     sqlx::query("SELECT set_config('synchronous_commit', 'off', TRUE), pg_notify($1, $2)")
         .bind(CHANNEL)

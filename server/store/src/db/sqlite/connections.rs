@@ -34,7 +34,7 @@ fn options(path: &Path) -> SqliteConnectOptions {
 ///
 /// # Errors
 /// When the file can't be opened.
-pub async fn writer(path: &Path) -> Result<SqlitePool, StoreError> {
+pub(super) async fn writer(path: &Path) -> Result<SqlitePool, StoreError> {
     // SQLite gives its journal files the mode of the database. An existing file is not opened: closing it would release
     // the locks of other connections of this process.
     match private::writable().create_new(true).open(path) {
@@ -54,7 +54,7 @@ pub async fn writer(path: &Path) -> Result<SqlitePool, StoreError> {
 ///
 /// # Errors
 /// When the file can't be opened.
-pub async fn readers(path: &Path) -> Result<SqlitePool, StoreError> {
+pub(super) async fn readers(path: &Path) -> Result<SqlitePool, StoreError> {
     pool(READERS)
         .connect_with(options(path).read_only(true))
         .await

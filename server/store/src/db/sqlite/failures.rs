@@ -3,7 +3,7 @@
 use crate::StoreError;
 
 /// Adds the action to errors of the driver.
-pub trait During<T> {
+pub(super) trait During<T> {
     /// Adds `action`, e.g. "reading a job", and classifies the failure.
     fn during(self, action: &'static str) -> Result<T, StoreError>;
 }

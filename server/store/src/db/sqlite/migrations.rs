@@ -13,7 +13,7 @@ use sqlx::{Executor, Row, SqlitePool};
 /// replace the table's text with `PRAGMA writable_schema = ON`, and makes an index anew so that all connections read the text
 /// again. Both pragmas are settings of the connection, outside of transactions: such a step is a [`Migration`] with `no_tx`,
 /// brings its own transaction, and changes nothing more when it is run twice.
-pub fn steps() -> Steps {
+pub(in crate::db) fn steps() -> Steps {
     let start = include_str!("../../../../../migrations/sqlite/0039_start.sql");
     Steps {
         start: step(START, "start", start),
@@ -26,7 +26,7 @@ pub fn steps() -> Steps {
 ///
 /// # Errors
 /// When the database is of another program, a newer version or one that is too early, or fails.
-pub async fn run(writer: &SqlitePool, steps: &Steps) -> Result<(), StoreError> {
+pub(super) async fn run(writer: &SqlitePool, steps: &Steps) -> Result<(), StoreError> {
     let action = "bringing the database's schema up to date";
     if schema::state(steps, &found(writer).await?)? == State::Replaced {
         take_over(writer, &steps.start).await.during(action)?;
@@ -52,7 +52,7 @@ async fn take_over(writer: &SqlitePool, start: &Migration) -> Result<(), sqlx::E
 ///
 /// # Errors
 /// As [`run`].
-pub async fn are_pending(readers: &SqlitePool) -> Result<bool, StoreError> {
+pub(super) async fn are_pending(readers: &SqlitePool) -> Result<bool, StoreError> {
     schema::are_pending(&steps(), &found(readers).await?)
 }
 

@@ -12,7 +12,7 @@ mod running_upgrade_tests;
 mod upgrade_tests;
 
 #[cfg(test)]
-pub use migrations::steps;
+pub(in crate::db) use migrations::steps;
 
 use super::Statement;
 use super::schema::{self, Steps};
@@ -26,14 +26,14 @@ use std::path::Path;
 
 /// An open file.
 #[derive(Debug)]
-pub struct Sqlite {
+pub(crate) struct Sqlite {
     writer: SqlitePool,
     readers: SqlitePool,
 }
 
 /// A connection, with or without a transaction.
 #[derive(Debug)]
-pub enum Connection {
+pub(crate) enum Connection {
     /// Each statement is for itself.
     Single(PoolConnection<sqlx::Sqlite>),
     /// A transaction, which is rolled back unless it is committed.
@@ -42,7 +42,7 @@ pub enum Connection {
 
 impl Sqlite {
     /// Opens the file, creating it and bringing its schema up to date.
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+    pub(crate) async fn open(path: &Path) -> Result<Self, StoreError> {
         Self::open_with(path, &migrations::steps()).await
     }
 
@@ -54,7 +54,7 @@ impl Sqlite {
     }
 
     /// Opens a file whose schema is that of this program.
-    pub async fn open_as_it_is(path: &Path) -> Result<Self, StoreError> {
+    pub(crate) async fn open_as_it_is(path: &Path) -> Result<Self, StoreError> {
         if !path.is_file() {
             return Err(StoreError::Unusable(format!(
                 "{} does not exist: start `yoto serve` once, or name the folder of its --data",
@@ -70,7 +70,7 @@ impl Sqlite {
     }
 
     /// Opens an existing file for reads. What writes fails.
-    pub async fn inspect(path: &Path) -> Result<Self, StoreError> {
+    pub(crate) async fn inspect(path: &Path) -> Result<Self, StoreError> {
         let readers = connections::readers(path).await?;
         match migrations::are_pending(&readers).await? {
             true => Err(schema::outdated()),
@@ -81,24 +81,24 @@ impl Sqlite {
         }
     }
 
-    pub async fn read(&self) -> Result<Connection, StoreError> {
+    pub(crate) async fn read(&self) -> Result<Connection, StoreError> {
         let connection = self.readers.acquire().await;
         let connection = connection.during("waiting for a database connection")?;
         Ok(Connection::Single(connection))
     }
 
-    pub async fn snapshot(&self) -> Result<Connection, StoreError> {
+    pub(crate) async fn snapshot(&self) -> Result<Connection, StoreError> {
         let tx = self.readers.begin().await;
         Ok(Connection::Transaction(tx.during("starting to read")?))
     }
 
-    pub async fn write(&self) -> Result<Connection, StoreError> {
+    pub(crate) async fn write(&self) -> Result<Connection, StoreError> {
         let tx = self.writer.begin_with("BEGIN IMMEDIATE").await;
         let tx = tx.during("starting a transaction")?;
         Ok(Connection::Transaction(tx))
     }
 
-    pub async fn close(&self) {
+    pub(crate) async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
     }
@@ -112,7 +112,7 @@ impl Connection {
         }
     }
 
-    pub async fn row(
+    pub(crate) async fn row(
         &mut self,
         statement: Statement,
         action: &'static str,
@@ -121,7 +121,7 @@ impl Connection {
         query.fetch_optional(self.get()).await.during(action)
     }
 
-    pub async fn rows(
+    pub(crate) async fn rows(
         &mut self,
         statement: Statement,
         action: &'static str,
@@ -130,7 +130,7 @@ impl Connection {
         query.fetch_all(self.get()).await.during(action)
     }
 
-    pub async fn execute(
+    pub(crate) async fn execute(
         &mut self,
         statement: Statement,
         action: &'static str,
@@ -140,7 +140,7 @@ impl Connection {
     }
 
     /// Commits a transaction. A connection without one has nothing to commit.
-    pub async fn commit(self) -> Result<(), StoreError> {
+    pub(crate) async fn commit(self) -> Result<(), StoreError> {
         match self {
             Self::Single(_) => Ok(()),
             Self::Transaction(tx) => tx.commit().await.during("committing a transaction"),

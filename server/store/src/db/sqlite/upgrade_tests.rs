@@ -26,7 +26,7 @@ fn sqlite(store: &Store) -> &Sqlite {
 }
 
 /// The file, without the store.
-pub async fn plain(path: &Path) -> SqlitePool {
+pub(crate) async fn plain(path: &Path) -> SqlitePool {
     let options = SqliteConnectOptions::new()
         .filename(path)
         .foreign_keys(true)
@@ -36,7 +36,7 @@ pub async fn plain(path: &Path) -> SqlitePool {
 }
 
 /// Makes [`BEFORE`] and changes it.
-pub async fn before(more: &str) -> (TempDir, PathBuf) {
+pub(crate) async fn before(more: &str) -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("yoto.db");
     let pool = plain(&path).await;
@@ -47,7 +47,7 @@ pub async fn before(more: &str) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-pub async fn open(path: &Path) -> Result<Store, StoreError> {
+pub(crate) async fn open(path: &Path) -> Result<Store, StoreError> {
     Store::open_sqlite(path, Arc::new(ManualClock::at(NOW))).await
 }
 

@@ -6,7 +6,7 @@ use crate::{JobGroup, StoreError, Tenant};
 use yoto_proto::v1::Job;
 
 /// The newest jobs of each group. QUEUED jobs have their positions in the queue where the group asks for them.
-pub async fn groups(
+pub(crate) async fn groups(
     tx: &mut Tx,
     tenant: &Tenant,
     groups: &[JobGroup],

@@ -6,7 +6,7 @@ use crate::{Membership, StoreError, Tenant};
 use yoto_proto::names::Collection;
 
 /// All models of the tenant, oldest first, and whether the person is in each.
-pub async fn with_person(
+pub(crate) async fn with_person(
     tx: &mut Tx,
     tenant: &Tenant,
     subject_id: &str,

@@ -24,7 +24,7 @@ const SOURCES: [(Collection, &str); 3] = [
 
 /// The names of those of `resources` that the tenant has, by resource: of a model, of a person, and of the person of a capture.
 /// Other resources have none.
-pub async fn of(
+pub(crate) async fn of(
     tx: &mut Tx,
     tenant: &Tenant,
     resources: &[&str],

@@ -9,7 +9,11 @@ use yoto_proto::v1::{Capture, RenderedFile, capture};
 
 /// The tenant's people among those with these ids, oldest first, each with the newest READY capture, or else the newest one. Of
 /// a capture, what a page shows is read: its size, its job, the check's report and the thumbnail.
-pub async fn of(tx: &mut Tx, tenant: &Tenant, ids: &[&str]) -> Result<Vec<Person>, StoreError> {
+pub(crate) async fn of(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    ids: &[&str],
+) -> Result<Vec<Person>, StoreError> {
     if ids.is_empty() {
         return Ok(Vec::new());
     }

@@ -29,14 +29,14 @@ pub(crate) struct FeatureRange {
 
 impl FeatureRange {
     /// The rest pose alone.
-    pub fn nothing(joints: usize) -> Self {
+    pub(crate) fn nothing(joints: usize) -> Self {
         Self {
             bounds: vec![0.0; 2 * FEATURES * joints],
         }
     }
 
     /// Widens the ranges to those of `poses`.
-    pub fn add<'a>(&mut self, poses: impl Iterator<Item = &'a Pose>) {
+    pub(crate) fn add<'a>(&mut self, poses: impl Iterator<Item = &'a Pose>) {
         let half = self.bounds.len() / 2;
         let (least, greatest) = self.bounds.split_at_mut(half);
         for pose in poses {
@@ -48,17 +48,17 @@ impl FeatureRange {
     }
 
     /// The range with the `bounds` of [`Self::bounds`].
-    pub fn from_bounds(bounds: Vec<f32>) -> Self {
+    pub(crate) fn from_bounds(bounds: Vec<f32>) -> Self {
         Self { bounds }
     }
 
     /// `[2, 9 K]`: the least of each feature, then the greatest.
-    pub fn bounds(&self) -> &[f32] {
+    pub(crate) fn bounds(&self) -> &[f32] {
         &self.bounds
     }
 
     /// The range of each feature, widened by [`BEYOND`] on both sides.
-    pub fn limits(&self) -> Limits {
+    pub(crate) fn limits(&self) -> Limits {
         let (least, greatest) = self.bounds.split_at(self.bounds.len() / 2);
         let beyond = |(from, to): (&f32, &f32)| to + BEYOND * (to - from);
         let below = greatest.iter().zip(least).map(beyond);
@@ -74,17 +74,17 @@ pub(crate) struct Limits(Vec<f32>);
 
 impl Limits {
     /// The limits with the `numbers` of [`Self::as_slice`].
-    pub fn of(numbers: Vec<f32>) -> Self {
+    pub(crate) fn of(numbers: Vec<f32>) -> Self {
         Self(numbers)
     }
 
     /// `[2, 9 K]`: the least of each feature, then the greatest.
-    pub fn as_slice(&self) -> &[f32] {
+    pub(crate) fn as_slice(&self) -> &[f32] {
         &self.0
     }
 
     /// `features` `[9 K]` within the limits.
-    pub fn clamp(&self, mut features: Vec<f32>) -> Vec<f32> {
+    pub(crate) fn clamp(&self, mut features: Vec<f32>) -> Vec<f32> {
         let (least, greatest) = self.0.split_at(self.0.len() / 2);
         for (value, (least, greatest)) in features.iter_mut().zip(least.iter().zip(greatest)) {
             // Mixtures of people may have bounds that cross by a rounding error.

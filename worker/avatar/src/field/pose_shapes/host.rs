@@ -36,7 +36,7 @@ impl HostShapes {
     ///
     /// # Errors
     /// If the model can't be read from its device.
-    pub fn read(
+    pub(crate) fn read(
         shapes: &PoseShapes,
         config: &PoseShapesConfig,
         slot: usize,
@@ -57,7 +57,7 @@ impl HostShapes {
     }
 
     /// The shapes of splats at `means` `[N, 3]` with these `weights` `[N, R]`.
-    pub fn new(
+    pub(crate) fn new(
         near: &Nearness,
         basis: Vec<f32>,
         limits: Limits,
@@ -86,7 +86,7 @@ impl HostShapes {
 
     /// The same person with fewer splats, at `means` `[N, 3]`. Each replaces a group of the present ones, which have these
     /// weights in it.
-    pub fn merged(
+    pub(crate) fn merged(
         &self,
         groups: &[Vec<(usize, f32)>],
         body: &CanonicalBody,
@@ -101,7 +101,7 @@ impl HostShapes {
     }
 
     /// `[2, 9 K]`: the least and the greatest values with which features take part.
-    pub fn limits(&self) -> &[f32] {
+    pub(crate) fn limits(&self) -> &[f32] {
         self.limits.as_slice()
     }
 
@@ -124,7 +124,7 @@ impl HostShapes {
     }
 
     /// Adds Δ in `pose` to the first three numbers of each of `rows`.
-    pub fn add<const ROW: usize>(&self, rows: &mut [[f32; ROW]], pose: &Pose) {
+    pub(crate) fn add<const ROW: usize>(&self, rows: &mut [[f32; ROW]], pose: &Pose) {
         let by_joint = self.by_joint(pose);
         let (count, width) = (self.count, 3 * self.count);
         let rows = rows.par_iter_mut().enumerate().with_min_len(BLOCK);

@@ -36,7 +36,7 @@ const DEPTH: usize = 2;
 
 /// The parameters of all people's pose blend shapes.
 #[derive(Module, Debug)]
-pub struct PoseShapes {
+pub(crate) struct PoseShapes {
     /// h: place and code to `[N, R]`.
     mlp: Mlp,
     /// `[K, 9, 3 R]`: what people have in common.

@@ -28,7 +28,7 @@ struct Bone {
 
 impl Nearness {
     /// The nearness to a body whose joints are at `rest`. At the distance `reach`, metres, the nearness is e^(−1/2).
-    pub fn new(skeleton: &Skeleton, rest: &[Vec3], reach: f32) -> Self {
+    pub(crate) fn new(skeleton: &Skeleton, rest: &[Vec3], reach: f32) -> Self {
         let joints: Vec<[f32; 3]> = rest.iter().map(|at| at.map(|v| v as f32)).collect();
         let children = skeleton.parents.iter().enumerate();
         let bones = children.filter_map(|(child, parent)| {
@@ -48,17 +48,17 @@ impl Nearness {
     }
 
     /// K.
-    pub fn joints(&self) -> usize {
+    pub(crate) fn joints(&self) -> usize {
         self.joints.len()
     }
 
     /// Distance at which the nearness is e^(−1/2), metres.
-    pub fn reach(&self) -> f32 {
+    pub(crate) fn reach(&self) -> f32 {
         self.reach
     }
 
     /// aₖ(x) `[N, K]` at `places` `[N, 3]`.
-    pub fn dense(&self, places: &[f32]) -> Vec<f32> {
+    pub(crate) fn dense(&self, places: &[f32]) -> Vec<f32> {
         let joints = self.joints.len();
         let places = places.as_chunks::<3>().0;
         let mut all = vec![0f32; joints * places.len()];

@@ -31,7 +31,7 @@ pub(super) struct LevelSplat {
 
 impl LevelSplat {
     /// The splat of a row, of which `bone` has the largest share.
-    pub fn of_row(row: &SplatRow, bone: u16) -> Self {
+    pub(super) fn of_row(row: &SplatRow, bone: u16) -> Self {
         // In double precision, squares of single precision neither overflow nor vanish.
         let rotation = row.rotation.map(f64::from);
         let length = rotation.iter().map(|q| q * q).sum::<f64>().sqrt();
@@ -46,7 +46,7 @@ impl LevelSplat {
     }
 
     /// The row of the splat: the inverse of [`Self::of_row`].
-    pub fn to_row(self) -> SplatRow {
+    pub(super) fn to_row(self) -> SplatRow {
         SplatRow {
             mean: self.mean,
             rotation: self.rotation,
@@ -57,7 +57,7 @@ impl LevelSplat {
     }
 
     /// Whether the renderer draws it, where its harmonics are finite too.
-    pub fn is_visible(&self) -> bool {
+    pub(super) fn is_visible(&self) -> bool {
         let numbers = self
             .mean
             .iter()

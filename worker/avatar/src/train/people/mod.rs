@@ -63,7 +63,7 @@ pub(crate) struct TrainSubject {
 
 impl TrainSubject {
     /// Prepares `person`: frames are resized and held out as `options` say.
-    pub fn new(
+    pub(super) fn new(
         person: &TrainPerson,
         config: &ModelConfig,
         options: &TrainOptions,
@@ -121,24 +121,24 @@ impl TrainSubject {
     }
 
     /// Width and height of the pictures, pixels.
-    pub fn size(&self) -> [usize; 2] {
+    pub(super) fn size(&self) -> [usize; 2] {
         self.pictures.size().map(|side| side as usize)
     }
 
     /// The image of `frame`.
-    pub fn image(&self, frame: &TrainFrame) -> FrameImage {
+    pub(super) fn image(&self, frame: &TrainFrame) -> FrameImage {
         self.pictures.image(frame.position)
     }
 
     /// The image of `frame`, and the pixels that show the person: for callers that draw from those pixels.
-    pub fn picture(&self, frame: &TrainFrame) -> Picture {
+    pub(super) fn picture(&self, frame: &TrainFrame) -> Picture {
         let image = self.image(frame);
         let covered = covered(&image);
         Picture { image, covered }
     }
 
     /// Whether any pixel of `frame` has at least `coverage`.
-    pub fn shows(&self, frame: &TrainFrame, coverage: u8) -> bool {
+    pub(super) fn shows(&self, frame: &TrainFrame, coverage: u8) -> bool {
         let (_, _, mask) = self.pictures.crop(frame.position);
         mask.iter().any(|pixel| *pixel >= coverage)
     }

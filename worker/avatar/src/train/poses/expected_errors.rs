@@ -36,7 +36,7 @@ struct Expected {
 
 impl ExpectedErrors {
     /// The errors that the configuration expects.
-    pub fn configured() -> Self {
+    pub(super) fn configured() -> Self {
         let configured = Expected {
             squares: BEFORE,
             determined: BEFORE,
@@ -45,7 +45,7 @@ impl ExpectedErrors {
     }
 
     /// The configured errors times these `factors`.
-    pub fn of(factors: [f64; 2]) -> Self {
+    pub(super) fn of(factors: [f64; 2]) -> Self {
         Self(factors.map(|factor| Expected {
             squares: BEFORE * factor.powi(2) as f32,
             determined: BEFORE,
@@ -53,7 +53,7 @@ impl ExpectedErrors {
     }
 
     /// Factors of the configured errors: of rotations, and of the place.
-    pub fn factors(&self) -> [f64; 2] {
+    pub(super) fn factors(&self) -> [f64; 2] {
         let [least, most] = RANGE;
         self.0.map(|it| {
             let ratio = f64::from(it.squares / it.determined);
@@ -65,7 +65,7 @@ impl ExpectedErrors {
 
     /// Learns from a fit of a frame that counts by `weight`, after the share `passed` of the
     /// refinement.
-    pub fn learn(&mut self, evidence: &[Evidence; 2], weight: f64, passed: f64) {
+    pub(super) fn learn(&mut self, evidence: &[Evidence; 2], weight: f64, passed: f64) {
         if passed >= FROM {
             self.average(evidence, weight, RATE);
         }
@@ -73,7 +73,7 @@ impl ExpectedErrors {
 
     /// Learns from a fit of a frame that counts by `weight`, where poses are only observed and `before` other
     /// fits were made: all count alike.
-    pub fn observe(&mut self, evidence: &[Evidence; 2], weight: f64, before: u32) {
+    pub(super) fn observe(&mut self, evidence: &[Evidence; 2], weight: f64, before: u32) {
         self.average(evidence, weight, RATE.max(1.0 / (before as f32 + 2.0)));
     }
 
@@ -95,7 +95,7 @@ impl ExpectedErrors {
     }
 
     /// Whether all are numbers that a training has found.
-    pub fn are_valid(&self) -> bool {
+    pub(super) fn are_valid(&self) -> bool {
         let numbers = self.0.iter().flat_map(|it| [it.squares, it.determined]);
         numbers.into_iter().all(|it| it.is_finite() && it >= 0.0)
     }

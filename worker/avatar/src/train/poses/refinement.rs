@@ -70,7 +70,7 @@ pub(crate) struct PoseRefinement {
 
 impl PoseRefinement {
     /// No change yet of the poses of `track`; `late` if the model's own refinement is over.
-    pub fn new(track: &PoseTrack, extent: Extent, late: bool) -> Self {
+    pub(crate) fn new(track: &PoseTrack, extent: Extent, late: bool) -> Self {
         Self {
             track: fingerprint(track),
             late,
@@ -90,7 +90,7 @@ impl PoseRefinement {
     }
 
     /// Whether the changes are of a skeleton with `joints` joints, and finite.
-    pub fn fits(&self, joints: usize) -> bool {
+    pub(crate) fn fits(&self, joints: usize) -> bool {
         let frames = self.changes.len();
         (self.misfits.len(), self.tried.len()) == (frames, frames)
             && self.errors.are_valid()
@@ -101,13 +101,13 @@ impl PoseRefinement {
     }
 
     /// Whether the changes are of the poses of `track`.
-    pub fn is_of(&self, track: &PoseTrack) -> bool {
+    pub(crate) fn is_of(&self, track: &PoseTrack) -> bool {
         self.track == fingerprint(track) && self.changes.len() == track.frames.len()
     }
 
     /// The settings of refinement now, after the completed fraction `schedule_progress` of the model's first run
     /// and `fraction` of this one; `None` where they are not.
-    pub fn stage(
+    pub(crate) fn stage(
         &mut self,
         config: &RefinementConfig,
         schedule_progress: f64,
@@ -142,7 +142,7 @@ impl PoseRefinement {
     }
 
     /// Whether the pose of a frame is fitted before the step that follows `step` others.
-    pub fn fits_before(&self, config: &RefinementConfig, step: u64) -> bool {
+    pub(crate) fn fits_before(&self, config: &RefinementConfig, step: u64) -> bool {
         config.fits_before(self.extent, step)
     }
 
@@ -157,18 +157,18 @@ impl PoseRefinement {
     }
 
     /// The given `pose` of the frame at `position` in the track as it is read, without its change.
-    pub fn read(&self, position: usize, pose: &Pose) -> Pose {
+    pub(crate) fn read(&self, position: usize, pose: &Pose) -> Pose {
         let read = self.readings.get(&position).map_or(pose, |(_, pose)| pose);
         read.clone()
     }
 
     /// The given `pose` of the frame at `position` as it is read, with its change.
-    pub fn refined(&self, position: usize, pose: &Pose) -> Pose {
+    pub(crate) fn refined(&self, position: usize, pose: &Pose) -> Pose {
         self.changes[position].of(&self.read(position, pose))
     }
 
     /// The change at the share `at` of the way from that of one frame to that of another.
-    pub fn change_between(&self, [from, to]: [usize; 2], at: f64) -> PoseChange {
+    pub(crate) fn change_between(&self, [from, to]: [usize; 2], at: f64) -> PoseChange {
         let (from, to) = (&self.changes[from].0, &self.changes[to].0);
         let pairs = from.iter().zip(to);
         PoseChange(pairs.map(|(a, b)| a + at as f32 * (b - a)).collect())
@@ -176,7 +176,7 @@ impl PoseRefinement {
 
     /// `pose` of a frame that is not in the track, changed by what lies at the share `at` of the way from the frame at
     /// one position to that at another.
-    pub fn near(&self, positions: [usize; 2], at: f64, pose: &Pose) -> Pose {
+    pub(crate) fn near(&self, positions: [usize; 2], at: f64, pose: &Pose) -> Pose {
         let [from, to] = positions;
         match [from, to].map(|it| self.has_usual_axes(it)) {
             [true, true] => self.change_between([from, to], at).of(pose),
@@ -187,7 +187,7 @@ impl PoseRefinement {
     }
 
     /// Notes how far the frame at `position` was from its picture.
-    pub fn note(&mut self, position: usize, misfit: f64) {
+    pub(crate) fn note(&mut self, position: usize, misfit: f64) {
         let log = (misfit as f32).max(f32::MIN_POSITIVE).ln();
         if !log.is_finite() {
             return;
@@ -205,13 +205,13 @@ impl PoseRefinement {
 
     /// The weight of the frame at `position` in training, 0 to 1: frames that fit far worse than
     /// others show something else, or the person elsewhere.
-    pub fn weight(&self, position: usize) -> f64 {
+    pub(crate) fn weight(&self, position: usize) -> f64 {
         1.0 / (1.0 + (self.misfit(position) / DOUBTFUL).powi(4))
     }
 
     /// Whether other readings of the frame at `position` should be tried now, after the share `passed`
     /// of the refinement. Bodies that hardly wander off their masks are read rightly.
-    pub fn suspects(&self, position: usize, passed: f64) -> bool {
+    pub(crate) fn suspects(&self, position: usize, passed: f64) -> bool {
         if self.extent == Extent::Fine {
             return false;
         }
@@ -221,7 +221,7 @@ impl PoseRefinement {
 
     /// Notes that other readings of the frame at `position` were tried after the share `passed` of the
     /// refinement, and that `found` fits, with its change, if any does.
-    pub fn tried(
+    pub(crate) fn tried(
         &mut self,
         position: usize,
         passed: f64,
@@ -247,7 +247,7 @@ impl PoseRefinement {
     }
 
     /// The positions nearest to `position` on both sides, up to [`FAR`] frames away, whose frames fit.
-    pub fn fitting_around(&self, position: usize) -> Option<[usize; 2]> {
+    pub(crate) fn fitting_around(&self, position: usize) -> Option<[usize; 2]> {
         let fits = |position: &usize| {
             self.misfits[*position].is_some_and(|misfit| f64::from(misfit) < SUSPECT)
                 && self.has_usual_axes(*position)
@@ -259,7 +259,7 @@ impl PoseRefinement {
 
     /// Positions that are not read as given, and positions that hardly count though other readings were
     /// tried, rising.
-    pub fn doubts(&self) -> (Vec<(usize, Reading)>, Vec<usize>) {
+    pub(crate) fn doubts(&self) -> (Vec<(usize, Reading)>, Vec<usize>) {
         let readings = self.readings.iter();
         let positions = 0..self.changes.len();
         let hardly =
@@ -273,7 +273,7 @@ impl PoseRefinement {
     }
 
     /// `pose` of the frame at `position`, which is not trained on, changed as its neighbours are.
-    pub fn as_neighbours(&self, position: usize, pose: &Pose) -> Pose {
+    pub(crate) fn as_neighbours(&self, position: usize, pose: &Pose) -> Pose {
         let beside = self.beside(position);
         let mut mean = PoseChange(vec![0.0; self.changes[position].0.len()]);
         for change in &beside {
@@ -297,13 +297,17 @@ impl PoseRefinement {
     }
 
     /// The return of the frame at `position` to its given pose.
-    pub fn given_priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
+    pub(crate) fn given_priors(
+        &self,
+        config: &RefinementConfig,
+        position: usize,
+    ) -> Vec<StepPrior> {
         self.changes[position].priors(config, self.errors.factors())
     }
 
     /// Learns from a fit of the frame at `position`, after the share `passed` of the refinement, how far
     /// given poses are off.
-    pub fn learn(&mut self, position: usize, evidence: &[Evidence; 2], passed: f64) {
+    pub(crate) fn learn(&mut self, position: usize, evidence: &[Evidence; 2], passed: f64) {
         let weight = self.weight(position);
         match self.extent {
             Extent::Wide => self.errors.learn(evidence, weight, passed),
@@ -316,7 +320,7 @@ impl PoseRefinement {
 
     /// How far given poses are off: rotations about each axis, radians, and positions along each,
     /// metres; `None` until fits have found it.
-    pub fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
+    pub(crate) fn errors(&self, config: &RefinementConfig) -> Option<[f64; 2]> {
         let [rotation, shift] = self.errors.factors();
         let learned = self.errors != expected(self.extent);
         learned.then_some([rotation * config.rotation, shift * config.shift])
@@ -324,7 +328,7 @@ impl PoseRefinement {
 
     /// The priors of the frame at `position` without its picture: return to its given pose, and be
     /// changed as its neighbours are.
-    pub fn priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
+    pub(crate) fn priors(&self, config: &RefinementConfig, position: usize) -> Vec<StepPrior> {
         let beside = self.beside(position);
         let precision = |error: f64| error.powi(-2);
         let mut priors = self.given_priors(config, position);
@@ -351,7 +355,7 @@ impl PoseRefinement {
 
     /// Takes a `step` `[3 (K + 1)]` of the frame at `position`, in the axes of its refined pose.
     /// Neighbours follow.
-    pub fn take(&mut self, position: usize, step: &[f64], stage: &RefinementStage) {
+    pub(crate) fn take(&mut self, position: usize, step: &[f64], stage: &RefinementStage) {
         self.changes[position].take(step, stage.share);
         if !self.has_usual_axes(position) {
             return;

@@ -17,7 +17,12 @@ pub(crate) struct Best {
 
 impl Best {
     /// The better of what is known and the present `state`, which measures `psnr` after `step` steps.
-    pub fn of(known: Option<Self>, state: &TrainState, psnr: f64, step: u64) -> Option<Self> {
+    pub(crate) fn of(
+        known: Option<Self>,
+        state: &TrainState,
+        psnr: f64,
+        step: u64,
+    ) -> Option<Self> {
         match known {
             Some(known) if known.psnr >= psnr => Some(known),
             known if !psnr.is_finite() => known,
@@ -31,7 +36,7 @@ impl Best {
 
     /// Makes `state`, which measures `psnr`, what it was when it measured clearly more. Returns a note on it for
     /// people, or nothing if it stays.
-    pub fn return_to(&self, state: &mut TrainState, psnr: f64) -> Option<String> {
+    pub(crate) fn return_to(&self, state: &mut TrainState, psnr: f64) -> Option<String> {
         (psnr <= self.psnr - CLEARLY).then(|| {
             self.snapshot.restore(state);
             let Self { psnr: best, step, .. } = self;

@@ -36,7 +36,7 @@ pub(crate) struct TrainState {
 }
 
 impl TrainState {
-    pub fn new(avatar: Avatar, optimiser: ModuleOptimizer) -> Self {
+    pub(crate) fn new(avatar: Avatar, optimiser: ModuleOptimizer) -> Self {
         Self {
             avatar: Some(avatar),
             optimiser,
@@ -48,7 +48,7 @@ impl TrainState {
     }
 
     /// Makes room for people in `slots` slots.
-    pub fn resize(&mut self, slots: usize) {
+    pub(crate) fn resize(&mut self, slots: usize) {
         self.occupancy.resize(slots, None);
         self.poses.resize(slots, None);
         self.exposures.resize(slots, None);
@@ -58,14 +58,14 @@ impl TrainState {
     ///
     /// # Panics
     /// If an earlier update panicked.
-    pub fn avatar(&self) -> &Avatar {
+    pub(crate) fn avatar(&self) -> &Avatar {
         self.avatar
             .as_ref()
             .expect("the model is absent only during an update")
     }
 
     /// The weight of a `frame` of the person in `slot` in training, 0 to 1.
-    pub fn weight(&self, slot: usize, frame: &TrainFrame) -> f64 {
+    pub(crate) fn weight(&self, slot: usize, frame: &TrainFrame) -> f64 {
         let poses = self.poses[slot].as_ref();
         poses.map_or(1.0, |poses| poses.weight(frame.position))
     }
@@ -74,7 +74,7 @@ impl TrainState {
     ///
     /// # Panics
     /// If an earlier update panicked.
-    pub fn change_avatar(&mut self, change: impl FnOnce(Avatar) -> Avatar) {
+    pub(crate) fn change_avatar(&mut self, change: impl FnOnce(Avatar) -> Avatar) {
         let avatar = self.avatar.take();
         self.avatar = avatar.map(change);
     }
@@ -83,7 +83,7 @@ impl TrainState {
     ///
     /// # Panics
     /// If an earlier update panicked.
-    pub fn avatar_mut(&mut self) -> &mut Avatar {
+    pub(crate) fn avatar_mut(&mut self) -> &mut Avatar {
         self.avatar
             .as_mut()
             .expect("the model is absent only during an update")
@@ -101,7 +101,7 @@ pub(crate) struct Snapshot {
 
 impl Snapshot {
     /// A copy of `state`. Tensors are shared until the next step changes them.
-    pub fn of(state: &TrainState) -> Self {
+    pub(crate) fn of(state: &TrainState) -> Self {
         Self {
             avatar: state.avatar().clone(),
             optimiser: state.optimiser.clone(),
@@ -112,7 +112,7 @@ impl Snapshot {
     }
 
     /// Makes `state` what it was.
-    pub fn restore(&self, state: &mut TrainState) {
+    pub(crate) fn restore(&self, state: &mut TrainState) {
         state.avatar = Some(self.avatar.clone());
         state.optimiser = self.optimiser.clone();
         state.occupancy = self.occupancy.clone();
@@ -139,7 +139,7 @@ pub(crate) enum Verdict {
 }
 
 impl Guard {
-    pub fn new(skipped: u64, rollbacks: u64) -> Self {
+    pub(crate) fn new(skipped: u64, rollbacks: u64) -> Self {
         Self {
             snapshot: None,
             bad: 0,
@@ -149,7 +149,7 @@ impl Guard {
     }
 
     /// Takes the step if loss and gradients are finite.
-    pub fn step(
+    pub(crate) fn step(
         &mut self,
         state: &mut TrainState,
         loss: f32,

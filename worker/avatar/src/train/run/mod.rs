@@ -56,7 +56,7 @@ pub(crate) struct Moment {
 
 impl Run {
     /// The run of `options` with the model in `saved`, whose seed it keeps.
-    pub fn new(
+    pub(super) fn new(
         saved: &ModelState,
         options: TrainOptions,
         continues: bool,
@@ -79,12 +79,12 @@ impl Run {
     }
 
     /// How to train, with the model's seed.
-    pub fn options(&self) -> &TrainOptions {
+    pub(super) fn options(&self) -> &TrainOptions {
         &self.options
     }
 
     /// The position of the run.
-    pub fn moment(&self) -> Moment {
+    pub(super) fn moment(&self) -> Moment {
         Moment {
             step: self.step,
             schedule_progress: self.schedule_progress(),
@@ -93,7 +93,7 @@ impl Run {
     }
 
     /// Completed fraction of a run over the model's life, 0 to 1; it never decreases.
-    pub fn schedule_progress(&self) -> f64 {
+    pub(super) fn schedule_progress(&self) -> f64 {
         match self.options.learn.only() {
             // More of the shared weights would change everybody.
             Some(_) => self.schedule_progress,
@@ -102,7 +102,7 @@ impl Run {
     }
 
     /// Used share of the budget, 0 to 1.
-    pub fn fraction(&self) -> f64 {
+    pub(super) fn fraction(&self) -> f64 {
         let share = match self.options.budget {
             Budget::Seconds(seconds) => self.budget_seconds / seconds.max(f64::MIN_POSITIVE),
             Budget::Steps(steps) => self.budget_steps as f64 / steps.max(1) as f64,
@@ -111,12 +111,12 @@ impl Run {
     }
 
     /// Whether the budget is used up.
-    pub fn is_over(&self) -> bool {
+    pub(super) fn is_over(&self) -> bool {
         self.fraction() >= 1.0
     }
 
     /// Factor on the learning rates of this step.
-    pub fn rate(&self, schedule: &Schedule) -> f64 {
+    pub(super) fn rate(&self, schedule: &Schedule) -> f64 {
         let begins = match (self.continues, self.options.budget) {
             (false, _) => 0.0,
             (true, Budget::Seconds(run)) => {
@@ -133,14 +133,14 @@ impl Run {
 
     /// The random generator of this step. It depends only on the seed and the number of the step, so that
     /// a resumed training draws the same numbers as an uninterrupted one.
-    pub fn stream(&self) -> ChaCha8Rng {
+    pub(super) fn stream(&self) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
         rng.set_stream(self.step);
         rng
     }
 
     /// Counts a step that took `seconds`.
-    pub fn count_step(&mut self, seconds: f64) {
+    pub(super) fn count_step(&mut self, seconds: f64) {
         self.step += 1;
         self.budget_steps += 1;
         self.seconds += seconds;
@@ -151,7 +151,7 @@ impl Run {
     }
 
     /// Adds the loss of a step, and the `values` of its `terms`, to the smoothed figures.
-    pub fn note_loss(&mut self, loss: f32, terms: &[LossTerm], values: &[f32]) {
+    pub(super) fn note_loss(&mut self, loss: f32, terms: &[LossTerm], values: &[f32]) {
         let steps = self.progress.step;
         self.progress.loss = smoothed(self.progress.loss, f64::from(loss), steps);
         self.progress
@@ -159,29 +159,29 @@ impl Run {
     }
 
     /// Adds the samples of a step.
-    pub fn note_samples(&mut self, counts: SampleCounts) {
+    pub(super) fn note_samples(&mut self, counts: SampleCounts) {
         let share = counts.live_fraction();
         self.progress.live_fraction = self.smoothed(self.progress.live_fraction, share);
         self.progress.samples += counts;
     }
 
     /// Adds something for people to read.
-    pub fn note(&mut self, note: impl IntoIterator<Item = String>) {
+    pub(super) fn note(&mut self, note: impl IntoIterator<Item = String>) {
         self.progress.notes.extend(note);
     }
 
     /// Notes for people.
-    pub fn notes(&self) -> &[String] {
+    pub(super) fn notes(&self) -> &[String] {
         &self.progress.notes
     }
 
     /// Replaces the name of the objective in reports.
-    pub fn set_objective(&mut self, name: &'static str) {
+    pub(super) fn set_objective(&mut self, name: &'static str) {
         self.progress.objective = name;
     }
 
     /// Takes the results of a validation.
-    pub fn take_measured(&mut self, measured: Measured) {
+    pub(super) fn take_measured(&mut self, measured: Measured) {
         self.previews = measured.previews;
         self.progress.held_out = measured.held_out;
         self.progress.psnr_mask_box = measured.psnr_mask_box;
@@ -192,12 +192,12 @@ impl Run {
     }
 
     /// Pictures of the last validation.
-    pub fn previews(&self) -> &[Preview] {
+    pub(super) fn previews(&self) -> &[Preview] {
         &self.previews
     }
 
     /// The progress of the run, without the figures of the model.
-    pub fn progress(&self) -> TrainProgress {
+    pub(super) fn progress(&self) -> TrainProgress {
         let (total_steps, seconds_left) = match self.options.budget {
             Budget::Seconds(seconds) => (0, (seconds - self.budget_seconds).max(0.0)),
             Budget::Steps(steps) => {
@@ -219,7 +219,7 @@ impl Run {
     }
 
     /// Writes what a checkpoint keeps of the run into `state`.
-    pub fn record(&self, state: &mut ModelState) {
+    pub(super) fn record(&self, state: &mut ModelState) {
         state.seed = self.options.seed;
         state.step = self.step;
         state.schedule_progress = self.schedule_progress();
@@ -240,7 +240,7 @@ fn smoothed(old: f64, new: f64, steps: u64) -> f64 {
 
 #[cfg(test)]
 impl Run {
-    pub fn continues(&self) -> bool {
+    pub(crate) fn continues(&self) -> bool {
         self.continues
     }
 }

@@ -1,7 +1,7 @@
 //! Reading and writing of a checkpoint's archive, a zip of stored entries.
 
 /// Names and contents, in order.
-pub struct Archive(pub Vec<(String, Vec<u8>)>);
+pub(crate) struct Archive(pub Vec<(String, Vec<u8>)>);
 
 /// The little-endian number of `size` bytes at `at`.
 fn number(bytes: &[u8], at: usize, size: usize) -> usize {
@@ -12,7 +12,7 @@ fn number(bytes: &[u8], at: usize, size: usize) -> usize {
 }
 
 impl Archive {
-    pub fn read(bytes: &[u8]) -> Self {
+    pub(crate) fn read(bytes: &[u8]) -> Self {
         let mut entries = Vec::new();
         let mut at = 0;
         while bytes[at..].starts_with(b"PK\x03\x04") {
@@ -25,7 +25,7 @@ impl Archive {
         Self(entries)
     }
 
-    pub fn write(&self) -> Vec<u8> {
+    pub(crate) fn write(&self) -> Vec<u8> {
         let (mut files, mut directory) = (Vec::new(), Vec::new());
         for (name, content) in &self.0 {
             // From "version needed" to "length of the extra field".
@@ -54,7 +54,7 @@ impl Archive {
     }
 
     /// Replaces the only occurrence of `old` in the pickle by `new`.
-    pub fn edit_pickle(&mut self, old: &[u8], new: &[u8]) {
+    pub(crate) fn edit_pickle(&mut self, old: &[u8], new: &[u8]) {
         let (name, pickle) = &mut self.0[0];
         assert!(name.ends_with("data.pkl"), "{name}");
         let places: Vec<usize> = (0..pickle.len())
@@ -68,7 +68,7 @@ impl Archive {
 
     /// Converts all values to two bytes each by `narrow`, and sets the type of their `storage` in
     /// the pickle.
-    pub fn narrow(&mut self, storage: &str, narrow: impl Fn(f32) -> [u8; 2]) {
+    pub(crate) fn narrow(&mut self, storage: &str, narrow: impl Fn(f32) -> [u8; 2]) {
         self.edit_pickle(b"FloatStorage", storage.as_bytes());
         for (name, content) in &mut self.0 {
             if name.contains("/data/") {

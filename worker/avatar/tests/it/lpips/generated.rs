@@ -6,7 +6,7 @@ use safetensors::tensor::TensorView;
 use std::path::Path;
 
 /// A tensor to write.
-pub struct Named {
+pub(crate) struct Named {
     /// Name in torchvision or `lpips`.
     pub name: String,
     /// Shape, outputs first.
@@ -41,7 +41,7 @@ fn named(name: String, shape: Vec<usize>, adjust: impl Fn(f64) -> f64) -> Named 
 }
 
 /// VGG16 with He scaling and small biases.
-pub fn vgg16() -> Vec<Named> {
+pub(crate) fn vgg16() -> Vec<Named> {
     let blocks = [(2, 64), (2, 128), (3, 256), (3, 512), (3, 512)];
     let (mut tensors, mut place, mut inputs) = (Vec::new(), 0, 3);
     for (convolutions, outputs) in blocks {
@@ -61,7 +61,7 @@ pub fn vgg16() -> Vec<Named> {
 }
 
 /// Linear heads in [0, 1).
-pub fn heads() -> Vec<Named> {
+pub(crate) fn heads() -> Vec<Named> {
     let channels = [64, 128, 256, 512, 512].into_iter().enumerate();
     channels
         .map(|(layer, channels)| {
@@ -72,7 +72,7 @@ pub fn heads() -> Vec<Named> {
 }
 
 /// Writes them as safetensors.
-pub fn write(tensors: &[Named], path: &Path) {
+pub(crate) fn write(tensors: &[Named], path: &Path) {
     let bytes: Vec<Vec<u8>> = tensors
         .iter()
         .map(|t| t.values.iter().flat_map(|v| v.to_le_bytes()).collect())

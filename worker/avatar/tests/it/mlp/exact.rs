@@ -4,7 +4,7 @@ use yoto_avatar::config::Precision;
 use yoto_ops::mlp::{Input, MlpPlan};
 
 /// Expected results and gradients.
-pub struct Exact {
+pub(crate) struct Exact {
     pub output: Vec<f64>,
     pub params: Vec<f64>,
     pub input: Vec<f64>,
@@ -51,7 +51,7 @@ fn encoded(plan: &MlpPlan, row: &[f64]) -> Vec<(f64, usize, f64)> {
 }
 
 /// Results, and gradients for the gradient `grad` of the results.
-pub fn exact(params: &[f32], input: &[f32], grad: &[f32], plan: &MlpPlan) -> Exact {
+pub(crate) fn exact(params: &[f32], input: &[f32], grad: &[f32], plan: &MlpPlan) -> Exact {
     let precision = plan.precision;
     let layers = plan.layers();
     let params: Vec<f64> = params.iter().map(|p| f64::from(*p)).collect();

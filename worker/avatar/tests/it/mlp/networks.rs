@@ -15,7 +15,7 @@ fn hidden(widths: &[usize], skip: Option<usize>) -> Vec<Hidden> {
 }
 
 /// A network in f32.
-pub fn plan(input: Input, hidden: Vec<Hidden>, output: usize) -> MlpPlan {
+pub(crate) fn plan(input: Input, hidden: Vec<Hidden>, output: usize) -> MlpPlan {
     MlpPlan {
         input,
         hidden,
@@ -25,7 +25,7 @@ pub fn plan(input: Input, hidden: Vec<Hidden>, output: usize) -> MlpPlan {
 }
 
 /// Encoded points.
-pub fn frequencies(bands: usize, raw: bool, window: Option<Vec<f32>>) -> Input {
+pub(crate) fn frequencies(bands: usize, raw: bool, window: Option<Vec<f32>>) -> Input {
     Input::Frequencies {
         bands: Bands {
             window,
@@ -36,7 +36,7 @@ pub fn frequencies(bands: usize, raw: bool, window: Option<Vec<f32>>) -> Input {
 }
 
 /// Networks with odd widths, and small ones of the real shapes.
-pub fn plans() -> Vec<(&'static str, MlpPlan)> {
+pub(crate) fn plans() -> Vec<(&'static str, MlpPlan)> {
     let window = Some(vec![1.0, 1.0, 0.5, 0.0]);
     vec![
         (
@@ -75,7 +75,7 @@ pub fn plans() -> Vec<(&'static str, MlpPlan)> {
 }
 
 /// Parameters, input and gradient of a network with active and inactive units.
-pub fn case(plan: &MlpPlan, rows: usize, seed: u64) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
+pub(crate) fn case(plan: &MlpPlan, rows: usize, seed: u64) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut params = vec![0f32; plan.parameters()];
     for layer in plan.layers() {

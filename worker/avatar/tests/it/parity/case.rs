@@ -8,7 +8,7 @@ use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 
 /// Path of a file of the cases' folder.
-pub fn path(name: &str) -> PathBuf {
+pub(crate) fn path(name: &str) -> PathBuf {
     PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"))
         .join("tests/cases")
         .join(format!("{name}.safetensors"))
@@ -21,7 +21,7 @@ struct Numbers {
 }
 
 /// A case.
-pub struct Case {
+pub(crate) struct Case {
     pub name: &'static str,
     tensors: BTreeMap<String, Numbers>,
     joint_names: Vec<String>,
@@ -29,7 +29,7 @@ pub struct Case {
 
 impl Case {
     /// Reads the case `name`.
-    pub fn read(name: &'static str) -> Self {
+    pub(crate) fn read(name: &'static str) -> Self {
         let bytes = std::fs::read(path(name)).expect("a case");
         let file = SafeTensors::deserialize(&bytes).expect("safetensors");
         let tensors = file
@@ -66,33 +66,33 @@ impl Case {
     }
 
     /// The values called `name`.
-    pub fn numbers(&self, name: &str) -> &[f64] {
+    pub(crate) fn numbers(&self, name: &str) -> &[f64] {
         &self.entry(name).values
     }
 
     /// The shape of `name`.
-    pub fn shape(&self, name: &str) -> &[usize] {
+    pub(crate) fn shape(&self, name: &str) -> &[usize] {
         &self.entry(name).shape
     }
 
     /// The values called `name`, in single precision.
-    pub fn singles(&self, name: &str) -> Vec<f32> {
+    pub(crate) fn singles(&self, name: &str) -> Vec<f32> {
         self.numbers(name).iter().map(|v| *v as f32).collect()
     }
 
     /// The values called `name`, which are three.
-    pub fn vector(&self, name: &str) -> [f32; 3] {
+    pub(crate) fn vector(&self, name: &str) -> [f32; 3] {
         self.singles(name).try_into().expect("3 numbers")
     }
 
     /// The values called `name`, as a tensor.
-    pub fn tensor<const D: usize>(&self, name: &str, device: &Device) -> Tensor<D> {
+    pub(crate) fn tensor<const D: usize>(&self, name: &str, device: &Device) -> Tensor<D> {
         let shape: [usize; D] = self.shape(name).try_into().expect("that many axes");
         Tensor::from_data(TensorData::new(self.singles(name), shape), device)
     }
 
     /// Names that begin with `start`, without this prefix.
-    pub fn names(&self, start: &str) -> Vec<&str> {
+    pub(crate) fn names(&self, start: &str) -> Vec<&str> {
         self.tensors
             .keys()
             .filter_map(|name| name.strip_prefix(start))
@@ -100,13 +100,13 @@ impl Case {
     }
 
     /// Term of the output `name` in the objective whose gradients the case holds.
-    pub fn towards<const D: usize>(&self, name: &str, output: Tensor<D>) -> Tensor<1> {
+    pub(crate) fn towards<const D: usize>(&self, name: &str, output: Tensor<D>) -> Tensor<1> {
         let towards = self.tensor::<D>(&format!("towards.{name}"), &output.device());
         (output * towards).sum()
     }
 
     /// The case's joint tree.
-    pub fn skeleton(&self) -> Skeleton {
+    pub(crate) fn skeleton(&self) -> Skeleton {
         let rest = self.numbers("rest").chunks_exact(3);
         Skeleton {
             names: self.joint_names.clone(),
@@ -120,7 +120,7 @@ impl Case {
     }
 
     /// The case's pose.
-    pub fn pose(&self) -> Pose {
+    pub(crate) fn pose(&self) -> Pose {
         let translated = self.tensors.contains_key("translation");
         Pose {
             rotations: self

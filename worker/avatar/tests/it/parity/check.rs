@@ -7,12 +7,12 @@ use burn::tensor::Tensor;
 use std::collections::BTreeMap;
 
 /// Default bound on errors of values.
-pub const VALUES: f64 = 1e-5;
+pub(crate) const VALUES: f64 = 1e-5;
 /// Default bound on errors of gradients.
-pub const GRADIENTS: f64 = 1e-4;
+pub(crate) const GRADIENTS: f64 = 1e-4;
 
 /// The largest difference, relative to the largest expected magnitude.
-pub fn relative_error(what: &str, ours: &[f32], expected: &[f64]) -> f64 {
+pub(crate) fn relative_error(what: &str, ours: &[f32], expected: &[f64]) -> f64 {
     assert_eq!(ours.len(), expected.len(), "{what}: another size");
     assert!(ours.iter().all(|v| v.is_finite()), "{what}: not finite");
     let largest = expected.iter().fold(0f64, |m, v| m.max(v.abs()));
@@ -26,14 +26,14 @@ pub fn relative_error(what: &str, ours: &[f32], expected: &[f64]) -> f64 {
 }
 
 /// Errors of one case.
-pub struct Check<'a> {
+pub(crate) struct Check<'a> {
     case: &'a Case,
     values: Vec<(String, f64)>,
     gradients: Vec<(String, f64)>,
 }
 
 impl<'a> Check<'a> {
-    pub fn new(case: &'a Case) -> Self {
+    pub(crate) fn new(case: &'a Case) -> Self {
         Self {
             case,
             values: Vec::new(),
@@ -47,18 +47,18 @@ impl<'a> Check<'a> {
     }
 
     /// Compares the output `name`.
-    pub fn value<const D: usize>(&mut self, name: &str, ours: Tensor<D>) {
+    pub(crate) fn value<const D: usize>(&mut self, name: &str, ours: Tensor<D>) {
         self.numbers(name, &read(ours));
     }
 
     /// Compares the output `name`, in host memory.
-    pub fn numbers(&mut self, name: &str, ours: &[f32]) {
+    pub(crate) fn numbers(&mut self, name: &str, ours: &[f32]) {
         let error = self.error(&format!("expected.{name}"), ours);
         self.values.push((name.into(), error));
     }
 
     /// Compares the gradient to the input `name`.
-    pub fn gradient<const D: usize>(&mut self, name: &str, ours: Option<Tensor<D>>) {
+    pub(crate) fn gradient<const D: usize>(&mut self, name: &str, ours: Option<Tensor<D>>) {
         let ours = read(ours.expect("an input that is tracked"));
         let error = self.error(&format!("gradient.{name}"), &ours);
         self.gradients.push((name.into(), error));
@@ -66,7 +66,7 @@ impl<'a> Check<'a> {
 
     /// Compares the gradients of all parameters of `module` that the case has; unused parameters
     /// must have none.
-    pub fn parameters(&mut self, module: &impl Module, grads: &GradientsParams) {
+    pub(crate) fn parameters(&mut self, module: &impl Module, grads: &GradientsParams) {
         let ours = by_path(module, Some(grads));
         let mut compared = 0;
         for (path, ours) in ours {
@@ -96,12 +96,12 @@ impl<'a> Check<'a> {
     }
 
     /// Adds an error measured elsewhere to the values.
-    pub fn measured(&mut self, name: &str, error: f64) {
+    pub(crate) fn measured(&mut self, name: &str, error: f64) {
         self.values.push((name.into(), error));
     }
 
     /// Prints the row and asserts its bounds.
-    pub fn within(self, values: f64, gradients: f64) {
+    pub(crate) fn within(self, values: f64, gradients: f64) {
         let name = self.case.name;
         let worst = |errors: &[(String, f64)]| errors.iter().map(|e| e.1).reduce(f64::max);
         let shown = |error: Option<f64>| error.map_or("–".into(), |e| format!("{e:.1e}"));
@@ -122,7 +122,7 @@ impl<'a> Check<'a> {
 }
 
 /// Values of a tensor.
-pub fn read<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+pub(crate) fn read<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
@@ -155,7 +155,7 @@ impl ModuleVisitor for Paths<'_> {
 }
 
 /// All parameters by path, or with `grads`, their gradients.
-pub fn by_path(
+pub(crate) fn by_path(
     module: &impl Module,
     grads: Option<&GradientsParams>,
 ) -> BTreeMap<String, Vec<f32>> {

@@ -12,12 +12,12 @@ const JOINTS: usize = 5;
 /// Identities of the small model.
 const SLOTS: usize = 2;
 /// Progress of the reference, step 60 of 100, at which half of the bands are open.
-pub const PROGRESS: f64 = 0.6;
+pub(crate) const PROGRESS: f64 = 0.6;
 
 /// The Fourier encoding of the small model.
-pub const FOURIER: Encoding = Encoding::Fourier { bands: 4 };
+pub(crate) const FOURIER: Encoding = Encoding::Fourier { bands: 4 };
 /// The hash grid of the small model: one dense level, then hashed ones.
-pub const HASH: Encoding = Encoding::Hash {
+pub(crate) const HASH: Encoding = Encoding::Hash {
     levels: 3,
     base: 4,
     growth: 1.6,
@@ -27,12 +27,12 @@ pub const HASH: Encoding = Encoding::Hash {
 };
 
 /// Device of the tests.
-pub fn device() -> Device {
+pub(crate) fn device() -> Device {
     Device::flex().autodiff()
 }
 
 /// Sizes and rates. All samples are evaluated, so that no result depends on a threshold.
-pub fn config(encoding: Encoding) -> ModelConfig {
+pub(crate) fn config(encoding: Encoding) -> ModelConfig {
     let mut config = ModelConfig::named("draft", "yoto").expect("a tier");
     config.code_width = 8;
     config.motion.resolution = 10.into();
@@ -74,7 +74,7 @@ pub fn config(encoding: Encoding) -> ModelConfig {
 }
 
 /// The model with the reference's weights, read like those of a checkpoint.
-pub fn avatar(config: &ModelConfig) -> Avatar {
+pub(crate) fn avatar(config: &ModelConfig) -> Avatar {
     let file = match config.appearance.encoding().expect("a field") {
         Encoding::Fourier { .. } => "model-fourier",
         Encoding::Hash { .. } => "model-hash",
@@ -83,7 +83,7 @@ pub fn avatar(config: &ModelConfig) -> Avatar {
 }
 
 /// Path of the table that people share, which the reference lacks: its people have tables alone.
-pub const SHARED_TABLE: &str = "canonical.shared";
+pub(crate) const SHARED_TABLE: &str = "canonical.shared";
 
 /// Empties the table that people share.
 #[derive(Default)]
@@ -109,7 +109,7 @@ impl ModuleMapper for Empty {
 }
 
 /// The model with the weights in `file`, which may lack some.
-pub fn avatar_with(config: &ModelConfig, file: &str) -> Avatar {
+pub(crate) fn avatar_with(config: &ModelConfig, file: &str) -> Avatar {
     let mut avatar = Avatar::new(config, SLOTS, JOINTS, 0, &device());
     let mut store = SafetensorsStore::from_file(path(file)).allow_partial(true);
     let loaded = avatar.load_from(&mut store).expect("weights that fit");

@@ -12,7 +12,7 @@ use yoto_proto::manifest::files;
 use yoto_synthetic::SyntheticPerson;
 
 /// `made_up`, filmed for `frames` frames of `size` pixels.
-pub fn shard(made_up: &SyntheticPerson, frames: usize, size: u32) -> Shard {
+pub(crate) fn shard(made_up: &SyntheticPerson, frames: usize, size: u32) -> Shard {
     let (track, images) = made_up.capture(frames, size);
     let mut builder = ShardBuilder::new(track);
     for image in &images {
@@ -22,7 +22,12 @@ pub fn shard(made_up: &SyntheticPerson, frames: usize, size: u32) -> Shard {
 }
 
 /// [`shard`] in a slot of a model.
-pub fn person(slot: usize, made_up: &SyntheticPerson, frames: usize, size: u32) -> TrainPerson {
+pub(crate) fn person(
+    slot: usize,
+    made_up: &SyntheticPerson,
+    frames: usize,
+    size: u32,
+) -> TrainPerson {
     TrainPerson {
         slot,
         name: made_up.name().into(),
@@ -31,7 +36,7 @@ pub fn person(slot: usize, made_up: &SyntheticPerson, frames: usize, size: u32) 
 }
 
 /// The people of these slots, who are others in every slot and the same in every call.
-pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<TrainPerson> {
+pub(crate) fn people(slots: &[usize], frames: usize, size: u32) -> Vec<TrainPerson> {
     let needed = slots.iter().max().map_or(0, |slot| slot + 1);
     let cast = SyntheticPerson::cast(needed, 7);
     let slots = slots.iter();
@@ -41,7 +46,7 @@ pub fn people(slots: &[usize], frames: usize, size: u32) -> Vec<TrainPerson> {
 }
 
 /// A training of `steps` steps on all frames at their own size, without LPIPS.
-pub fn options(steps: u64) -> TrainOptions {
+pub(crate) fn options(steps: u64) -> TrainOptions {
     TrainOptions {
         budget: Budget::Steps(steps),
         seed: 11,
@@ -50,14 +55,14 @@ pub fn options(steps: u64) -> TrainOptions {
 }
 
 /// Takes `steps` steps.
-pub fn run(trainer: &mut Trainer, steps: usize) {
+pub(crate) fn run(trainer: &mut Trainer, steps: usize) {
     for _ in 0..steps {
         trainer.step().expect("a step");
     }
 }
 
 /// Bytes of each tensor of the checkpoint in `dir`.
-pub fn weights(dir: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn weights(dir: &Path) -> BTreeMap<String, Vec<u8>> {
     let bytes = std::fs::read(dir.join(files::WEIGHTS)).expect("written");
     let file = SafeTensors::deserialize(&bytes).expect("safetensors");
     file.iter()
@@ -66,18 +71,18 @@ pub fn weights(dir: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 /// The tensor's numbers, row by row.
-pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
 /// A file of `tests/cases`.
-pub fn case_file(name: &str) -> PathBuf {
+pub(crate) fn case_file(name: &str) -> PathBuf {
     PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo runs the tests"))
         .join("tests/cases")
         .join(name)
 }
 
 /// An empty folder, removed in the end.
-pub fn tempdir() -> tempfile::TempDir {
+pub(crate) fn tempdir() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }

@@ -20,7 +20,7 @@ pub(super) struct Points {
 impl Points {
     /// The points `[n, 3]`, metres, n ≤ 16. The remaining lanes hold the origin.
     #[inline(always)]
-    pub fn new(points: &[f32], grid: &HashGrid) -> Self {
+    pub(super) fn new(points: &[f32], grid: &HashGrid) -> Self {
         let (mut unit, mut slope) = ([[0f32; LANES]; 3], [[0f32; LANES]; 3]);
         for (lane, point) in points.as_chunks::<3>().0.iter().take(LANES).enumerate() {
             for a in 0..3 {
@@ -51,7 +51,7 @@ pub(super) struct Cells {
 impl Cells {
     /// The cells of `unit` at a level. Every row is inside the level, whatever `unit` is, even NaN.
     #[inline(always)]
-    pub fn new(unit: &[Lanes; 3], level: &Level) -> Self {
+    pub(super) fn new(unit: &[Lanes; 3], level: &Level) -> Self {
         let cells = level.cells as f32;
         let last = level.cells as i32 - 1;
         let (mut low, mut part) = ([[0u32; LANES]; 3], [[0f32; LANES]; 3]);
@@ -98,7 +98,7 @@ impl Cells {
 
     /// Trilinear weight of each corner, wₓ w_y w_z; the eight of a point sum to 1.
     #[inline(always)]
-    pub fn weights(&self) -> [Lanes; 8] {
+    pub(super) fn weights(&self) -> [Lanes; 8] {
         let mut weights = [[0f32; LANES]; 8];
         for (corner, weights) in weights.iter_mut().enumerate() {
             for (lane, weight) in weights.iter_mut().enumerate() {
@@ -113,7 +113,7 @@ impl Cells {
     /// Gradient to the position in cells, from the gradients `to` the weights of the corners. Along x, it is
     /// Σ (to[1, y, z] − to[0, y, z]) w_y w_z over the four edges.
     #[inline(always)]
-    pub fn position_gradient(&self, to: &[Lanes; 8]) -> [Lanes; 3] {
+    pub(super) fn position_gradient(&self, to: &[Lanes; 8]) -> [Lanes; 3] {
         let mut gradient = [[0f32; LANES]; 3];
         for (axis, gradient) in gradient.iter_mut().enumerate() {
             let (b, c) = ([1, 0, 0][axis], [2, 2, 1][axis]);

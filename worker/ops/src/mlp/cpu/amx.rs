@@ -18,11 +18,11 @@ use std::arch::asm;
 use std::arch::x86_64::*;
 
 /// Rows and columns of the block of sums, and numbers that one instruction sums over.
-pub const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 32;
 /// Rows of a tile register; each has 64 bytes: 16 words.
-pub const TILE: usize = 16;
+pub(super) const TILE: usize = 16;
 /// Largest number of rows per tile of rows, for which a transposed panel has room.
-pub const MOST_ROWS: usize = 512;
+pub(super) const MOST_ROWS: usize = 512;
 
 /// Columns per panel, which is also the width of a block.
 const PANEL: usize = <Bf16 as Arithmetic>::PANEL;
@@ -167,7 +167,7 @@ unsafe fn multiply(a: *const u32, below: *const u32, next: usize, b: *const u32,
 /// As there; the machine must have AMX with bf16, and the process the permission to use it. The
 /// number of rows must be a multiple of [`BLOCK`].
 #[target_feature(enable = "avx512f,avx512bw,avx512bf16")]
-pub unsafe fn product(task: &Product) {
+pub(super) unsafe fn product(task: &Product) {
     let words = |width: usize| width.next_multiple_of(PANEL) / 2;
     let depth: usize = task.factors.iter().map(|f| words(f.width)).sum();
     // SAFETY: panels and rows are within the shapes that the caller promises.
@@ -253,7 +253,7 @@ unsafe fn finish(task: &Product, p: usize, row: usize) {
 /// # Safety
 /// As for [`product`]; there must be at most [`MOST_ROWS`] rows.
 #[target_feature(enable = "avx512f,avx512bw,avx512bf16")]
-pub unsafe fn gradient(task: &Gradient) {
+pub(super) unsafe fn gradient(task: &Gradient) {
     /// A panel of a factor, transposed: `[half][step][column][row / 2]`.
     #[repr(align(64))]
     struct Transposed([u32; MOST_ROWS / 2 * PANEL]);

@@ -12,11 +12,11 @@ use super::vector::Vector;
 use std::marker::PhantomData;
 
 /// Vectors per panel.
-pub const VECTORS: usize = 2;
+pub(super) const VECTORS: usize = 2;
 
 /// Position of a block of cells: the buffer's shape, the panel and the first row.
 #[derive(Clone, Copy)]
-pub struct CellPosition {
+pub(super) struct CellPosition {
     /// Rows of the tile.
     pub rows: usize,
     /// Panels of the buffer.
@@ -31,7 +31,7 @@ pub struct CellPosition {
 ///
 /// # Safety
 /// As for [`Vector`].
-pub unsafe trait Arithmetic {
+pub(super) unsafe trait Arithmetic {
     /// A vector of sums.
     type V: Vector;
     /// A vector of factors.
@@ -84,7 +84,7 @@ pub unsafe trait Arithmetic {
 
 /// Products of f32. With `ROUNDED`, factors are rounded to bf16 when they are written. This gives the results
 /// of bf16 on machines without instructions for it, at the speed of f32.
-pub struct Plain<V, const ROUNDED: bool>(PhantomData<V>);
+pub(super) struct Plain<V, const ROUNDED: bool>(PhantomData<V>);
 
 // SAFETY: all memory is accessed through `V`, whose requirements are passed on.
 unsafe impl<V: Vector, const ROUNDED: bool> Arithmetic for Plain<V, ROUNDED> {

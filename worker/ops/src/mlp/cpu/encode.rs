@@ -17,7 +17,7 @@ const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
 
 /// Constants of the encoding, one entry per angle, padded with zeros to a multiple of the lanes.
 #[derive(Clone, Debug)]
-pub struct Angles {
+pub(super) struct Angles {
     /// Angles per point: 3 per band.
     count: usize,
     /// Radians per metre of each angle.
@@ -30,7 +30,7 @@ pub struct Angles {
 
 impl Angles {
     /// The encoding of the three coordinates of a point in `bands`, and with `raw` also the point itself.
-    pub fn new(bands: &Bands, raw: bool) -> Self {
+    pub(super) fn new(bands: &Bands, raw: bool) -> Self {
         let count = 3 * bands.count;
         let mut scales = vec![0.0; count.next_multiple_of(LANES)];
         let mut weights = scales.clone();
@@ -48,7 +48,7 @@ impl Angles {
 
     /// Index of each column in the plain order: the point, then sines and cosines band by
     /// band.
-    pub fn order(&self) -> Vec<usize> {
+    pub(super) fn order(&self) -> Vec<usize> {
         let first = if self.raw { 3 } else { 0 };
         let column = |cosine: usize| move |i: usize| first + 6 * (i / 3) + 3 * cosine + i % 3;
         (0..self.count)
@@ -95,7 +95,7 @@ fn sines_cosines(angles: &[f32; LANES]) -> ([f32; LANES], [f32; LANES]) {
 
 /// Encodes `points` `[rows, 3]` into `to` `[rows, stride]`.
 #[inline(always)]
-pub fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
+pub(super) fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
     let count = angles.count;
     for (point, to) in points.chunks_exact(3).zip(to.chunks_exact_mut(stride)) {
         // A vector of lanes begins at x, y or z.
@@ -126,7 +126,7 @@ pub fn encode(angles: &Angles, points: &[f32], to: &mut [f32], stride: usize) {
 /// Gradient to a point, from the row `encoded` that it was encoded in and the gradient `grad` to
 /// that row.
 #[inline(always)]
-pub fn encode_backward(angles: &Angles, encoded: &[f32], grad: &[f32]) -> [f32; 3] {
+pub(super) fn encode_backward(angles: &Angles, encoded: &[f32], grad: &[f32]) -> [f32; 3] {
     let count = angles.count;
     let mut sums = [0f32; 3];
     if angles.raw {

@@ -61,7 +61,7 @@ pub(super) struct Kernels {
 
 impl Kernels {
     /// Words per row and column of a packed weight for `width` numbers.
-    pub fn words(&self, width: usize) -> usize {
+    pub(super) fn words(&self, width: usize) -> usize {
         width.div_ceil(self.pair).next_multiple_of(self.depth)
     }
 }
@@ -73,7 +73,7 @@ const VECTOR_TILE: (usize, usize) = (800 << 10, 240);
 macro_rules! kernels {
     ($name:ident, $arithmetic:ty, $rounded:literal, $rows:literal, $block:literal $(, $features:literal)?) => {
         #[doc = concat!("Instances for `", stringify!($arithmetic), "`.")]
-        pub mod $name {
+        pub(super) mod $name {
             use super::*;
 
             $(#[target_feature(enable = $features)])?

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 /// A factor of a layer, and the part of the weight that it is multiplied with.
 #[derive(Clone, Copy, Debug)]
-pub struct Segment {
+pub(super) struct Segment {
     /// Whether the factor is the network's input; otherwise it is the result of the layer before.
     pub input: bool,
     /// Columns.
@@ -25,7 +25,7 @@ pub struct Segment {
 
 /// A layer.
 #[derive(Clone, Debug)]
-pub struct Layer {
+pub(super) struct Layer {
     /// The factors, side by side.
     pub segments: Vec<Segment>,
     /// Width of its result.
@@ -45,7 +45,7 @@ pub struct Layer {
 }
 
 /// The whole network.
-pub struct Layout {
+pub(super) struct Layout {
     pub kernels: &'static Kernels,
     pub layers: Vec<Layer>,
     /// Width of the first layer's factor.
@@ -64,7 +64,7 @@ pub struct Layout {
 }
 
 /// Parameters as the products read them.
-pub struct Packed {
+pub(super) struct Packed {
     pub forward: Words,
     pub biases: Words,
     /// Empty without a backward pass.
@@ -72,7 +72,7 @@ pub struct Packed {
 }
 
 impl Layout {
-    pub fn new(plan: &MlpPlan, kernels: &'static Kernels) -> Self {
+    pub(super) fn new(plan: &MlpPlan, kernels: &'static Kernels) -> Self {
         let panel = kernels.panel;
         let angles = match &plan.input {
             Input::Features { .. } => None,
@@ -129,12 +129,12 @@ impl Layout {
     }
 
     /// Numbers per row of the operation's input.
-    pub fn given(&self) -> usize {
+    pub(super) fn given(&self) -> usize {
         if self.angles.is_some() { 3 } else { self.input }
     }
 
     /// `width` rounded up to panels.
-    pub fn padded(&self, width: usize) -> usize {
+    pub(super) fn padded(&self, width: usize) -> usize {
         width.next_multiple_of(self.kernels.panel)
     }
 
@@ -144,7 +144,7 @@ impl Layout {
     }
 
     /// The packed `params`, for a `backward` pass also transposed.
-    pub fn pack(&self, params: &[f32], backward: bool) -> Packed {
+    pub(super) fn pack(&self, params: &[f32], backward: bool) -> Packed {
         let mut packed = Packed {
             forward: Words::zeroed(self.forward_words),
             biases: Words::zeroed(self.biases),
@@ -243,7 +243,7 @@ impl Layout {
     }
 
     /// The gradients to the `count` flat parameters, from the `gradients` that the products summed.
-    pub fn unpack(&self, gradients: &[f32], count: usize) -> Vec<f32> {
+    pub(super) fn unpack(&self, gradients: &[f32], count: usize) -> Vec<f32> {
         let panel = self.kernels.panel;
         let mut params = vec![0f32; count];
         for layer in &self.layers {

@@ -16,14 +16,14 @@ const LINE: usize = 16;
 
 /// 32-bit words, or f32.
 #[derive(Default)]
-pub struct Words {
+pub(super) struct Words {
     lines: Vec<Line>,
     len: usize,
 }
 
 impl Words {
     /// `len` words of 0.
-    pub fn zeroed(len: usize) -> Self {
+    pub(super) fn zeroed(len: usize) -> Self {
         Self {
             lines: vec![Line([0; LINE]); len.div_ceil(LINE)],
             len,
@@ -39,25 +39,25 @@ impl Words {
     }
 
     /// All words, to write.
-    pub fn words(&mut self) -> &mut [u32] {
+    pub(super) fn words(&mut self) -> &mut [u32] {
         // SAFETY: the lines are `len` words or more, one after the other, and borrowed mutably.
         unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.len) }
     }
 
     /// All words, to write as numbers.
-    pub fn floats(&mut self) -> &mut [f32] {
+    pub(super) fn floats(&mut self) -> &mut [f32] {
         // SAFETY: as in `words`; each pattern of bits is a valid f32.
         unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.len) }
     }
 
     /// All words, to read.
-    pub fn read(&self) -> &[u32] {
+    pub(super) fn read(&self) -> &[u32] {
         // SAFETY: the lines are `len` words or more, one after the other, and borrowed.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
     }
 
     /// All words, to read as numbers.
-    pub fn read_floats(&self) -> &[f32] {
+    pub(super) fn read_floats(&self) -> &[f32] {
         // SAFETY: as in `read`; each pattern of bits is a valid f32.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
     }
@@ -68,7 +68,7 @@ impl Words {
 /// All pointers into the memory are derived from one base pointer. A reborrow of the slice for a
 /// second pointer would invalidate the first one under Rust's aliasing rules (Stacked Borrows),
 /// even where the two never meet.
-pub struct Region<'a, T> {
+pub(super) struct Region<'a, T> {
     base: *mut T,
     len: usize,
     borrow: PhantomData<&'a mut [T]>,
@@ -76,7 +76,7 @@ pub struct Region<'a, T> {
 
 impl<'a, T> Region<'a, T> {
     /// The memory of `slice`.
-    pub fn new(slice: &'a mut [T]) -> Self {
+    pub(super) fn new(slice: &'a mut [T]) -> Self {
         Self {
             base: slice.as_mut_ptr(),
             len: slice.len(),
@@ -90,7 +90,7 @@ impl<'a, T> Region<'a, T> {
     ///
     /// # Panics
     /// If `first` is past the end.
-    pub fn at(&self, first: usize) -> *mut T {
+    pub(super) fn at(&self, first: usize) -> *mut T {
         assert!(first <= self.len, "{first} is past {} words", self.len);
         // SAFETY: within the memory or one past its end.
         unsafe { self.base.add(first) }
@@ -102,7 +102,7 @@ impl Region<'_, u32> {
     ///
     /// # Panics
     /// If the range is past the end.
-    pub fn floats(&mut self, range: Range<usize>) -> &mut [f32] {
+    pub(super) fn floats(&mut self, range: Range<usize>) -> &mut [f32] {
         assert!(range.start <= range.end && range.end <= self.len);
         // SAFETY: words of the region, which `self` borrows mutably; an f32 has the size and the
         // alignment of a word, and each pattern of bits is a valid one.
@@ -113,7 +113,7 @@ impl Region<'_, u32> {
     ///
     /// # Panics
     /// If the range is past the end.
-    pub fn read_floats(&self, range: Range<usize>) -> &[f32] {
+    pub(super) fn read_floats(&self, range: Range<usize>) -> &[f32] {
         assert!(range.start <= range.end && range.end <= self.len);
         // SAFETY: as in `floats`, borrowed for reading.
         unsafe { std::slice::from_raw_parts(self.at(range.start).cast(), range.len()) }
@@ -126,7 +126,7 @@ thread_local! {
 
 /// Calls `run` with at least `len` words of this thread, whose values are arbitrary. They are kept
 /// for the next call: a new allocation for each tile takes as long as a small network's tile.
-pub fn with_scratch<R>(len: usize, run: impl FnOnce(&mut [u32]) -> R) -> R {
+pub(super) fn with_scratch<R>(len: usize, run: impl FnOnce(&mut [u32]) -> R) -> R {
     let mut words = SCRATCH.take();
     words.at_least(len);
     let result = run(words.words());

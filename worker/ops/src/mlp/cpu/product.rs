@@ -10,7 +10,7 @@ use super::vector::Vector;
 
 /// A factor of a product: `width` columns in a cell buffer.
 #[derive(Clone, Copy)]
-pub struct Factor {
+pub(super) struct Factor {
     /// The buffer.
     pub cells: *const u32,
     /// Columns.
@@ -18,7 +18,7 @@ pub struct Factor {
 }
 
 /// `[factors] · weights`, `[rows, columns]`.
-pub struct Product<'a> {
+pub(super) struct Product<'a> {
     /// Rows of the tile, a multiple of the kernels' `rows`.
     pub rows: usize,
     /// Factors, side by side.
@@ -34,7 +34,7 @@ pub struct Product<'a> {
 
 /// The use of the sums of a product.
 #[derive(Clone, Copy)]
-pub enum End {
+pub(super) enum End {
     /// A bias `[columns]`, padded to panels, is added; the ReLU of the sums is written to the cell
     /// buffer.
     Hidden(*const f32, *mut u32),
@@ -50,7 +50,7 @@ pub enum End {
 }
 
 /// Gradients to a layer's weights and bias: sums over the tile's rows, added to those before.
-pub struct Gradient<'a> {
+pub(super) struct Gradient<'a> {
     /// Rows of the tile.
     pub rows: usize,
     /// The layer's factors.
@@ -64,7 +64,7 @@ pub struct Gradient<'a> {
 }
 
 /// f32 rows to be written to a cell buffer.
-pub struct Fill {
+pub(super) struct Fill {
     /// Rows of the tile.
     pub rows: usize,
     /// Columns.
@@ -81,7 +81,7 @@ pub struct Fill {
 /// All pointers must be valid for the documented shapes, and the machine must have the
 /// instructions of `A`. What is written must not overlap what is read, but for [`End::Added`].
 #[inline(always)]
-pub unsafe fn product<A: Arithmetic, const MR: usize>(task: &Product) {
+pub(super) unsafe fn product<A: Arithmetic, const MR: usize>(task: &Product) {
     let panel = A::PANEL;
     let words: usize = task.factors.iter().map(|f| f.width.div_ceil(A::PAIR)).sum();
     for p in 0..task.columns.div_ceil(panel) {
@@ -197,7 +197,7 @@ unsafe fn product_block<A: Arithmetic, const MR: usize, const NV: usize>(
 /// # Safety
 /// As for [`product`].
 #[inline(always)]
-pub unsafe fn gradient<A: Arithmetic, const KR: usize>(task: &Gradient) {
+pub(super) unsafe fn gradient<A: Arithmetic, const KR: usize>(task: &Gradient) {
     let panel = A::PANEL;
     let panels = task.result.width.div_ceil(panel);
     for p in 0..panels {
@@ -297,7 +297,7 @@ unsafe fn gradient_block<A: Arithmetic, const KR: usize, const NV: usize>(
 /// # Safety
 /// As for [`product`].
 #[inline(always)]
-pub unsafe fn fill<A: Arithmetic>(task: &Fill) {
+pub(super) unsafe fn fill<A: Arithmetic>(task: &Fill) {
     let (panel, lanes) = (A::PANEL, A::V::LANES);
     let panels = task.width.div_ceil(panel);
     for p in 0..panels {

@@ -10,7 +10,7 @@ const ROWS: usize = 48;
 
 /// The rows of a tile.
 #[derive(Clone, Copy)]
-pub enum Rows<'a> {
+pub(super) enum Rows<'a> {
     /// First row and number of consecutive rows.
     From(usize, usize),
     /// The rows with these indices.
@@ -34,7 +34,7 @@ impl Rows<'_> {
 }
 
 /// A network ready to run.
-pub struct Tiles<'a> {
+pub(super) struct Tiles<'a> {
     pub layout: &'a Layout,
     pub packed: &'a Packed,
     /// `[N, given]`.
@@ -61,7 +61,7 @@ struct Buffers {
 }
 
 /// The gradients that a backward tile writes.
-pub struct Gradients<'a> {
+pub(super) struct Gradients<'a> {
     /// To the packed parameters; the tile adds to them.
     pub params: Region<'a, f32>,
     /// To the input's rows from `first` on, if they are needed.
@@ -71,7 +71,12 @@ pub struct Gradients<'a> {
 }
 
 impl<'a> Tiles<'a> {
-    pub fn new(layout: &'a Layout, packed: &'a Packed, input: &'a [f32], backward: bool) -> Self {
+    pub(super) fn new(
+        layout: &'a Layout,
+        packed: &'a Packed,
+        input: &'a [f32],
+        backward: bool,
+    ) -> Self {
         let mut tiles = Self {
             layout,
             packed,
@@ -87,7 +92,7 @@ impl<'a> Tiles<'a> {
     }
 
     /// Words of scratch memory per tile.
-    pub fn words(&self) -> usize {
+    pub(super) fn words(&self) -> usize {
         self.buffers(self.rows).end
     }
 
@@ -211,7 +216,7 @@ impl<'a> Tiles<'a> {
     }
 
     /// Writes the results of `rows` to `output` `[rows, output]`.
-    pub fn forward(&self, rows: Rows, scratch: &mut [u32], output: &mut [f32]) {
+    pub(super) fn forward(&self, rows: Rows, scratch: &mut [u32], output: &mut [f32]) {
         let layout = self.layout;
         let buffers = self.buffers(self.rows);
         let count = self.padded_rows(rows);
@@ -237,7 +242,7 @@ impl<'a> Tiles<'a> {
 
     /// Runs `rows` forward again, and adds their contributions to `gradients`, from the gradient `grad`
     /// `[N, output]` to the results.
-    pub fn backward(
+    pub(super) fn backward(
         &self,
         rows: Rows,
         grad: &[f32],

@@ -8,7 +8,7 @@
 /// # Safety
 /// Pointers must be valid for `LANES` numbers, and the machine must have the instructions of
 /// the implementing type.
-pub unsafe trait Vector: Copy {
+pub(super) unsafe trait Vector: Copy {
     /// Numbers per vector.
     const LANES: usize;
     /// All 0.
@@ -31,7 +31,7 @@ pub unsafe trait Vector: Copy {
 
 /// `value` rounded to the nearest bf16, ties to even, as the upper half of an f32.
 #[inline(always)]
-pub fn bf16_bits(value: f32) -> u16 {
+pub(super) fn bf16_bits(value: f32) -> u16 {
     let bits = value.to_bits();
     let even = 0x7fff + (bits >> 16 & 1);
     let rounded = (bits.wrapping_add(even) >> 16) as u16;
@@ -42,13 +42,13 @@ pub fn bf16_bits(value: f32) -> u16 {
 
 /// `value` rounded to the nearest bf16, ties to even.
 #[inline(always)]
-pub fn bf16_rounded(value: f32) -> f32 {
+pub(super) fn bf16_rounded(value: f32) -> f32 {
     f32::from_bits(u32::from(bf16_bits(value)) << 16)
 }
 
 /// Four numbers, which the compiler keeps in a vector register if the target has one.
 #[derive(Clone, Copy)]
-pub struct Portable([f32; 4]);
+pub(super) struct Portable([f32; 4]);
 
 impl Portable {
     #[inline(always)]

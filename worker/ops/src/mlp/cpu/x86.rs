@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 
 /// Eight numbers; needs AVX2 and FMA.
 #[derive(Clone, Copy)]
-pub struct Avx2(__m256);
+pub(super) struct Avx2(__m256);
 
 // SAFETY: reads and writes `LANES` numbers; AVX2 and FMA are the caller's promise.
 unsafe impl Vector for Avx2 {
@@ -72,7 +72,7 @@ unsafe impl Vector for Avx2 {
 
 /// Sixteen numbers; needs AVX-512F.
 #[derive(Clone, Copy)]
-pub struct Avx512(pub(super) __m512);
+pub(super) struct Avx512(pub(super) __m512);
 
 // SAFETY: reads and writes `LANES` numbers; AVX-512F is the caller's promise.
 unsafe impl Vector for Avx512 {

@@ -8,7 +8,7 @@ use super::x86::Avx512;
 use std::arch::x86_64::*;
 
 /// bf16 products; needs AVX-512F, AVX-512BW and AVX512-BF16.
-pub struct Bf16;
+pub(super) struct Bf16;
 
 /// Order that interleaves the numbers of two vectors: the view by pairs of two rows.
 static INTERLEAVED: [u16; 32] = {

@@ -92,7 +92,7 @@ pub(in crate::warp) struct Blend {
 }
 
 impl<'a> PosedBody<'a> {
-    pub fn new(weights: Tensor<2>, transforms: Tensor<2>, grid: &'a WarpGrid) -> Self {
+    pub(crate) fn new(weights: Tensor<2>, transforms: Tensor<2>, grid: &'a WarpGrid) -> Self {
         let [bones, _] = transforms.dims();
         let transforms = transforms.reshape([bones, 3, 4]);
         // Rᵀ and −Rᵀ t.
@@ -117,7 +117,7 @@ impl<'a> PosedBody<'a> {
     }
 
     /// Forward skinning at `at` `[N, 3]`.
-    pub fn blend(&self, at: Tensor<2>) -> Blend {
+    pub(crate) fn blend(&self, at: Tensor<2>) -> Blend {
         let [n, _] = at.dims();
         let [sampled, ..] = self.sample(at);
         let sum = sampled.clone().sum_dim(1);

@@ -11,7 +11,7 @@ use yoto_synthetic::SyntheticPerson;
 
 /// Errors of a detector.
 #[derive(Clone, Copy, Debug)]
-pub struct Errors {
+pub(crate) struct Errors {
     /// Of points in pictures, as a share of the body's height, standard deviation.
     pub picture: f64,
     /// Of points in space, metres; none without a guess of depth.
@@ -20,7 +20,7 @@ pub struct Errors {
 
 /// A clip with known joints.
 #[derive(Clone, Debug)]
-pub struct Clip {
+pub(crate) struct Clip {
     pub points: KeyPoints,
     /// `[frames][24]`, in the camera's axes, metres.
     pub joints: Vec<Vec<Vec3>>,
@@ -114,7 +114,7 @@ fn names(set: KeyPointSet) -> Vec<(&'static str, i32)> {
 }
 
 /// A camera that looks at a standing person from 3.2 m, `down` degrees downwards.
-pub fn camera(down: f64, size: [u32; 2], focal: f64) -> Camera {
+pub(crate) fn camera(down: f64, size: [u32; 2], focal: f64) -> Camera {
     let target = [0.0, 0.95, 0.0];
     let (sine, cosine) = down.to_radians().sin_cos();
     let eye = [0.0, target[1] + 3.2 * sine, 3.2 * cosine];
@@ -122,7 +122,7 @@ pub fn camera(down: f64, size: [u32; 2], focal: f64) -> Camera {
 }
 
 /// `poses` of `person` at 15 frames per second, as seen by a detector through `camera`.
-pub fn clip(
+pub(crate) fn clip(
     person: &SyntheticPerson,
     poses: &[Pose],
     camera: &Camera,
@@ -197,7 +197,7 @@ fn normal(rng: &mut impl Rng) -> f64 {
 }
 
 /// Fitted joints in the camera's axes, `[frames][24]`, metres.
-pub fn joints(fitted: &Fitted) -> Vec<Vec<Vec3>> {
+pub(crate) fn joints(fitted: &Fitted) -> Vec<Vec<Vec3>> {
     let skeleton = Skeleton::from_track(&fitted.track.skeleton).expect("a skeleton");
     let posed = |frame: &Frame| {
         let pose = Pose::from_frame(frame).expect("a pose");
@@ -214,7 +214,7 @@ pub fn joints(fitted: &Fitted) -> Vec<Vec<Vec3>> {
 
 /// Mean distance of joints from the truth, metres, after moving the pelvis of each frame to the origin and the
 /// best rotation for the whole clip, without scaling.
-pub fn error(found: &[Vec<Vec3>], truth: &[Vec<Vec3>]) -> f64 {
+pub(crate) fn error(found: &[Vec<Vec3>], truth: &[Vec<Vec3>]) -> f64 {
     let relative = |frames: &[Vec<Vec3>]| -> Vec<Vec3> {
         let by_pelvis = |frame: &Vec<Vec3>| -> Vec<Vec3> {
             frame.iter().map(|joint| sub(*joint, frame[0])).collect()

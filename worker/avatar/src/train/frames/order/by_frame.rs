@@ -6,7 +6,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
 /// The order of all frames, different in each epoch.
-pub struct ByFrame {
+pub(crate) struct ByFrame {
     seed: u64,
     epoch: u64,
     /// In the order of the current epoch; never empty.
@@ -17,7 +17,7 @@ pub struct ByFrame {
 
 impl ByFrame {
     /// The order for subjects with `counts[i]` frames.
-    pub fn new(seed: u64, counts: &[usize]) -> Self {
+    pub(crate) fn new(seed: u64, counts: &[usize]) -> Self {
         let sorted: Vec<FrameIndex> = (0..)
             .zip(counts)
             .flat_map(|(subject, &count)| {
@@ -38,7 +38,7 @@ impl ByFrame {
     ///
     /// # Panics
     /// If there are no frames.
-    pub fn at(&mut self, step: u64) -> FrameIndex {
+    pub(crate) fn at(&mut self, step: u64) -> FrameIndex {
         let frames = self.sorted.len() as u64;
         let epoch = step / frames;
         if epoch != self.epoch {

@@ -9,14 +9,14 @@ const ROUNDS: u64 = 0;
 const FRAMES: u64 = 2;
 
 /// The order of people, and of each one's frames.
-pub struct ByPerson {
+pub(crate) struct ByPerson {
     people: Shuffled,
     frames: Vec<Shuffled>,
 }
 
 impl ByPerson {
     /// The order for people with `counts[i]` frames, at least one each.
-    pub fn new(seed: u64, counts: &[usize]) -> Self {
+    pub(crate) fn new(seed: u64, counts: &[usize]) -> Self {
         let frames = (FRAMES..).zip(counts);
         Self {
             people: Shuffled::new(seed, ROUNDS, counts.len()),
@@ -30,7 +30,7 @@ impl ByPerson {
     ///
     /// # Panics
     /// If there are no people, or `steps_per_person` has another number of them.
-    pub fn at(&mut self, step: u64, steps_per_person: &[PersonSteps]) -> FrameIndex {
+    pub(crate) fn at(&mut self, step: u64, steps_per_person: &[PersonSteps]) -> FrameIndex {
         let subject = self.people.at(step);
         let frame = self.frames[subject].at(steps_per_person[subject].steps);
         FrameIndex { subject, frame }

@@ -4,7 +4,7 @@ mod by_frame;
 mod by_person;
 mod steps_per_person;
 
-pub use steps_per_person::PersonSteps;
+pub(crate) use steps_per_person::PersonSteps;
 
 use crate::config::{SamplingConfig, SamplingStrategy};
 use by_frame::ByFrame;
@@ -28,7 +28,7 @@ pub(crate) enum FrameOrder {
 
 impl FrameOrder {
     /// The order for subjects with `counts[i]` frames, at least one each.
-    pub fn new(sampling: SamplingConfig, seed: u64, counts: &[usize]) -> Self {
+    pub(crate) fn new(sampling: SamplingConfig, seed: u64, counts: &[usize]) -> Self {
         match sampling.strategy {
             SamplingStrategy::Frame => Self::ByFrame(ByFrame::new(seed, counts)),
             SamplingStrategy::Person => Self::ByPerson(ByPerson::new(seed, counts)),
@@ -39,7 +39,7 @@ impl FrameOrder {
     ///
     /// # Panics
     /// If there are no subjects, or `steps_per_person` has another number of them.
-    pub fn at(&mut self, step: u64, steps_per_person: &[PersonSteps]) -> FrameIndex {
+    pub(crate) fn at(&mut self, step: u64, steps_per_person: &[PersonSteps]) -> FrameIndex {
         match self {
             Self::ByFrame(order) => order.at(step),
             Self::ByPerson(order) => order.at(step, steps_per_person),

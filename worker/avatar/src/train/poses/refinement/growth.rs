@@ -12,13 +12,13 @@ const LAST_GROWTH: f64 = 0.6;
 
 impl PoseRefinement {
     /// Whether splats were placed while these poses were refined.
-    pub fn has_placed(&self) -> bool {
+    pub(crate) fn has_placed(&self) -> bool {
         self.placed > 0
     }
 
     /// Number of the splats that a training starts with that refines these poses. The call counts as
     /// their placement.
-    pub fn initial_splat_count(
+    pub(crate) fn initial_splat_count(
         &mut self,
         config: &SplatConfig,
         schedule_progress: f64,
@@ -35,7 +35,7 @@ impl PoseRefinement {
     /// The number that splats are due to become: when frames were fitted a few times, and enough of the run is left
     /// for them to learn, first the geometric mean of few and all, and later all. The call counts as their
     /// growth.
-    pub fn due_splat_count(
+    pub(crate) fn due_splat_count(
         &mut self,
         config: &SplatConfig,
         schedule_progress: f64,

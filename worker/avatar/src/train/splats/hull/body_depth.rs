@@ -130,12 +130,12 @@ impl BodyDepth {
     }
 
     /// Whether the depth of any part is bounded.
-    pub fn bounds(&self) -> bool {
+    pub(super) fn bounds(&self) -> bool {
         !self.parts.is_empty()
     }
 
     /// Whether the point of this bone is in the body, as far as its depth tells.
-    pub fn holds(&self, point: [f32; 3], bone: usize) -> bool {
+    pub(super) fn holds(&self, point: [f32; 3], bone: usize) -> bool {
         let part = self.of_joint.get(bone).copied().flatten();
         part.is_none_or(|part| self.parts[part].holds(point))
     }

@@ -73,7 +73,7 @@ pub(crate) struct Sighting {
 
 impl<'a> HullFrames<'a> {
     /// The film of a subject: its frames that have a `pose`.
-    pub fn new(
+    pub(super) fn new(
         subject: &'a TrainSubject,
         pose: impl Fn(&TrainFrame) -> Option<Pose>,
     ) -> Result<Self, RenderError> {
@@ -105,7 +105,7 @@ impl<'a> HullFrames<'a> {
     }
 
     /// Finds `points` in a frame.
-    pub fn sightings(&self, points: &[[f32; 3]], frame: &HullFrame) -> Vec<Sighting> {
+    pub(super) fn sightings(&self, points: &[[f32; 3]], frame: &HullFrame) -> Vec<Sighting> {
         let grid = &self.subject.body.grid;
         let numbers = points.as_flattened();
         let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
@@ -215,7 +215,7 @@ impl<'a> HullFrames<'a> {
 
     /// A shell with at least `count` cells and not many more, or the finest that is allowed; without
     /// cells where poses and masks do not agree.
-    pub fn shell_of(&self, count: usize) -> Result<Shell, RenderError> {
+    pub(super) fn shell_of(&self, count: usize) -> Result<Shell, RenderError> {
         /// Most shells that are tried.
         const ROUNDS: usize = 6;
         /// Cells that are asked for, as a multiple of those needed.

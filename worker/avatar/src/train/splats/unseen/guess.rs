@@ -84,7 +84,7 @@ struct Sum {
 impl Surface {
     /// Takes the decoder's parts of the body in place of `bones`, and its colours for a person who looks like this one
     /// where frames show them well.
-    pub fn by_parts(&mut self, decoder: &Decoder, parts: &Parts, bones: &[usize]) {
+    pub(super) fn by_parts(&mut self, decoder: &Decoder, parts: &Parts, bones: &[usize]) {
         let places = self.points.iter().zip(bones);
         let places: Vec<_> = places.map(|(at, bone)| parts.place(*at, *bone)).collect();
         let weight = |index: usize| self.opaque[index] * self.evidence[index].min(SURE);
@@ -106,7 +106,7 @@ impl Surface {
 
     /// Its colours, guessed where nothing is seen, and drawn towards what is likely where little is. Nothing is guessed if no
     /// colour is firm.
-    pub fn guessed(&self) -> Guessed {
+    pub(super) fn guessed(&self) -> Guessed {
         let indices = 0..self.points.len();
         let all: Vec<usize> = indices.clone().filter(|index| self.tells(*index)).collect();
         let mut by_part = vec![Vec::new(); self.axes.len()];
