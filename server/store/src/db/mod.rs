@@ -23,8 +23,7 @@ mod tx;
 pub(crate) use locks::Lock;
 pub use postgres::{Listener, PostgresUrl, UrlError};
 pub(crate) use row::{Row, integer, state, timestamp};
-pub(crate) use statement::claimed;
-pub(crate) use statement::{Statement, sql};
+pub(crate) use statement::{Statement, claimed, sql};
 pub(crate) use tx::{Column, Tx};
 
 use crate::StoreError;

@@ -24,7 +24,7 @@ pub(super) const RECORD: &str =
 
 /// The steps that make a database's schema.
 #[derive(Debug)]
-pub(super) struct Steps {
+pub(crate) struct Steps {
     /// The step [`START`].
     pub start: Migration,
     /// The steps after it.

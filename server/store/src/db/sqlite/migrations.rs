@@ -13,7 +13,7 @@ use sqlx::{Executor, Row, SqlitePool};
 /// replace the table's text with `PRAGMA writable_schema = ON`, and makes an index anew so that all connections read the text
 /// again. Both pragmas are settings of the connection, outside of transactions: such a step is a [`Migration`] with `no_tx`,
 /// brings its own transaction, and changes nothing more when it is run twice.
-pub(in crate::db) fn steps() -> Steps {
+pub(crate) fn steps() -> Steps {
     let start = include_str!("../../../../../migrations/sqlite/0039_start.sql");
     Steps {
         start: step(START, "start", start),

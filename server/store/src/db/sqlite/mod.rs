@@ -12,7 +12,7 @@ mod running_upgrade_tests;
 mod upgrade_tests;
 
 #[cfg(test)]
-pub(in crate::db) use migrations::steps;
+pub(super) use migrations::steps;
 
 use super::Statement;
 use super::schema::{self, Steps};
