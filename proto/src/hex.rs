@@ -12,7 +12,7 @@ pub(super) fn encode(bytes: &[u8]) -> String {
     })
 }
 
-/// The bytes that [`hex`](super::hex) wrote as `text`; `None` for any other text, such as one with upper-case digits.
+/// The bytes that [`hex()`](super::hex()) wrote as `text`; `None` for any other text, such as one with upper-case digits.
 pub fn decode(text: &str) -> Option<Vec<u8>> {
     let (pairs, []) = text.as_bytes().as_chunks::<2>() else {
         return None;

@@ -44,7 +44,7 @@ pub(super) struct Create {
     /// Note about the link, in one line, such as the person who gets it.
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
-    /// Let other sites show the page in a frame, and the person in the element <yoto-avatar>.
+    /// Let other sites show the page in a frame, and the person in the element `<yoto-avatar>`.
     #[arg(long)]
     embed: bool,
     /// Also show the link as a QR code in the terminal, for the camera of a phone.

@@ -1,7 +1,7 @@
 //! `.npy`: one array, in the format of `numpy.save`.
 //!
 //! No library reads the header, because pickles contain the same element types, and arrays of objects
-//! (`allow_pickle=True`) need [`pickle`](crate::pickle).
+//! (`allow_pickle=True`) need [`pickle`].
 
 use crate::array::{count, rows_first};
 use crate::dtype::Dtype;

@@ -7,7 +7,7 @@
 //! - [`displacement`]: the error of learned motion of clothes.
 //! - [`tradeoff`]: quality over training time and over render time.
 //! - [`model_dir`]: figures of a trained model in a folder.
-//! - [`bench`]: seconds of a training step, stage by stage.
+//! - [`mod@bench`]: seconds of a training step, stage by stage.
 //! - [`report`], [`split_regions`]: the form of results on disk and in a terminal.
 //! - [`commands`]: the `yoto-lab` command line.
 //!

@@ -100,11 +100,11 @@ pub struct CurvePoint {
     pub seconds: f64,
     /// Steps so far.
     pub step: u64,
-    /// As [`Score::psnr`].
+    /// As [`yoto_avatar::evaluate::Score::psnr`].
     pub psnr: f64,
-    /// As [`Score::psnr_mask_box`].
+    /// As [`yoto_avatar::evaluate::Score::psnr_mask_box`].
     pub psnr_mask_box: f64,
-    /// As [`Score::ssim`].
+    /// As [`yoto_avatar::evaluate::Score::ssim`].
     pub ssim: f64,
 }
 

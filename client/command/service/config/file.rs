@@ -168,7 +168,7 @@ mod tests {
         let expected = "y.toml:3: there is no setting keep_newest; did you mean keep-newest?";
         assert_eq!(unknown, expected);
         assert!(told("colour = 1").ends_with("prints all"));
-        assert!(told("listen = [\"a:1\"]").starts_with("y.toml:1: listen has one value"));
+        assert!(told("listen = [\"a:1\"]").starts_with("y.toml:1: listen takes one value"));
         assert!(told("listen = \"a:1\"\n[traffic]\n").starts_with("y.toml:2: there is no"));
         assert!(told("\nlisten = \n").starts_with("y.toml:2: "));
     }

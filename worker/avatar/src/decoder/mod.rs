@@ -9,7 +9,7 @@
 //! - [`cells`]: the grid of places at which the decoder has values.
 //! - [`linear`]: the decoder itself.
 //! - [`learn`]: learns a decoder from people who were filmed from every side.
-//! - [`file`]: its file, and the one that the program has.
+//! - [`mod@file`]: its file, and the one that the program has.
 //! - `prior`: which decoder a training takes.
 
 pub(crate) mod cells;

@@ -1,8 +1,8 @@
 //! Quality of renderings, measured against the ground truth.
 //!
-//! [`psnr`], [`ssim`] and [`LpipsMetric`] compare two images; [`Mean`] and [`Score`] average their
+//! [`psnr`], [`ssim()`] and [`LpipsMetric`] compare two images; [`Mean`] and [`Score`] average their
 //! figures over pictures and people; an [`Examiner`] renders the view of a picture and scores it by
-//! the rules of a [`Protocol`]; [`paper_table`] shows measured figures beside those of the paper.
+//! the rules of a [`Protocol`]; [`paper_table()`] shows measured figures beside those of the paper.
 
 mod examine;
 mod lpips;

@@ -29,7 +29,7 @@ fn local(v: Vec3) -> ([f32; 3], f32) {
     (v.map(|c| (c / (angle + AXIS_GUARD)) as f32), angle as f32)
 }
 
-/// cos θ I + sin θ [r]× + (1 − cos θ) r rᵀ for `axis` `[K, 3]` and `angle` `[K, 1]`.
+/// cos θ I + sin θ \[r\]× + (1 − cos θ) r rᵀ for `axis` `[K, 3]` and `angle` `[K, 1]`.
 fn about(axis: Tensor<2>, angle: Tensor<2>) -> Tensor<3> {
     let [k, _] = axis.dims();
     let device = axis.device();

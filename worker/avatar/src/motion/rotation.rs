@@ -5,7 +5,7 @@ use burn::tensor::Tensor;
 /// Squared angle below which the series replaces the quotients: θ < 1e-3 rad.
 const SERIES_BELOW: f32 = 1e-6;
 
-/// `[K, 3]` radians → `[K, 3, 3]`: I + A [r]× + B [r]×², A = sin θ/θ, B = (1 − cos θ)/θ².
+/// `[K, 3]` radians → `[K, 3, 3]`: I + A \[r\]× + B \[r\]×², A = sin θ/θ, B = (1 − cos θ)/θ².
 pub fn rodrigues(r: Tensor<2>) -> Tensor<3> {
     let [k, _] = r.dims();
     let device = r.device();

@@ -55,7 +55,7 @@ pub(super) fn blur(picture: &[f32], width: usize, height: usize) -> Vec<f32> {
     blurred
 }
 
-/// Writes Σ taps[i] from[i · stride..]: rows of numbers that begin `stride` numbers after each other.
+/// Writes `Σ taps[i] from[i · stride..]`: rows of numbers that begin `stride` numbers after each other.
 struct WeightedSum<'a> {
     taps: &'a [f32; TAPS],
     from: &'a [f32],

@@ -6,7 +6,7 @@ use crate::form::{Form, Work, multiply_add};
 use crate::hash::{HashGrid, Level};
 use rayon::prelude::*;
 
-/// See [`super::backward`]; the grid was checked.
+/// See [`super::backward()`]; the grid was checked.
 pub(super) fn backward<const F: usize>(
     form: Form,
     table: &[f32],

@@ -6,7 +6,7 @@ use crate::form::{Form, Work, multiply_add};
 use crate::hash::HashGrid;
 use rayon::prelude::*;
 
-/// See [`super::forward`]; the grid was checked.
+/// See [`super::forward()`]; the grid was checked.
 pub(super) fn forward<const F: usize>(
     form: Form,
     table: &[f32],

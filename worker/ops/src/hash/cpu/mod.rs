@@ -79,10 +79,10 @@ pub fn forward(table: &[f32], points: &[f32], grid: &HashGrid) -> Vec<f32> {
     forward_in(Form::best(), table, points, grid)
 }
 
-/// [`forward`] in a given form.
+/// [`forward()`] in a given form.
 ///
 /// # Panics
-/// As [`forward`].
+/// As [`forward()`].
 pub fn forward_in(form: Form, table: &[f32], points: &[f32], grid: &HashGrid) -> Vec<f32> {
     check(table, points, grid);
     by_features!(grid, forward::forward, (form, table, points, grid))
@@ -103,10 +103,10 @@ pub fn backward(
     backward_in(Form::best(), table, points, grad, grid, needs_points_grad)
 }
 
-/// [`backward`] in a given form.
+/// [`backward()`] in a given form.
 ///
 /// # Panics
-/// As [`backward`].
+/// As [`backward()`].
 pub fn backward_in(
     form: Form,
     table: &[f32],

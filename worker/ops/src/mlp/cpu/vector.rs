@@ -1,7 +1,7 @@
 //! Vectors of f32 as the products use them, and the implementation for any machine.
 //!
 //! The products are written once, generic over this trait. Each of their instances is inlined into
-//! a function that enables the form's vector instructions (see [`super::kernels`]).
+//! a function that enables the form's vector instructions (see [`mod@super::kernels`]).
 
 /// A vector of f32.
 ///

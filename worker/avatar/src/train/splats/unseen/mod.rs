@@ -1,5 +1,5 @@
 //! Sides of a person that no frame shows. Nothing teaches the splats there, which keep what chance gave them. Late in a run
-//! ([`update_frozen_colours`]) and at its end they take colours from where the person was seen ([`guess`]), and a note says so.
+//! ([`update_frozen_colours`]) and at its end they take colours from where the person was seen ([`guess()`]), and a note says so.
 
 mod freeze;
 mod guess;
