@@ -112,11 +112,11 @@ pub(super) struct Checked {
     pub seconds: f64,
 }
 
-/// Checks the capture in `folder` and writes report and sheet to `out`; videos of other kinds are
-/// decoded by the program `ffmpeg`, which is searched for when it has no name.
+/// Checks the capture in `folder` and writes report and sheet to `out`; the program
+/// `ffmpeg` decodes videos of other kinds, and is searched for when no path is given.
 ///
 /// # Errors
-/// When a measure fails, unless `despite` that the training is wanted.
+/// When a measure fails, and the training is not wanted all the same (`despite`).
 pub(super) fn check(
     folder: &Path,
     out: &Path,

@@ -39,7 +39,7 @@ pub struct AuditLog {
 }
 
 impl AuditLog {
-    /// That in the SQLite database of a data folder.
+    /// Opens the log in the SQLite database of a data folder.
     ///
     /// # Errors
     /// When no service was in the folder, or one of an earlier version.
@@ -48,7 +48,7 @@ impl AuditLog {
         Ok(Self { store })
     }
 
-    /// That in a database of PostgreSQL.
+    /// Opens the log in a database of PostgreSQL.
     ///
     /// # Errors
     /// When the database can't be reached, or is in use by a coordinator of another version.
@@ -65,8 +65,8 @@ impl AuditLog {
         Ok(self.store.newest_audit(most).await?)
     }
 
-    /// Walks the whole chain and returns its end. `noted` is one that was returned before, if somebody has kept it: a chain that
-    /// was cut, or written anew from some entry on, is whole in itself.
+    /// Walks the whole chain and returns its end. `noted` is an end that an earlier call returned. Without it, a chain that was
+    /// cut, or rewritten from some entry on, looks whole.
     ///
     /// # Errors
     /// When an entry was changed or is missing, or the noted one is another or gone.

@@ -27,7 +27,7 @@ pub static ELEMENT: LazyLock<String> = LazyLock::new(|| scope(COMPONENT));
 /// The script of a page.
 static SCRIPT: LazyLock<String> = LazyLock::new(|| scope(CONTROLS));
 
-/// The player and `what` uses it, in a scope of their own.
+/// The player with the script `what` that uses it, in one scope of their own.
 fn scope(what: &str) -> String {
     format!("(() => {{\n\"use strict\";\n{}{what}}})();\n", *PLAYER)
 }

@@ -21,8 +21,8 @@ pub struct Schedule {
     pub all_bands: f64,
     /// Learning rates at the end of the run, relative to their start.
     pub final_rate: f64,
-    /// Latest point of the schedule, as a fraction of a run, at which the learning rates begin when a run continues
-    /// with a trained model: a short run at full rates loses more than it learns (docs/research/tiers-experiments.md).
+    /// When a run continues a trained model, its learning rates start later in the schedule, at most at this fraction of
+    /// it: a short run at full rates loses more than it learns (docs/research/tiers-experiments.md).
     #[serde(default)]
     pub restart: f64,
 }
@@ -134,8 +134,8 @@ impl Schedule {
         warm * self.final_rate.powf(progress.min(1.0))
     }
 
-    /// Where the learning rates of a run of length `run` begin that resumes after training of length
-    /// `before`: at the start if the run is as long, and the later the shorter it is.
+    /// Where the learning rates start when a run of length `run` continues a training of length `before`, in the same unit:
+    /// at 0 if the run is at least as long, and later the shorter it is.
     pub fn begins_at(&self, before: f64, run: f64) -> f64 {
         (1.0 - run / before.max(f64::MIN_POSITIVE)).clamp(0.0, self.restart)
     }

@@ -76,8 +76,7 @@ enum Perceptual {
 impl PatchObjective {
     /// The paper's when there are LPIPS weights and patches are at least
     /// [`SMALLEST_SIDE`] pixels; else [`Self::without_lpips`]. Tiers with smaller patches are
-    /// made for speed, which VGG would take: for them the weights are left aside, and the log
-    /// says so.
+    /// made for speed, and VGG is slow: the weights are not used for them, and the log says so.
     ///
     /// # Errors
     /// When the weights can't be used, for small patches too.

@@ -62,6 +62,7 @@ pub(super) struct StorageHeader {
     location: Location,
 }
 
+/// Where the bytes are: elsewhere under a key, or at hand.
 #[derive(Debug)]
 enum Location {
     Key(Rc<str>),
@@ -157,7 +158,7 @@ pub(super) fn tensor(
     }))
 }
 
-/// Lengths of axes or strides.
+/// Reads the lengths of axes, or the strides, from a tuple of the pickle.
 pub(super) fn lengths(machine: &Machine, node: &Node) -> Result<Vec<usize>, PickleError> {
     let Node::List(items) = node else {
         return Err(PickleError::Malformed("a tensor's size is not a tuple"));
