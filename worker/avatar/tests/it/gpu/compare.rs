@@ -6,13 +6,13 @@ use rand_chacha::ChaCha8Rng;
 
 /// Values in host memory, drawn once for all devices.
 #[derive(Clone)]
-pub struct Numbers<const D: usize> {
+pub(crate) struct Numbers<const D: usize> {
     values: Vec<f32>,
     shape: [usize; D],
 }
 
 impl<const D: usize> Numbers<D> {
-    pub fn drawn(rng: &mut ChaCha8Rng, shape: [usize; D], low: f32, high: f32) -> Self {
+    pub(crate) fn drawn(rng: &mut ChaCha8Rng, shape: [usize; D], low: f32, high: f32) -> Self {
         let count = shape.iter().product();
         Self {
             values: (0..count).map(|_| rng.random_range(low..high)).collect(),
@@ -21,27 +21,27 @@ impl<const D: usize> Numbers<D> {
     }
 
     /// These values after `change`.
-    pub fn with(mut self, change: impl FnOnce(&mut [f32])) -> Self {
+    pub(crate) fn with(mut self, change: impl FnOnce(&mut [f32])) -> Self {
         change(&mut self.values);
         self
     }
 
-    pub fn on(&self, device: &Device) -> Tensor<D> {
+    pub(crate) fn on(&self, device: &Device) -> Tensor<D> {
         Tensor::from_data(TensorData::new(self.values.clone(), self.shape), device)
     }
 
     /// The same, tracked as a parameter.
-    pub fn learned_on(&self, device: &Device) -> Tensor<D> {
+    pub(crate) fn learned_on(&self, device: &Device) -> Tensor<D> {
         self.on(device).require_grad()
     }
 }
 
-pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+pub(crate) fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as().expect("f32")
 }
 
 /// Largest difference, relative to the largest reference magnitude.
-pub fn relative_error(ours: &[f32], reference: &[f32]) -> f32 {
+pub(crate) fn relative_error(ours: &[f32], reference: &[f32]) -> f32 {
     assert_eq!(ours.len(), reference.len());
     let largest = reference.iter().fold(0f32, |m, v| m.max(v.abs()));
     assert!(largest > 0.0, "a reference of zeros proves nothing");
@@ -51,7 +51,7 @@ pub fn relative_error(ours: &[f32], reference: &[f32]) -> f32 {
 }
 
 /// Asserts that `ours` differs from the reference by at most `bound`; failures name the part.
-pub fn assert_close(parts: &[&str], ours: &[Vec<f32>], reference: &[Vec<f32>], bound: f32) {
+pub(crate) fn assert_close(parts: &[&str], ours: &[Vec<f32>], reference: &[Vec<f32>], bound: f32) {
     assert_eq!((parts.len(), parts.len()), (ours.len(), reference.len()));
     let mut far = Vec::new();
     for ((part, a), b) in parts.iter().zip(ours).zip(reference) {

@@ -37,7 +37,7 @@ fn find() -> Option<Device> {
 /// Runs `test` on the Vulkan device, and fails if it takes longer than `seconds`: a driver that
 /// hangs must not hang the whole run. Tests run one at a time, so that each has the device to
 /// itself; the time of a test starts with its turn.
-pub fn on_vulkan(seconds: u64, test: impl FnOnce(Device) + Send + 'static) {
+pub(crate) fn on_vulkan(seconds: u64, test: impl FnOnce(Device) + Send + 'static) {
     static DEVICE: OnceLock<Option<Device>> = OnceLock::new();
     static TURN: Mutex<()> = Mutex::new(());
     // A failed test leaves the device usable.
