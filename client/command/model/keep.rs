@@ -46,7 +46,7 @@ pub(crate) struct ModelArgs {
     server: Server,
 }
 
-/// ModelArgs checkpoints a model keeps.
+/// Which checkpoints a model keeps.
 #[derive(Debug, Args)]
 pub(crate) struct Keep {
     #[command(flatten)]

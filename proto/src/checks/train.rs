@@ -68,7 +68,7 @@ pub fn faults(train: &TrainSpec) -> Vec<SpecFault> {
     found.0
 }
 
-/// SpecFaults of an order to train a model of this `tier`.
+/// Faults of an order to train a model of this `tier`.
 pub fn of_tier(train: &TrainSpec, tier: &str) -> Vec<SpecFault> {
     let mut found = SpecFaults::default();
     let degree = train.harmonics.unwrap_or_default();
