@@ -71,7 +71,7 @@ impl RefinePoses {
 /// `--init`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Init {
-    /// Like the people from whom the program's decoder was learned.
+    /// Like the people that the program's decoder has learned from.
     People,
     /// Like their own visible parts.
     None,
