@@ -7,7 +7,7 @@
 //! files of an export, the checks of orders and their levels, the reasons of refusals, the keys of callers, failures that justify another attempt, pauses between attempts, text that is safe to
 //! print, the names of tiers, variants and evaluation protocols, and the figures of the paper that reports show.
 //!
-//! The feature `grpc`, on by default, adds the clients and servers of the calls, [`key`] and [`reasons`].
+//! The feature `grpc`, on by default, adds the clients and servers of the calls, [`key`], [`reasons`] and [`retry`].
 
 pub mod alias;
 pub mod backoff;
@@ -32,6 +32,7 @@ pub mod published;
 #[cfg(feature = "grpc")]
 pub mod reasons;
 pub mod render_needs;
+#[cfg(feature = "grpc")]
 pub mod retry;
 mod signed;
 pub mod smpl;
