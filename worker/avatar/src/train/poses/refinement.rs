@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::readings::Reading;
+use yoto_proto::hex;
 use yoto_proto::pose_track::PoseTrack;
 
 /// Misfit, relative to that of other frames at that time, at which a frame counts half.
@@ -409,8 +410,7 @@ fn fingerprint(track: &PoseTrack) -> String {
             hash.update(number.to_le_bytes());
         }
     }
-    let digest = hash.finalize();
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&hash.finalize())
 }
 
 #[cfg(test)]

@@ -17,9 +17,9 @@ use crate::train::frames::order::PersonSteps;
 use crate::train::poses::refinement_file;
 use crate::train::run::checkpoint::{ModelState, save_state};
 use crate::train::{TrainError, exposure};
-use sha2::{Digest, Sha256};
 use std::path::Path;
 use yoto_proto::manifest::files;
+use yoto_proto::sha256_hex;
 
 /// Writes the checkpoint in the folder `from` into the folder `to`, which must not exist, without the person
 /// in `slot`, and searches what was written for what was theirs. Everybody else's part is the same bit for bit.
@@ -76,7 +76,6 @@ pub fn remove_person(from: &Path, to: &Path, slot: usize) -> Result<Certificate,
     })?;
     let weights = to.join(files::WEIGHTS);
     let bytes = std::fs::read(&weights).map_err(|e| failed(&weights, &e))?;
-    let weights = Sha256::digest(&bytes);
     Ok(Certificate {
         version: certificate::VERSION,
         slot,
@@ -84,7 +83,7 @@ pub fn remove_person(from: &Path, to: &Path, slot: usize) -> Result<Certificate,
         shared_weights,
         removed,
         searched: residue.len(),
-        weights: weights.iter().map(|byte| format!("{byte:02x}")).collect(),
+        weights: sha256_hex(&bytes),
     })
 }
 
