@@ -139,8 +139,8 @@ impl Machine<'_> {
             }
             b'Q' if self.storages.is_some() => {
                 let reference = self.pop()?;
-                let stored = storage::referred(self, reference)?;
-                self.push(stored)?;
+                let storage = storage::persistent_load(self, reference)?;
+                self.push(storage)?;
             }
             other => return Err(PickleError::Instruction(other)),
         }

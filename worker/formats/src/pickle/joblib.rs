@@ -22,16 +22,16 @@ pub(super) fn is_wrapper(node: &Node) -> bool {
 /// The array with the description `state`, from the bytes that follow.
 pub(super) fn array(machine: &mut Machine, state: Id) -> Result<Node, PickleError> {
     // Bounds the recursion: an array of objects is a pickle, which may have arrays of objects.
-    if machine.inner {
+    if machine.nested {
         return Err(PickleError::Malformed(
             "an array of joblib in a pickle in a pickle",
         ));
     }
     let kind = dtype(field(machine, state, "dtype")?)?;
     if kind.is_object() {
-        machine.inner = true;
+        machine.nested = true;
         let root = machine.run_apart();
-        machine.inner = false;
+        machine.nested = false;
         return Ok(machine.node(root?)?.clone());
     }
     let shape = shape(machine, field(machine, state, "shape")?)?;

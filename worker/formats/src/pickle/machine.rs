@@ -49,7 +49,7 @@ pub(super) struct Machine<'a> {
     /// Bytes so far that calls have created, and of pickles inside this one.
     pub(super) encoded: Cell<usize>,
     /// Whether this is a pickle inside another. It must not contain a third one, which bounds the recursion.
-    pub(super) inner: bool,
+    pub(super) nested: bool,
     /// Storages of torch by key. Without them, a reference to one is an unknown instruction.
     pub(super) storages: Option<HashMap<Rc<str>, StorageEntry>>,
     /// Whether the storages' numbers are big-endian.
@@ -89,7 +89,7 @@ impl<'a> Machine<'a> {
             marks: Vec::new(),
             memo: HashMap::new(),
             encoded: Cell::new(0),
-            inner: false,
+            nested: false,
             storages: None,
             big_endian: false,
             without: &[],

@@ -163,7 +163,9 @@ pub(super) fn call(machine: &Machine, function: Id, arguments: Id) -> Result<Nod
             Node::Tensor(tensor) => Ok(Node::Tensor(tensor.clone())),
             _ => Err(PickleError::Malformed("a parameter that is not a tensor")),
         },
-        "torch.storage._load_from_bytes" => storage::inner(machine, &bytes(argument(0)?)?),
+        "torch.storage._load_from_bytes" => {
+            storage::load_from_bytes(machine, &bytes(argument(0)?)?)
+        }
         "torch.serialization._get_layout" | "torch.device" => Ok(Node::Nothing),
         "pathlib.PosixPath"
         | "pathlib.WindowsPath"

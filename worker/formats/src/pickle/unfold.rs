@@ -56,7 +56,7 @@ impl Machine<'_> {
                 let count = tensor.count().ok_or(PickleError::TooLarge)?;
                 left.numbers(count)?;
                 // A stride of 0 repeats a few stored numbers any number of times.
-                let beyond = count.saturating_sub(tensor.stored());
+                let beyond = count.saturating_sub(tensor.storage_len());
                 left.expanded(beyond)?;
                 Value::Array(tensor.array(self)?)
             }
