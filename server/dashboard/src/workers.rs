@@ -11,7 +11,7 @@ use super::query::Fields;
 use super::words::{ago, badge, bytes, kind_word, name, page_of, told};
 use axum::extract::RawQuery;
 use maud::{Markup, html};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use tonic::Status;
 use yoto_proto::limits::REASON_CHARACTERS;
 use yoto_proto::v1::{
@@ -38,28 +38,25 @@ pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page
     let list = list.await?.into_inner();
     let jobs = jobs_of(&asker, &list.workers).await?;
     let names = Names::read(&asker, jobs.values().map(about)).await?;
-    let mut shown = Vec::new();
+    let mut panels = Vec::new();
     for worker in &list.workers {
-        let does = does(worker, jobs.get(&worker.job), &names);
-        shown.push(panel(&asker, &status, worker, &does)?);
+        let job = current_job(worker, jobs.get(&worker.job), &names);
+        panels.push(panel(&asker, &status, worker, &job)?);
     }
     // A cordon is of a name, whether or not a worker has it at present.
-    let absent = |it: &&Cordon| {
-        !list
-            .workers
-            .iter()
-            .any(|worker| worker.display_name == it.display_name)
-    };
-    let absent: Vec<&Cordon> = status.cordons.iter().filter(absent).collect();
+    let worker_names: HashSet<&str> = list.workers.iter().map(|it| &*it.display_name).collect();
+    let unused_cordons: Vec<&Cordon> = (status.cordons.iter())
+        .filter(|it| !worker_names.contains(&*it.display_name))
+        .collect();
     let body = html! {
         h1 { "Workers" }
-        @if shown.is_empty() {
+        @if panels.is_empty() {
             p .empty { "None: jobs wait until a worker asks for them. " code { "yoto worker --service URL" } " starts one." }
         }
-        @for worker in shown { (worker) }
-        @if !absent.is_empty() {
+        @for panel in panels { (panel) }
+        @if !unused_cordons.is_empty() {
             h2 { "Cordoned names without a worker" }
-            @for cordon in absent { section .panel { (cordoned(&asker, cordon)?) } }
+            @for cordon in unused_cordons { section .panel { (cordoned(&asker, cordon)?) } }
         }
         (more("/workers", &list.next_page_token))
     };
@@ -86,12 +83,12 @@ async fn jobs_of(asker: &Asker, workers: &[WorkerStatus]) -> Result<HashMap<Stri
     Ok(found.map(|job| (job.name.clone(), job)).collect())
 }
 
-/// A worker; `does` shows its job.
+/// A worker, with its [`current_job`].
 fn panel(
     asker: &Asker,
     status: &ServiceStatus,
     worker: &WorkerStatus,
-    does: &Markup,
+    current_job: &Markup,
 ) -> Result<Markup, Status> {
     let device = worker.device.clone().unwrap_or_default();
     let active = status.workers.iter().any(|it| it.name == worker.name);
@@ -111,7 +108,7 @@ fn panel(
                 }
                 @if worker.order_level < status.order_level { " " (badge("warn", "older version")) }
             }
-            div { (does) }
+            div { (current_job) }
             dl .facts {
                 div { dt { "Device" } dd { (told(&device.adapter)) " (" (told(&device.backend)) ")" } }
                 @if device.memory_bytes > 0 { div { dt { "Memory" } dd { (bytes(device.memory_bytes)) } } }
@@ -135,7 +132,7 @@ fn panel(
 }
 
 /// The job that a worker has; nothing if it was deleted meanwhile.
-fn does(worker: &WorkerStatus, job: Option<&Job>, names: &Names) -> Markup {
+fn current_job(worker: &WorkerStatus, job: Option<&Job>, names: &Names) -> Markup {
     if worker.job.is_empty() {
         return html! { p .detail { "It has no job." } };
     }

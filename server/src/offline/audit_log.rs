@@ -23,7 +23,7 @@ pub enum AuditError {
     #[error(
         "the audit log is not the one that was noted: entry {number} has the hash {found}, not {noted}"
     )]
-    Another {
+    NotAsNoted {
         /// The noted entry.
         number: u64,
         /// Its hash now; empty: there is no such entry any more.
@@ -69,7 +69,7 @@ impl AuditLog {
     /// cut, or rewritten from some entry on, looks whole.
     ///
     /// # Errors
-    /// When an entry was changed or is missing, or the noted one is another or gone.
+    /// When an entry was changed or is missing, or the noted one is gone or has another hash.
     pub async fn verify(&self, noted: Option<&Head>) -> Result<Head, AuditError> {
         let mut head = Head::default();
         let mut found = noted.filter(|it| it.number == 0).map(|_| head.hash.clone());
@@ -86,7 +86,7 @@ impl AuditLog {
             }
         }
         match noted {
-            Some(noted) if found.as_ref() != Some(&noted.hash) => Err(AuditError::Another {
+            Some(noted) if found.as_ref() != Some(&noted.hash) => Err(AuditError::NotAsNoted {
                 number: noted.number,
                 found: found.unwrap_or_default(),
                 noted: noted.hash.clone(),

@@ -204,7 +204,7 @@ async fn what_was_changed_or_taken_away_is_found() {
     service.verify(None).await.expect("is whole in itself");
     let found = service.verify(Some(&head)).await.expect_err("was cut");
     assert!(
-        matches!(found, AuditError::Another { number: 8, .. }),
+        matches!(found, AuditError::NotAsNoted { number: 8, .. }),
         "{found}"
     );
     database.run("DELETE FROM audit WHERE number = 2").await;
