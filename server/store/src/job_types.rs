@@ -47,14 +47,7 @@ impl JobKind {
 
     /// The kind in a column of the database.
     pub fn of_column(name: &str) -> Result<Self, StoreError> {
-        let kinds = [
-            Self::Ingest,
-            Self::Train,
-            Self::Render,
-            Self::Evaluate,
-            Self::Export,
-        ];
-        let found = kinds.into_iter().find(|kind| kind.as_str() == name);
+        let found = Self::ALL.into_iter().find(|kind| kind.as_str() == name);
         found.ok_or_else(|| StoreError::Corrupt {
             what: "kind",
             detail: name.to_owned(),

@@ -11,6 +11,8 @@ pub(crate) mod capture_objects;
 pub(crate) mod captures;
 pub(crate) mod checkpoints;
 pub(crate) mod consent_rule;
+#[cfg(test)]
+mod consent_rule_tests;
 pub(crate) mod consents;
 pub(crate) mod deletion;
 pub(crate) mod ended;
