@@ -1,16 +1,16 @@
 //! Forms that change something, and what becomes of them.
 
-use super::asker::Asker;
+use super::asker::{Asker, Site};
 use super::fault::Fault;
 use super::query::Fields;
 use super::token;
 use super::words::page_of;
-use axum::body::Body;
-use axum::extract::Path;
+use axum::extract::{FromRequest, FromRequestParts, Path, Request};
 use axum::http::header::LOCATION;
-use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use maud::{Markup, html};
+use std::sync::Arc;
 use tonic::Status;
 use yoto_proto::v1::{
     CancelJobRequest, CordonWorkerRequest, RetryJobRequest, UncordonWorkerRequest,
@@ -42,21 +42,22 @@ pub(crate) fn form(
     })
 }
 
-/// The fields of a form of one of our own pages.
-///
-/// # Errors
-/// As [`token::checked`].
-pub(crate) async fn sent(asker: &Asker, headers: &HeaderMap, body: Body) -> Result<Fields, Fault> {
-    token::checked(&asker.token()?, headers, body).await
+/// The fields of a form that one of our own pages has sent. Any other request is refused, as [`token::checked`] says.
+pub(crate) struct SentForm(pub Fields);
+
+impl FromRequest<Arc<Site>> for SentForm {
+    type Rejection = Fault;
+
+    async fn from_request(request: Request, site: &Arc<Site>) -> Result<Self, Fault> {
+        let (mut parts, body) = request.into_parts();
+        let Ok(asker) = Asker::from_request_parts(&mut parts, site).await;
+        let fields = token::checked(&asker.token()?, &parts.headers, body).await?;
+        Ok(Self(fields))
+    }
 }
 
 /// `/sign-out`: ends the session.
-pub(crate) async fn sign_out(
-    asker: Asker,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Fault> {
-    sent(&asker, &headers, body).await?;
+pub(crate) async fn sign_out(asker: Asker, _: SentForm) -> Result<Response, Fault> {
     if let Some(key) = asker.key() {
         asker.backend().sign_out(&key).await?;
     }
@@ -82,10 +83,8 @@ pub(crate) fn see(path: &str) -> Result<Response, Fault> {
 pub(crate) async fn cancel(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
     let request = CancelJobRequest {
         name: format!("jobs/{id}"),
         request_id: request_of(&form),
@@ -102,10 +101,8 @@ pub(crate) async fn cancel(
 pub(crate) async fn retry(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
     let request = RetryJobRequest {
         name: format!("jobs/{id}"),
         request_id: request_of(&form),
@@ -119,12 +116,7 @@ pub(crate) async fn retry(
 }
 
 /// `POST /workers/cordon`
-pub(crate) async fn cordon(
-    asker: Asker,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
+pub(crate) async fn cordon(asker: Asker, SentForm(form): SentForm) -> Result<Response, Fault> {
     let request = CordonWorkerRequest {
         display_name: form.get("worker").to_owned(),
         reason: form.get("reason").to_owned(),
@@ -138,12 +130,7 @@ pub(crate) async fn cordon(
 }
 
 /// `POST /workers/uncordon`
-pub(crate) async fn uncordon(
-    asker: Asker,
-    headers: HeaderMap,
-    body: Body,
-) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
+pub(crate) async fn uncordon(asker: Asker, SentForm(form): SentForm) -> Result<Response, Fault> {
     let request = UncordonWorkerRequest {
         display_name: form.get("worker").to_owned(),
     };

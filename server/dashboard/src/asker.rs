@@ -14,6 +14,9 @@ use tonic::metadata::MetadataMap;
 use tonic::{Request, Status};
 use tower::ServiceExt;
 use uuid::Uuid;
+use yoto_proto::v1::{
+    GetModelRequest, GetStatusRequest, GetSubjectRequest, Model, ServiceStatus, Subject,
+};
 use yoto_request::{Caller, tenant_of};
 use yoto_store::Tenant;
 
@@ -50,6 +53,29 @@ impl Asker {
     /// The call that gRPC would make with `message`: the only place in which a page's calls are made.
     pub(crate) fn request<T>(&self, message: T) -> Request<T> {
         Request::from_parts(MetadataMap::new(), self.extensions.clone(), message)
+    }
+
+    /// The model with this name.
+    pub(crate) async fn model(&self, name: &str) -> Result<Model, Status> {
+        let name = name.to_owned();
+        let request = self.request(GetModelRequest { name });
+        let model = self.services().models.get_model(request).await?;
+        Ok(model.into_inner())
+    }
+
+    /// The person with this name.
+    pub(crate) async fn subject(&self, name: &str) -> Result<Subject, Status> {
+        let name = name.to_owned();
+        let request = self.request(GetSubjectRequest { name });
+        let subject = self.services().subjects.get_subject(request).await?;
+        Ok(subject.into_inner())
+    }
+
+    /// The state of the service.
+    pub(crate) async fn status(&self) -> Result<ServiceStatus, Status> {
+        let request = self.request(GetStatusRequest {});
+        let status = self.services().status.get_status(request).await?;
+        Ok(status.into_inner())
     }
 
     /// What no call tells.

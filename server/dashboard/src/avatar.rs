@@ -1,22 +1,17 @@
 //! From a person's page to an avatar: a model with them, new or there already, and its training.
 
-use super::actions::{form, request_of, sent};
+use super::actions::{SentForm, form, request_of};
 use super::asker::Asker;
 use super::fault::Fault;
 use super::orders::{minutes, order};
 use super::query::Fields;
 use super::words::{page_of, told};
-use axum::body::Body;
 use axum::extract::Path;
-use axum::http::HeaderMap;
 use axum::response::Response;
 use maud::{Markup, html};
 use tonic::Status;
 use yoto_proto::tiers::DEFAULT_TIER;
-use yoto_proto::v1::{
-    AddIdentityRequest, CreateModelRequest, GetModelRequest, GetSubjectRequest, Model, Subject,
-    TrainSpec, job_spec,
-};
+use yoto_proto::v1::{AddIdentityRequest, CreateModelRequest, Model, Subject, TrainSpec, job_spec};
 use yoto_store::Membership;
 
 /// Minutes of a training unless the form says otherwise.
@@ -59,24 +54,15 @@ pub(crate) fn form_of(
 pub(crate) async fn make(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Response, Fault> {
-    let sent = sent(&asker, &headers, body).await?;
-    let minutes = minutes(&sent, LONGEST)?;
-    let request = GetSubjectRequest {
-        name: format!("subjects/{id}"),
-    };
-    let subject = asker
-        .services()
-        .subjects
-        .get_subject(asker.request(request));
-    let subject = subject.await?.into_inner();
-    let model = model(&asker, &sent, &subject).await?;
+    let minutes = minutes(&form, LONGEST)?;
+    let subject = asker.subject(&format!("subjects/{id}")).await?;
+    let model = model(&asker, &form, &subject).await?;
     let slot = AddIdentityRequest {
         model: model.name.clone(),
         subject: subject.name.clone(),
-        request_id: request_of(&sent),
+        request_id: request_of(&form),
     };
     asker
         .services()
@@ -92,28 +78,20 @@ pub(crate) async fn make(
         seconds: 60.0 * f64::from(minutes),
         ..TrainSpec::default()
     };
-    order(&asker, &sent, job_spec::Kind::Train(spec)).await
+    order(&asker, &form, job_spec::Kind::Train(spec)).await
 }
 
 /// The model that the form names, or a new one that is called like the person.
-async fn model(asker: &Asker, sent: &Fields, subject: &Subject) -> Result<Model, Status> {
-    let named = sent.get("model");
+async fn model(asker: &Asker, form: &Fields, subject: &Subject) -> Result<Model, Status> {
+    let named = form.get("model");
     if !named.is_empty() {
-        let request = GetModelRequest {
-            name: named.to_owned(),
-        };
-        let found = asker
-            .services()
-            .models
-            .get_model(asker.request(request))
-            .await;
-        return found.map(tonic::Response::into_inner);
+        return asker.model(named).await;
     }
     let request = CreateModelRequest {
         display_name: subject.display_name.clone(),
         tier: DEFAULT_TIER.to_owned(),
         variant: VARIANT.to_owned(),
-        request_id: request_of(sent),
+        request_id: request_of(form),
         ..CreateModelRequest::default()
     };
     let made = asker

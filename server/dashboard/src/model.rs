@@ -13,7 +13,7 @@ use maud::{Markup, html};
 use tonic::Status;
 use yoto_http::file_kind::FileKind;
 use yoto_http::job_files::files_of_result;
-use yoto_proto::v1::{Checkpoint, GetModelRequest, Job, Model, job};
+use yoto_proto::v1::{Checkpoint, Job, Model, job};
 use yoto_store::{JobFilter, JobGroup, JobKind, Person};
 
 /// Most trainings whose curves are drawn, most people with pictures, most checkpoints and most jobs.
@@ -29,11 +29,7 @@ const PICTURES: usize = 8;
 /// `/models/{id}`
 pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let resource = format!("models/{id}");
-    let request = GetModelRequest {
-        name: resource.clone(),
-    };
-    let model = asker.services().models.get_model(asker.request(request));
-    let model = model.await?.into_inner();
+    let model = asker.model(&resource).await?;
     let (backend, tenant) = (asker.backend(), asker.tenant()?);
     let groups = [
         of_model(&id, &[JobKind::Train], &[], TRAININGS),

@@ -1,13 +1,12 @@
 //! Orders from a model's page: a training, a film and a player of one of its people.
 
-use super::actions::{form, request_of, see, sent};
+use super::actions::{SentForm, form, request_of, see};
 use super::asker::Asker;
 use super::fault::Fault;
 use super::query::Fields;
 use super::words::{page_of, told};
-use axum::body::Body;
 use axum::extract::Path;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::StatusCode;
 use axum::response::Response;
 use maud::{Markup, html};
 use tonic::Status;
@@ -150,10 +149,8 @@ pub(crate) async fn order(
 pub(crate) async fn train(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
     let spec = TrainSpec {
         model: format!("models/{id}"),
         seconds: 60.0 * f64::from(minutes(&form, LONGEST)?),
@@ -166,10 +163,8 @@ pub(crate) async fn train(
 pub(crate) async fn film(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
     let size = number(&form, "size", 16.0, f64::from(LARGEST))? as u32;
     let motion = CaptureMotion {
         driver: form.get("driver").to_owned(),
@@ -210,10 +205,8 @@ pub(crate) async fn film(
 pub(crate) async fn player(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Response, Fault> {
-    let form = sent(&asker, &headers, body).await?;
     let spec = ExportSpec {
         model: format!("models/{id}"),
         subject: form.get("subject").to_owned(),

@@ -10,7 +10,7 @@ use super::words::{count, job_state, page_of};
 use super::{jobs, models, progress};
 use maud::html;
 use tonic::Status;
-use yoto_proto::v1::{GetStatusRequest, Job, ListModelsRequest, job};
+use yoto_proto::v1::{Job, ListModelsRequest, job};
 use yoto_store::{JobFilter, JobGroup};
 
 /// Most running, queued, ended jobs and models.
@@ -21,11 +21,7 @@ const MODELS: i32 = 6;
 
 /// `/`
 pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
-    let status = asker
-        .services()
-        .status
-        .get_status(asker.request(GetStatusRequest {}));
-    let status = status.await?.into_inner();
+    let status = asker.status().await?;
     let faults = asker.backend().health_faults();
     let [running, queued, ended] = lists(&asker).await?;
     let request = ListModelsRequest {

@@ -14,20 +14,13 @@ use maud::{Markup, html};
 use tonic::Status;
 use yoto_proto::text::visible;
 use yoto_proto::v1::consent_item::State;
-use yoto_proto::v1::{Consent, ConsentPurpose, GetSubjectRequest, capture, subject};
+use yoto_proto::v1::{Consent, ConsentPurpose, capture, subject};
 use yoto_store::CaptureFiles;
 
 /// `/people/{id}`
 pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
     let resource = format!("subjects/{id}");
-    let request = GetSubjectRequest {
-        name: resource.clone(),
-    };
-    let subject = asker
-        .services()
-        .subjects
-        .get_subject(asker.request(request));
-    let subject = subject.await?.into_inner();
+    let subject = asker.subject(&resource).await?;
     let (backend, tenant) = (asker.backend(), asker.tenant()?);
     let captures = backend.captures(&tenant, &resource).await?;
     let models = backend.memberships(&tenant, &resource).await?;

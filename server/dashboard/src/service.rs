@@ -6,17 +6,11 @@ use super::fault::Fault;
 use super::words::{ago, badge, bytes, kind_word, name, span, told, whole};
 use super::{actions, usage};
 use maud::{Markup, html};
-use yoto_proto::v1::{
-    GetLimitsRequest, GetStatusRequest, GetUsageRequest, ServiceLimits, ServiceStatus,
-};
+use yoto_proto::v1::{GetLimitsRequest, GetUsageRequest, ServiceLimits, ServiceStatus};
 
 /// `/service`
 pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
-    let status = asker
-        .services()
-        .status
-        .get_status(asker.request(GetStatusRequest {}));
-    let status = status.await?.into_inner();
+    let status = asker.status().await?;
     let limits = asker
         .services()
         .status

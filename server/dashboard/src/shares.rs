@@ -1,11 +1,10 @@
 //! Links to the page that an export has made: on the page of its job.
 
-use super::actions::{form, sent};
+use super::actions::{SentForm, form, see};
 use super::asker::Asker;
 use super::document::{self, Page};
 use super::fault::Fault;
 use super::words::{ago, badge, page_of, seconds, short, told};
-use axum::body::Body;
 use axum::extract::Path;
 use axum::http::header::ORIGIN;
 use axum::http::{HeaderMap, StatusCode};
@@ -136,9 +135,8 @@ pub(crate) async fn create(
     asker: Asker,
     Path(id): Path<String>,
     headers: HeaderMap,
-    body: Body,
+    SentForm(form): SentForm,
 ) -> Result<Page, Fault> {
-    let form = sent(&asker, &headers, body).await?;
     let days = form.get("days").parse::<u32>().ok();
     let days = days.filter(|days| ENDS.iter().any(|(it, _)| it == days));
     let days = days.ok_or_else(|| {
@@ -206,10 +204,8 @@ fn qr_code(address: &str) -> Markup {
 pub(crate) async fn revoke(
     asker: Asker,
     Path(id): Path<String>,
-    headers: HeaderMap,
-    body: Body,
+    _: SentForm,
 ) -> Result<Response, Fault> {
-    sent(&asker, &headers, body).await?;
     let request = RevokeShareRequest {
         name: format!("shares/{id}"),
     };
@@ -218,5 +214,5 @@ pub(crate) async fn revoke(
         .shares
         .revoke_share(asker.request(request))
         .await?;
-    super::actions::see(&page_of(&share.into_inner().job))
+    see(&page_of(&share.into_inner().job))
 }

@@ -14,9 +14,7 @@ use maud::{Markup, html};
 use std::collections::{HashMap, HashSet};
 use tonic::Status;
 use yoto_proto::limits::REASON_CHARACTERS;
-use yoto_proto::v1::{
-    Cordon, GetStatusRequest, Job, ListWorkersRequest, ServiceStatus, WorkerStatus,
-};
+use yoto_proto::v1::{Cordon, Job, ListWorkersRequest, ServiceStatus, WorkerStatus};
 use yoto_store::JobGroup;
 
 /// Workers per page.
@@ -25,11 +23,7 @@ const PER_PAGE: i32 = 50;
 /// `/workers`
 pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
     let query = Fields::of_query(query);
-    let status = asker
-        .services()
-        .status
-        .get_status(asker.request(GetStatusRequest {}));
-    let status = status.await?.into_inner();
+    let status = asker.status().await?;
     let request = ListWorkersRequest {
         page_size: PER_PAGE,
         page_token: query.get("page").to_owned(),

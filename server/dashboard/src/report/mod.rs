@@ -28,7 +28,7 @@ use yoto_proto::manifest::files::PREVIEW;
 use yoto_proto::progress::duration;
 use yoto_proto::text::visible;
 use yoto_proto::v1::{
-    Capture, Checkpoint, Consent, GetModelRequest, Job, MetricPoint, TrainResult, job, job_result,
+    Capture, Checkpoint, Consent, Job, MetricPoint, TrainResult, job, job_result,
 };
 use yoto_store::{JobKind, Person};
 
@@ -41,11 +41,7 @@ const EVALUATIONS: u32 = 4;
 /// `/models/{id}/report.html`
 pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
     let resource = format!("models/{id}");
-    let request = GetModelRequest {
-        name: resource.clone(),
-    };
-    let model = asker.services().models.get_model(asker.request(request));
-    let model = model.await?.into_inner();
+    let model = asker.model(&resource).await?;
     let (backend, tenant) = (asker.backend(), asker.tenant()?);
     let mut checkpoints = backend.checkpoints(&tenant, &resource).await?;
     checkpoints.truncate(model::CHECKPOINTS);

@@ -14,9 +14,7 @@ use axum::response::Response;
 use serde::Deserialize;
 use url::form_urlencoded::byte_serialize;
 use yoto_proto::limits::LONGEST_PAGE_ENTRIES;
-use yoto_proto::v1::{
-    GetCaptureRequest, GetSubjectRequest, ListSubjectsRequest, Subject, capture, subject,
-};
+use yoto_proto::v1::{GetCaptureRequest, ListSubjectsRequest, Subject, capture, subject};
 
 /// Longest description of a person, bytes.
 const LONGEST: usize = 64 << 10;
@@ -33,6 +31,18 @@ async fn call(
     parts.uri = path.map_err(|_| Fault::of(StatusCode::BAD_REQUEST, "this is no address"))?;
     parts.method = verb;
     Ok(asker.call(Request::from_parts(parts, body)).await)
+}
+
+/// Deletes the resource `name`, unless its version has another `etag` by now.
+async fn delete(
+    asker: &Asker,
+    request: Request,
+    name: &str,
+    etag: &str,
+) -> Result<Response, Fault> {
+    let etag: String = byte_serialize(etag.as_bytes()).collect();
+    let path = format!("/v1/{name}?etag={etag}");
+    call(asker, request, Method::DELETE, &path).await
 }
 
 /// Lets a request of our own pages pass.
@@ -148,20 +158,14 @@ pub(crate) async fn cancel(
     request: Request,
 ) -> Result<Response, Fault> {
     checked(&asker, &request)?;
-    let get = GetSubjectRequest {
-        name: format!("subjects/{}", named(&id)?),
-    };
-    let subject = asker.services().subjects.get_subject(asker.request(get));
-    let subject = subject.await?.into_inner();
+    let subject = asker.subject(&format!("subjects/{}", named(&id)?)).await?;
     if subject.state() != subject::State::Uploading || subject.captures.len() > 1 {
         let words =
             "the person has a capture by now: `yoto subject delete` deletes them with all captures";
         return Err(Fault::of(StatusCode::CONFLICT, words));
     }
     // If the capture is finished meanwhile, it is another version of the person.
-    let etag: String = byte_serialize(subject.etag.as_bytes()).collect();
-    let path = format!("/v1/{}?etag={etag}", subject.name);
-    call(&asker, request, Method::DELETE, &path).await
+    delete(&asker, request, &subject.name, &subject.etag).await
 }
 
 /// `POST /people/upload/cancel-capture/{id}`: DeleteCapture of an open upload, with all that was sent of it.
@@ -181,9 +185,7 @@ pub(crate) async fn cancel_capture(
         return Err(Fault::of(StatusCode::CONFLICT, words));
     }
     // If the upload is finished meanwhile, it is another version of the capture.
-    let etag: String = byte_serialize(capture.etag.as_bytes()).collect();
-    let path = format!("/v1/{}?etag={etag}", capture.name);
-    call(&asker, request, Method::DELETE, &path).await
+    delete(&asker, request, &capture.name, &capture.etag).await
 }
 
 #[cfg(test)]
