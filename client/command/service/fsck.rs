@@ -7,7 +7,7 @@ use indicatif::BinaryBytes;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use yoto_server::Environment;
-use yoto_server::fsck::{Fault, Place, Report, fsck};
+use yoto_server::fsck::{ObjectFault, Place, Report, fsck};
 use yoto_terminal::output;
 use yoto_terminal::progress::{ProgressDisplay, count};
 
@@ -64,8 +64,8 @@ impl Fsck {
 }
 
 fn json(report: &Report) -> Value {
-    let faults = |faults: &[Fault]| -> Vec<Value> {
-        let one = |it: &Fault| json!({"key": it.key, "of": it.of, "what": it.what});
+    let faults = |faults: &[ObjectFault]| -> Vec<Value> {
+        let one = |it: &ObjectFault| json!({"key": it.key, "of": it.of, "what": it.what});
         faults.iter().map(one).collect()
     };
     let orphans = report.orphans.iter();
@@ -84,7 +84,7 @@ fn json(report: &Report) -> Value {
 
 /// One line for each of the first faults, and a summary.
 fn lines(report: &Report) -> Vec<String> {
-    let faults: Vec<&Fault> = report.missing.iter().chain(&report.damaged).collect();
+    let faults: Vec<&ObjectFault> = report.missing.iter().chain(&report.damaged).collect();
     let mut lines: Vec<String> = (faults.iter().take(SHOWN))
         .map(|it| format!("{} of {}: {}", it.key, it.of, it.what))
         .collect();
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     fn report(missing: usize) -> Report {
-        let fault = |number| Fault {
+        let fault = |number| ObjectFault {
             key: format!("renders/j/1/{number}.png"),
             of: "jobs/j".to_owned(),
             what: "it is missing".to_owned(),

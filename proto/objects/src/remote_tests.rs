@@ -3,7 +3,7 @@
 use super::*;
 use bytes::Bytes;
 use std::time::Instant;
-use yoto_test_s3::{BUCKET, Fault, Server, Setup};
+use yoto_test_s3::{BUCKET, S3Fault, Server, Setup};
 
 type Variables = Vec<(String, String)>;
 
@@ -105,7 +105,7 @@ async fn other_clocks_regions_and_servers_are_told() {
         (405, "<html>not allowed</html>", "check AWS_ENDPOINT_URL"),
         (200, "<html>welcome</html>", "check AWS_ENDPOINT_URL"),
     ] {
-        server.fail(Fault::Answer(status, body));
+        server.fail(S3Fault::Answer(status, body));
         let text = told(&objects).await;
         assert!(text.contains(expected), "{status}: {text}");
     }
@@ -186,7 +186,7 @@ async fn faults_later_have_their_class() {
         .put("k", Bytes::from_static(b"v"))
         .await
         .expect("put");
-    server.fail(Fault::Answer(
+    server.fail(S3Fault::Answer(
         404,
         "<Error><Code>NoSuchBucket</Code></Error>",
     ));
@@ -195,7 +195,7 @@ async fn faults_later_have_their_class() {
         error.is_refused() && !error.is_torn(),
         "a lost bucket is no lost object: {error:?}"
     );
-    server.fail(Fault::Answer(404, "<html>no backend</html>"));
+    server.fail(S3Fault::Answer(404, "<html>no backend</html>"));
     let error = objects.read(&written).await.expect_err("a proxy answers");
     assert!(error.is_unavailable() && !error.is_torn(), "{error:?}");
     server.heal();
@@ -213,7 +213,7 @@ async fn faults_later_have_their_class() {
         "waiting does not help"
     );
     server.deny(&[]);
-    server.fail(Fault::Unavailable);
+    server.fail(S3Fault::Unavailable);
     let error = objects.put("k", Bytes::new()).await.expect_err("503");
     assert!(
         error.is_unavailable() && !error.is_torn() && !error.is_refused(),
@@ -225,7 +225,7 @@ async fn faults_later_have_their_class() {
 async fn a_server_that_is_away_for_ten_seconds_is_waited_for() {
     let server = Arc::new(Server::start());
     let objects = open(server.environment()).patient();
-    server.fail(Fault::Unavailable);
+    server.fail(S3Fault::Unavailable);
     let healing = Arc::clone(&server);
     let heal = tokio::spawn(async move {
         tokio::time::sleep(Duration::from_secs(10)).await;
@@ -245,18 +245,18 @@ async fn connections_that_end_within_a_body_cost_a_retry() {
     let server = Server::start();
     let objects = open(server.environment()).patient();
     let bytes: Bytes = (0..5 * write::PART_BYTES / 2).map(|it| it as u8).collect();
-    server.fail(Fault::CutRequests);
+    server.fail(S3Fault::CutRequests);
     let written = objects.put("m/weights", bytes.clone()).await.expect("put");
     let cut = server.failed();
     assert!(cut > 0);
-    server.fail(Fault::CutAnswers);
+    server.fail(S3Fault::CutAnswers);
     assert!(objects.read(&written).await.expect("reads") == bytes);
     let folder = tempfile::tempdir().expect("a folder");
     let copy = folder.path().join("copy");
     objects.copy_to(&written, &copy).await.expect("copies");
     assert!(std::fs::read(copy).expect("reads") == bytes);
     assert!(server.failed() > cut);
-    server.fail(Fault::Slow(Duration::from_millis(300)));
+    server.fail(S3Fault::Slow(Duration::from_millis(300)));
     assert!(objects.read(&written).await.expect("reads") == bytes);
 }
 
@@ -276,7 +276,7 @@ async fn parts_are_aborted_when_the_rest_fails_or_is_not_wanted() {
         .await
         .expect_err("has no parts");
     server.deny(&[]);
-    server.fail(Fault::Slow(Duration::from_millis(200)));
+    server.fail(S3Fault::Slow(Duration::from_millis(200)));
     let put = objects.put("m/c", bytes);
     let dropped = tokio::time::timeout(Duration::from_millis(500), put).await;
     dropped.expect_err("takes longer");

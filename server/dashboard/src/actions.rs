@@ -1,7 +1,7 @@
 //! Forms that change something, and what becomes of them.
 
 use super::asker::{Asker, Site};
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::query::Fields;
 use super::token;
 use super::words::page_of;
@@ -46,9 +46,9 @@ pub(crate) fn form(
 pub(crate) struct SentForm(pub Fields);
 
 impl FromRequest<Arc<Site>> for SentForm {
-    type Rejection = Fault;
+    type Rejection = PageError;
 
-    async fn from_request(request: Request, site: &Arc<Site>) -> Result<Self, Fault> {
+    async fn from_request(request: Request, site: &Arc<Site>) -> Result<Self, PageError> {
         let (mut parts, body) = request.into_parts();
         let Ok(asker) = Asker::from_request_parts(&mut parts, site).await;
         let fields = token::checked(&asker.token()?, &parts.headers, body).await?;
@@ -57,7 +57,7 @@ impl FromRequest<Arc<Site>> for SentForm {
 }
 
 /// `/sign-out`: ends the session.
-pub(crate) async fn sign_out(asker: Asker, _: SentForm) -> Result<Response, Fault> {
+pub(crate) async fn sign_out(asker: Asker, _: SentForm) -> Result<Response, PageError> {
     if let Some(key) = asker.key() {
         asker.backend().sign_out(&key).await?;
     }
@@ -73,8 +73,8 @@ pub(crate) fn request_of(form: &Fields) -> String {
 ///
 /// # Errors
 /// Never in practice: when the path can't be an address.
-pub(crate) fn see(path: &str) -> Result<Response, Fault> {
-    let failed = |_| Fault::of(StatusCode::INTERNAL_SERVER_ERROR, "the page has no address");
+pub(crate) fn see(path: &str) -> Result<Response, PageError> {
+    let failed = |_| PageError::of(StatusCode::INTERNAL_SERVER_ERROR, "the page has no address");
     let location = HeaderValue::try_from(path).map_err(failed)?;
     Ok((StatusCode::SEE_OTHER, [(LOCATION, location)]).into_response())
 }
@@ -84,7 +84,7 @@ pub(crate) async fn cancel(
     asker: Asker,
     Path(id): Path<String>,
     SentForm(form): SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let request = CancelJobRequest {
         name: format!("jobs/{id}"),
         request_id: request_of(&form),
@@ -102,7 +102,7 @@ pub(crate) async fn retry(
     asker: Asker,
     Path(id): Path<String>,
     SentForm(form): SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let request = RetryJobRequest {
         name: format!("jobs/{id}"),
         request_id: request_of(&form),
@@ -116,7 +116,7 @@ pub(crate) async fn retry(
 }
 
 /// `POST /workers/cordon`
-pub(crate) async fn cordon(asker: Asker, SentForm(form): SentForm) -> Result<Response, Fault> {
+pub(crate) async fn cordon(asker: Asker, SentForm(form): SentForm) -> Result<Response, PageError> {
     let request = CordonWorkerRequest {
         display_name: form.get("worker").to_owned(),
         reason: form.get("reason").to_owned(),
@@ -130,7 +130,10 @@ pub(crate) async fn cordon(asker: Asker, SentForm(form): SentForm) -> Result<Res
 }
 
 /// `POST /workers/uncordon`
-pub(crate) async fn uncordon(asker: Asker, SentForm(form): SentForm) -> Result<Response, Fault> {
+pub(crate) async fn uncordon(
+    asker: Asker,
+    SentForm(form): SentForm,
+) -> Result<Response, PageError> {
     let request = UncordonWorkerRequest {
         display_name: form.get("worker").to_owned(),
     };

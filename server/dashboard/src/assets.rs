@@ -1,7 +1,7 @@
 //! The files of all pages. They are in the program, and their names contain their digests: a browser keeps them, and
 //! never mixes those of two versions.
 
-use super::fault::Fault;
+use super::page_error::PageError;
 use axum::extract::Path;
 use axum::http::header::{ACCESS_CONTROL_ALLOW_ORIGIN, CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::{HeaderName, StatusCode};
@@ -90,7 +90,7 @@ fn element() -> Response {
 }
 
 /// An asset.
-pub(crate) async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
+pub(crate) async fn file(Path(name): Path<String>) -> Result<Response, PageError> {
     if name == ELEMENT {
         return Ok(element());
     }
@@ -100,7 +100,7 @@ pub(crate) async fn file(Path(name): Path<String>) -> Result<Response, Fault> {
         .find(|it| it.path == path);
     let Some(asset) = found else {
         let words = "this file is of another version of the service: reload the page";
-        return Err(Fault::of(StatusCode::NOT_FOUND, words));
+        return Err(PageError::of(StatusCode::NOT_FOUND, words));
     };
     let headers = [
         (CONTENT_TYPE, asset.content_type),

@@ -2,8 +2,8 @@
 
 use super::actions::{SentForm, form, request_of};
 use super::asker::Asker;
-use super::fault::Fault;
 use super::orders::{minutes, order};
+use super::page_error::PageError;
 use super::query::Fields;
 use super::words::{page_of, told};
 use axum::extract::Path;
@@ -55,7 +55,7 @@ pub(crate) async fn make(
     asker: Asker,
     Path(id): Path<String>,
     SentForm(form): SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let minutes = minutes(&form, LONGEST)?;
     let subject = asker.subject(&format!("subjects/{id}")).await?;
     let model = model(&asker, &form, &subject).await?;

@@ -4,9 +4,9 @@ use super::asker::Asker;
 use super::chart::{Chart, Series};
 use super::curves::{self, figure};
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::model::{newest_pictures, of_model, split};
 use super::names::Names;
+use super::page_error::PageError;
 use super::query::Fields;
 use super::words::{bytes, name, page_of, span, told, whole};
 use axum::extract::RawQuery;
@@ -33,7 +33,7 @@ struct Side {
 }
 
 /// `/compare?one={id}&other={id}`
-pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, PageError> {
     let query = Fields::of_query(query);
     let request = ListModelsRequest {
         page_size: CHOICES,

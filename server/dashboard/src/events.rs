@@ -6,7 +6,7 @@
 
 use super::asker::Asker;
 use super::assets::BUILD;
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::query::Fields;
 use axum::extract::RawQuery;
 use axum::http::HeaderMap;
@@ -35,7 +35,7 @@ pub(crate) async fn stream(
     asker: Asker,
     RawQuery(query): RawQuery,
     headers: HeaderMap,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let query = Fields::of_query(query);
     let last = headers.get("last-event-id").and_then(|it| it.to_str().ok());
     let after = last.unwrap_or_else(|| query.get("after")).to_owned();

@@ -3,7 +3,7 @@
 //! [`FileKind`] says what each may do.
 
 use super::asker::Asker;
-use super::fault::Fault;
+use super::page_error::PageError;
 use axum::body::Body;
 use axum::extract::Path;
 use axum::http::header::{
@@ -24,18 +24,18 @@ const KEPT: &str = "private, max-age=86400, immutable";
 pub(crate) async fn of_job(
     asker: Asker,
     Path((id, file)): Path<(String, String)>,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let name = names::object(&format!("jobs/{id}"), &file);
     answer(&asker, name, FileKind::of(&file)).await
 }
 
 /// The person of a capture.
-pub(crate) async fn thumbnail(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
+pub(crate) async fn thumbnail(asker: Asker, Path(id): Path<String>) -> Result<Response, PageError> {
     let name = names::object(&format!("captures/{id}"), THUMBNAIL);
     answer(&asker, name, FileKind::of(THUMBNAIL)).await
 }
 
-async fn answer(asker: &Asker, name: String, kind: FileKind) -> Result<Response, Fault> {
+async fn answer(asker: &Asker, name: String, kind: FileKind) -> Result<Response, PageError> {
     let request = DownloadObjectRequest {
         name,
         ..DownloadObjectRequest::default()

@@ -3,9 +3,9 @@
 use super::actions::form;
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::jobs::took;
 use super::names::{Names, about};
+use super::page_error::PageError;
 use super::words::{ago, badge, bytes, job_state, kind, page_of, seconds, short, told};
 use super::{curves, outcome, progress, shares};
 use axum::extract::Path;
@@ -26,7 +26,7 @@ const FILES: usize = 200;
 const PICTURES: usize = 24;
 
 /// `/jobs/{id}`
-pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, PageError> {
     let name = format!("jobs/{id}");
     let request = GetJobRequest { name: name.clone() };
     let job = asker.services().jobs.get_job(asker.request(request));

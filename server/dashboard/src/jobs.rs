@@ -2,9 +2,9 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::names::{Names, about};
 use super::outcome;
+use super::page_error::PageError;
 use super::people::more;
 use super::query::Fields;
 use super::words::{ago, job_state, kind, page_of, seconds};
@@ -25,7 +25,7 @@ const CHOICES: [(&str, &str, &[job::State]); 4] = [
 ];
 
 /// `/jobs`
-pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, PageError> {
     let query = Fields::of_query(query);
     let chosen = query.get("show");
     let states = CHOICES.iter().find(|it| it.0 == chosen);

@@ -2,9 +2,9 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::job::{file_path, frame};
 use super::names::Names;
+use super::page_error::PageError;
 use super::people::{portrait, portrayed};
 use super::words::{ago, badge, bytes, name, page_of, told, whole};
 use super::{curves, jobs, orders, progress, tradeoff};
@@ -27,7 +27,7 @@ const EXPORTS: u32 = 4;
 const PICTURES: usize = 8;
 
 /// `/models/{id}`
-pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, PageError> {
     let resource = format!("models/{id}");
     let model = asker.model(&resource).await?;
     let (backend, tenant) = (asker.backend(), asker.tenant()?);

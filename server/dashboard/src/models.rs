@@ -2,8 +2,8 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::names::Names;
+use super::page_error::PageError;
 use super::people::more;
 use super::query::Fields;
 use super::words::{ago, badge, count, name, page_of, told};
@@ -17,7 +17,7 @@ const PER_PAGE: i32 = 50;
 const NAMED: usize = 4;
 
 /// `/models`
-pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, PageError> {
     let query = Fields::of_query(query);
     let request = ListModelsRequest {
         page_size: PER_PAGE,

@@ -2,7 +2,7 @@
 
 use super::actions::{SentForm, form, request_of, see};
 use super::asker::Asker;
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::query::Fields;
 use super::words::{page_of, told};
 use axum::extract::Path;
@@ -101,12 +101,12 @@ fn choice<'a>(
 }
 
 /// A number of a form.
-fn number(form: &Fields, field: &str, least: f64, most: f64) -> Result<f64, Fault> {
+fn number(form: &Fields, field: &str, least: f64, most: f64) -> Result<f64, PageError> {
     let number = form.get(field).trim().parse::<f64>().ok();
     let number = number.filter(|it| (least..=most).contains(it));
     number.ok_or_else(|| {
         let words = format!("{field} is a number from {least} to {most}");
-        Fault::of(StatusCode::BAD_REQUEST, words)
+        PageError::of(StatusCode::BAD_REQUEST, words)
     })
 }
 
@@ -114,12 +114,12 @@ fn number(form: &Fields, field: &str, least: f64, most: f64) -> Result<f64, Faul
 ///
 /// # Errors
 /// When it is another text.
-pub(crate) fn minutes(form: &Fields, longest: u32) -> Result<u32, Fault> {
+pub(crate) fn minutes(form: &Fields, longest: u32) -> Result<u32, PageError> {
     let minutes = form.get("minutes").trim().parse::<u32>();
     let minutes = minutes.ok().filter(|it| (1..=longest).contains(it));
     minutes.ok_or_else(|| {
         let words = format!("a training takes 1 to {longest} minutes, a whole number");
-        Fault::of(StatusCode::BAD_REQUEST, words)
+        PageError::of(StatusCode::BAD_REQUEST, words)
     })
 }
 
@@ -131,7 +131,7 @@ pub(crate) async fn order(
     asker: &Asker,
     form: &Fields,
     kind: job_spec::Kind,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let request = CreateJobRequest {
         spec: Some(JobSpec { kind: Some(kind) }),
         request_id: request_of(form),
@@ -150,7 +150,7 @@ pub(crate) async fn train(
     asker: Asker,
     Path(id): Path<String>,
     SentForm(form): SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let spec = TrainSpec {
         model: format!("models/{id}"),
         seconds: 60.0 * f64::from(minutes(&form, LONGEST)?),
@@ -164,7 +164,7 @@ pub(crate) async fn film(
     asker: Asker,
     Path(id): Path<String>,
     SentForm(form): SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let size = number(&form, "size", 16.0, f64::from(LARGEST))? as u32;
     let motion = CaptureMotion {
         driver: form.get("driver").to_owned(),
@@ -206,7 +206,7 @@ pub(crate) async fn player(
     asker: Asker,
     Path(id): Path<String>,
     SentForm(form): SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let spec = ExportSpec {
         model: format!("models/{id}"),
         subject: form.get("subject").to_owned(),

@@ -2,9 +2,9 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::model::split;
 use super::names::{Names, about};
+use super::page_error::PageError;
 use super::service::notices;
 use super::words::{count, job_state, page_of};
 use super::{jobs, models, progress};
@@ -20,7 +20,7 @@ const ENDED: u32 = 8;
 const MODELS: i32 = 6;
 
 /// `/`
-pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker) -> Result<Page, PageError> {
     let status = asker.status().await?;
     let faults = asker.backend().health_faults();
     let [running, queued, ended] = lists(&asker).await?;

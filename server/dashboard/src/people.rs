@@ -2,7 +2,7 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::query::Fields;
 use super::upload::{self, Whose};
 use super::words::{count, name, page_of, subject_state};
@@ -15,7 +15,7 @@ use yoto_store::Person;
 const PER_PAGE: i32 = 60;
 
 /// `/people`
-pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, PageError> {
     let query = Fields::of_query(query);
     let request = ListSubjectsRequest {
         page_size: PER_PAGE,

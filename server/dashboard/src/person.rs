@@ -2,7 +2,7 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::people::portrait;
 use super::upload::{self, Whose};
 use super::words::{
@@ -18,7 +18,7 @@ use yoto_proto::v1::{Consent, ConsentPurpose, capture, subject};
 use yoto_store::CaptureFiles;
 
 /// `/people/{id}`
-pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Page, PageError> {
     let resource = format!("subjects/{id}");
     let subject = asker.subject(&resource).await?;
     let (backend, tenant) = (asker.backend(), asker.tenant()?);

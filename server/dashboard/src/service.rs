@@ -2,14 +2,14 @@
 
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::words::{ago, badge, bytes, kind_word, name, span, told, whole};
 use super::{actions, usage};
 use maud::{Markup, html};
 use yoto_proto::v1::{GetLimitsRequest, GetUsageRequest, ServiceLimits, ServiceStatus};
 
 /// `/service`
-pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker) -> Result<Page, PageError> {
     let status = asker.status().await?;
     let limits = asker
         .services()
@@ -49,7 +49,7 @@ pub(crate) async fn page(asker: Asker) -> Result<Page, Fault> {
 }
 
 /// Who looks, and the button by which they sign out. Empty where no key is asked for.
-async fn signed_in(asker: &Asker) -> Result<Markup, Fault> {
+async fn signed_in(asker: &Asker) -> Result<Markup, PageError> {
     let Some(id) = asker.key() else {
         return Ok(html! {});
     };

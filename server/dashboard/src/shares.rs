@@ -3,7 +3,7 @@
 use super::actions::{SentForm, form, see};
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::words::{ago, badge, page_of, seconds, short, told};
 use axum::extract::Path;
 use axum::http::header::ORIGIN;
@@ -136,11 +136,11 @@ pub(crate) async fn create(
     Path(id): Path<String>,
     headers: HeaderMap,
     SentForm(form): SentForm,
-) -> Result<Page, Fault> {
+) -> Result<Page, PageError> {
     let days = form.get("days").parse::<u32>().ok();
     let days = days.filter(|days| ENDS.iter().any(|(it, _)| it == days));
     let days = days.ok_or_else(|| {
-        Fault::of(
+        PageError::of(
             StatusCode::BAD_REQUEST,
             "a link ends after one of the given times",
         )
@@ -205,7 +205,7 @@ pub(crate) async fn revoke(
     asker: Asker,
     Path(id): Path<String>,
     _: SentForm,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let request = RevokeShareRequest {
         name: format!("shares/{id}"),
     };

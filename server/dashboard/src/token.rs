@@ -4,7 +4,7 @@
 //! know the token. The token comes from the id of the object store, a random number in the database: it is the same on all
 //! coordinators, and after a restart.
 
-use super::fault::Fault;
+use super::page_error::PageError;
 use super::query::Fields;
 use axum::body::{Body, to_bytes};
 use axum::http::header::CONTENT_TYPE;
@@ -31,8 +31,8 @@ pub(crate) fn of(store_id: &str, tenant: &Tenant) -> String {
 ///
 /// # Errors
 /// When it has no token, or the browser says that another site sends it.
-pub(crate) fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), Fault> {
-    let refused = |words: &str| Err(Fault::of(StatusCode::FORBIDDEN, words));
+pub(crate) fn checked_of_script(token: &str, headers: &HeaderMap) -> Result<(), PageError> {
+    let refused = |words: &str| Err(PageError::of(StatusCode::FORBIDDEN, words));
     if is_of_other_site(headers) {
         return refused("another site's page has sent this");
     }
@@ -57,8 +57,12 @@ fn is_same(sent: &[u8], token: &str) -> bool {
 ///
 /// # Errors
 /// When it is none, has no token, or the browser says that another site sends it.
-pub(crate) async fn checked(token: &str, headers: &HeaderMap, body: Body) -> Result<Fields, Fault> {
-    let refused = |words: &str| Err(Fault::of(StatusCode::FORBIDDEN, words));
+pub(crate) async fn checked(
+    token: &str,
+    headers: &HeaderMap,
+    body: Body,
+) -> Result<Fields, PageError> {
+    let refused = |words: &str| Err(PageError::of(StatusCode::FORBIDDEN, words));
     let is_form = headers.get(CONTENT_TYPE).is_some_and(|kind| {
         kind.as_bytes()
             .starts_with(b"application/x-www-form-urlencoded")

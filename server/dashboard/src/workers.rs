@@ -3,8 +3,8 @@
 use super::actions::form;
 use super::asker::Asker;
 use super::document::{self, Page};
-use super::fault::Fault;
 use super::names::{Names, about};
+use super::page_error::PageError;
 use super::people::more;
 use super::progress;
 use super::query::Fields;
@@ -21,7 +21,7 @@ use yoto_store::JobGroup;
 const PER_PAGE: i32 = 50;
 
 /// `/workers`
-pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, Fault> {
+pub(crate) async fn page(asker: Asker, RawQuery(query): RawQuery) -> Result<Page, PageError> {
     let query = Fields::of_query(query);
     let status = asker.status().await?;
     let request = ListWorkersRequest {

@@ -35,7 +35,7 @@ const BATCH: usize = 64;
 
 /// Why a call has failed.
 #[derive(Debug, Error)]
-enum Fault {
+enum PushError {
     #[error("{0}")]
     Store(#[from] yoto_store::StoreError),
     #[error("{0}")]
@@ -62,7 +62,7 @@ fn told(status: &Status) -> String {
     format!("{:?}: {message}", status.code())
 }
 
-impl Fault {
+impl PushError {
     /// Whether the same call would fail again, as OTLP has it. Broken connections have other codes.
     fn is_final(&self) -> bool {
         match self {
@@ -148,14 +148,14 @@ impl Push {
 
     /// Logs what is news. After a failure the next call has a connection of its own: one whose peer was lost would only
     /// fail after minutes.
-    fn note(&mut self, sent: Result<(), Fault>, signal: impl FnOnce(&mut Self) -> &mut Signal) {
+    fn note(&mut self, sent: Result<(), PushError>, signal: impl FnOnce(&mut Self) -> &mut Signal) {
         if sent.is_err() {
             self.channel = self.wire.channel();
         }
         signal(self).note(sent);
     }
 
-    async fn send_figures(&self) -> Result<(), Fault> {
+    async fn send_figures(&self) -> Result<(), PushError> {
         let rows = figures::read_now(&self.context).await;
         let period = Period {
             start: self.started,
@@ -181,7 +181,7 @@ impl Push {
     }
 
     /// Sends the oldest ended jobs and returns how many they were. They stay in the queue if a later call may succeed.
-    async fn send_traces(&self) -> Result<usize, Fault> {
+    async fn send_traces(&self) -> Result<usize, PushError> {
         let jobs = self.ended.take(BATCH);
         let number = jobs.len();
         let taken = Taken {
@@ -201,7 +201,7 @@ impl Push {
     }
 
     /// Sends those of the jobs that have ended, and returns their number.
-    async fn send_spans(&self, jobs: &[String]) -> Result<usize, Fault> {
+    async fn send_spans(&self, jobs: &[String]) -> Result<usize, PushError> {
         let ids = jobs.iter().filter_map(|it| Collection::Jobs.parse(it).ok());
         let ids: Vec<&str> = ids.collect();
         let jobs = self.context.store.ended_jobs(&ids).await?;
@@ -235,21 +235,21 @@ impl Push {
     async fn call<T>(
         &self,
         call: impl Future<Output = Result<Response<T>, Status>>,
-    ) -> Result<T, Fault> {
+    ) -> Result<T, PushError> {
         tokio::select! {
-            () = self.stop.cancelled() => Err(Fault::Ending),
+            () = self.stop.cancelled() => Err(PushError::Ending),
             answer = timeout(PATIENCE, call) => match answer {
-                Ok(answer) => answer.map(Response::into_inner).map_err(Fault::Call),
-                Err(_) => Err(Fault::Late),
+                Ok(answer) => answer.map(Response::into_inner).map_err(PushError::Call),
+                Err(_) => Err(PushError::Late),
             },
         }
     }
 }
 
-fn accepted(refused: i64, why: String) -> Result<(), Fault> {
+fn accepted(refused: i64, why: String) -> Result<(), PushError> {
     match refused {
         0 => Ok(()),
-        number => Err(Fault::Partly { number, why }),
+        number => Err(PushError::Partly { number, why }),
     }
 }
 
@@ -282,10 +282,10 @@ impl Signal {
         Self { what, fails: false }
     }
 
-    fn note(&mut self, sent: Result<(), Fault>) {
+    fn note(&mut self, sent: Result<(), PushError>) {
         let what = self.what;
         match sent {
-            Err(Fault::Ending) => {}
+            Err(PushError::Ending) => {}
             Err(error) if !self.fails => {
                 self.fails = true;
                 tracing::warn!(what, %error, "the collector of OTLP does not take what is sent");

@@ -135,7 +135,7 @@ async fn found(objects: &Objects) -> Result<Option<Marker>, ObjectsError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::{Kind, on_each_database};
+    use crate::stage::{DatabaseKind, on_each_database};
     use object_store::memory::InMemory;
     use std::sync::Arc;
     use yoto_process::clock::{Clock, ManualClock};
@@ -160,7 +160,7 @@ mod tests {
         Url::parse("s3://bucket/prefix").expect("a URL")
     }
 
-    async fn the_first_coordinator_decides(kind: Kind) {
+    async fn the_first_coordinator_decides(kind: DatabaseKind) {
         let (staged, ours, other) = (kind.store(clock()).await, objects(), objects());
         // The second time as after a restart.
         for _ in 0..2 {
@@ -183,7 +183,7 @@ mod tests {
         moved.expect("has the name");
     }
 
-    async fn a_store_belongs_to_one_database(kind: Kind) {
+    async fn a_store_belongs_to_one_database(kind: DatabaseKind) {
         let (first, second, objects) = (
             kind.store(clock()).await,
             kind.store(clock()).await,
@@ -206,7 +206,7 @@ mod tests {
         begun.expect("the refusal has left nothing in the database");
     }
 
-    async fn a_first_start_that_broke_off_is_repeated(kind: Kind) {
+    async fn a_first_start_that_broke_off_is_repeated(kind: DatabaseKind) {
         let (staged, objects) = (kind.store(clock()).await, objects());
         // Before the database has the id.
         begin(&objects, &url()).await.expect("writes");
@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(bound, Some(Marker { id, bound: true }));
     }
 
-    async fn an_operator_can_bind_a_store_anew(kind: Kind) {
+    async fn an_operator_can_bind_a_store_anew(kind: DatabaseKind) {
         let (first, second) = (kind.store(clock()).await, kind.store(clock()).await);
         let (lost, new) = (objects(), objects());
         let begun = check(&lost, &url(), &first.store).await;
@@ -241,7 +241,7 @@ mod tests {
         gone.expect_err("is bound to the second one");
     }
 
-    async fn coordinators_that_start_at_once_agree(kind: Kind) {
+    async fn coordinators_that_start_at_once_agree(kind: DatabaseKind) {
         for _ in 0..5 {
             let (pair, objects) = (kind.pair(clock()).await, objects());
             let url = url();

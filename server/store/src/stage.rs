@@ -11,7 +11,7 @@ use yoto_test_postgres::Database;
 
 /// A kind of database.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Kind {
+pub(crate) enum DatabaseKind {
     Sqlite,
     Postgres,
 }
@@ -31,7 +31,7 @@ pub(crate) struct Pair {
     _database: Option<Database>,
 }
 
-impl Kind {
+impl DatabaseKind {
     /// Whether this machine has it; says so if it has not.
     pub(crate) fn is_there(self) -> bool {
         match self {
@@ -107,13 +107,13 @@ macro_rules! on_each_database {
         mod on_sqlite {
             $(#[tokio::test]
             async fn $test() {
-                super::$test($crate::stage::Kind::Sqlite).await;
+                super::$test($crate::stage::DatabaseKind::Sqlite).await;
             })+
         }
         mod on_postgres {
             $(#[tokio::test]
             async fn $test() {
-                let kind = $crate::stage::Kind::Postgres;
+                let kind = $crate::stage::DatabaseKind::Postgres;
                 if kind.is_there() {
                     super::$test(kind).await;
                 }

@@ -11,7 +11,7 @@ use yoto_proto::v1::{Checkpoint, DeleteJobRequest};
 use yoto_proto::worker::v1::{Lease, PublishCheckpointRequest};
 use yoto_proto::{keys, names};
 use yoto_server::Environment;
-use yoto_server::fsck::{Fault, FsckError, Place, Report, fsck};
+use yoto_server::fsck::{FsckError, ObjectFault, Place, Report, fsck};
 
 /// Where a running service has its state.
 fn place(service: &Service) -> Place {
@@ -30,7 +30,7 @@ async fn check(service: &Service) -> Report {
 }
 
 /// Keys and resources of faults.
-fn told(faults: &[Fault]) -> Vec<(&str, &str)> {
+fn told(faults: &[ObjectFault]) -> Vec<(&str, &str)> {
     let told = faults.iter().map(|it| (it.key.as_str(), it.of.as_str()));
     told.collect()
 }

@@ -8,7 +8,7 @@ use yoto_proto::v1::GetStatusRequest;
 use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_server::fsck::{Place, fsck};
 use yoto_server::{Coordinator, PostgresUrl, ServerConfig};
-use yoto_test_s3::{BUCKET, Fault, Server};
+use yoto_test_s3::{BUCKET, S3Fault, Server};
 
 /// Tests of what only a folder has: its kind and its room, its owner, files of a writer that was killed, a file in
 /// its place, another name for it, and a copy of it.
@@ -66,7 +66,7 @@ async fn a_store_that_is_down_is_unavailable_and_costs_nothing() {
     let files = [file("poses.json", b"{}"), file("a", b"frame")];
     let upload = service.open_upload(&ada.name, &files).await;
     let upload = upload.expect("is opened").name;
-    server.fail(Fault::Unavailable);
+    server.fail(S3Fault::Unavailable);
     let down = service.write(chunks(&upload, &files)).await;
     assert_refused(down, Code::Unavailable, "STORE_UNAVAILABLE");
     server.heal();
@@ -76,7 +76,7 @@ async fn a_store_that_is_down_is_unavailable_and_costs_nothing() {
     server.deny(&[]);
     let written = service.write(chunks(&upload, &files)).await;
     written.expect("the upload is open still");
-    server.fail(Fault::Unavailable);
+    server.fail(S3Fault::Unavailable);
     let down = service.finish(&upload).await;
     assert_refused(down, Code::Unavailable, "STORE_UNAVAILABLE");
     server.heal();

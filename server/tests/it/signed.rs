@@ -12,7 +12,7 @@ use yoto_proto::v1::{
 };
 use yoto_proto::{keys, names};
 use yoto_server::ServerConfig;
-use yoto_test_s3::{BUCKET, Fault, Server};
+use yoto_test_s3::{BUCKET, S3Fault, Server};
 
 /// Long enough for a file that is worth a URL.
 const BYTES: u32 = 300_000;
@@ -128,7 +128,7 @@ async fn a_url_that_has_ended_is_refused_and_the_service_sends_the_file() {
 #[tokio::test]
 async fn a_store_out_of_reach_is_tried_once() {
     let stage = Stage::start(|_| {}).await;
-    stage.server.fail(Fault::NoSigned);
+    stage.server.fail(S3Fault::NoSigned);
     let client = stage.client();
     for _ in 0..2 {
         assert_eq!(stage.fetch(&client).await, stage.content);
@@ -139,7 +139,7 @@ async fn a_store_out_of_reach_is_tried_once() {
 #[tokio::test]
 async fn a_connection_that_breaks_is_not_the_end() {
     let stage = Stage::start(|_| {}).await;
-    stage.server.fail(Fault::CutAnswers);
+    stage.server.fail(S3Fault::CutAnswers);
     let client = stage.client();
     // One of two requests is cut.
     for _ in 0..2 {

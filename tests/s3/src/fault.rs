@@ -18,7 +18,7 @@ type Answer = Response<UnsyncBoxBody<Bytes, Failure>>;
 
 /// A failure of every request, until it is over.
 #[derive(Debug, Clone)]
-pub enum Fault {
+pub enum S3Fault {
     /// 503 SlowDown.
     Unavailable,
     /// The connection ends after half of an answer's body. Every second request, so that who goes on gets through.
@@ -36,14 +36,14 @@ pub enum Fault {
 /// The current failure.
 #[derive(Debug, Default)]
 pub(crate) struct Faults {
-    fault: Mutex<Option<Fault>>,
+    fault: Mutex<Option<S3Fault>>,
     failed: AtomicU64,
     requests: AtomicU64,
     signed: AtomicU64,
 }
 
 impl Faults {
-    pub(crate) fn set(&self, fault: Option<Fault>) {
+    pub(crate) fn set(&self, fault: Option<S3Fault>) {
         *self.fault.lock().unwrap_or_else(PoisonError::into_inner) = fault;
     }
 
@@ -57,7 +57,7 @@ impl Faults {
         self.signed.load(Ordering::SeqCst)
     }
 
-    fn current(&self) -> Option<Fault> {
+    fn current(&self) -> Option<S3Fault> {
         self.fault
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -81,29 +81,29 @@ impl Faults {
         }
         let fail = || self.failed.fetch_add(1, Ordering::SeqCst);
         match self.current() {
-            Some(Fault::Unavailable) => {
+            Some(S3Fault::Unavailable) => {
                 fail();
                 Ok(refusal(503, "<Error><Code>SlowDown</Code></Error>"))
             }
-            Some(Fault::Answer(status, body)) => {
+            Some(S3Fault::Answer(status, body)) => {
                 fail();
                 Ok(refusal(status, body))
             }
-            Some(Fault::NoSigned) if is_signed => {
+            Some(S3Fault::NoSigned) if is_signed => {
                 fail();
                 Err(io::ErrorKind::ConnectionReset.into())
             }
-            Some(Fault::CutRequests) if even && !request.body().is_end_stream() => {
+            Some(S3Fault::CutRequests) if even && !request.body().is_end_stream() => {
                 fail();
                 // Whatever has arrived of it.
                 let _ = request.into_body().frame().await;
                 Err(io::ErrorKind::ConnectionReset.into())
             }
-            Some(Fault::CutAnswers) if even => {
+            Some(S3Fault::CutAnswers) if even => {
                 fail();
                 half(pass(service, request).await?).await
             }
-            Some(Fault::Slow(time)) => {
+            Some(S3Fault::Slow(time)) => {
                 fail();
                 tokio::time::sleep(time).await;
                 pass(service, request).await

@@ -1,6 +1,6 @@
 //! The server's process-wide parts: its thread, its connections, and who may do what.
 
-use crate::fault::{Fault, Faults};
+use crate::fault::{Faults, S3Fault};
 use crate::{AUTHORITY, BUCKET};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -126,7 +126,7 @@ impl Server {
     }
 
     /// Has all requests fail until [`Self::heal`].
-    pub fn fail(&self, fault: Fault) {
+    pub fn fail(&self, fault: S3Fault) {
         self.shared.faults.set(Some(fault));
     }
 

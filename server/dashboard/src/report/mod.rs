@@ -10,8 +10,8 @@ mod quality;
 use super::asker::Asker;
 use super::assets::{ICON, STYLE};
 use super::curves::{self, figure};
-use super::fault::Fault;
 use super::model::{self, of_model, split};
+use super::page_error::PageError;
 use super::people::portrayed;
 use super::person::agreed;
 use super::words::{ago, badge, count, job_state, name, short, told, whole};
@@ -39,7 +39,7 @@ const JOBS: u32 = 1000;
 const EVALUATIONS: u32 = 4;
 
 /// `/models/{id}/report.html`
-pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, Fault> {
+pub(crate) async fn page(asker: Asker, Path(id): Path<String>) -> Result<Response, PageError> {
     let resource = format!("models/{id}");
     let model = asker.model(&resource).await?;
     let (backend, tenant) = (asker.backend(), asker.tenant()?);

@@ -5,7 +5,7 @@
 //! lead to the calls of an upload alone; the deletions among them are only of a person without a capture, and of an open upload.
 
 use super::super::asker::Asker;
-use super::super::fault::Fault;
+use super::super::page_error::PageError;
 use super::super::token;
 use axum::body::{Body, to_bytes};
 use axum::extract::{Path, Request};
@@ -25,10 +25,10 @@ async fn call(
     request: Request,
     verb: Method,
     path: &str,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let (mut parts, body) = request.into_parts();
     let path = Uri::try_from(path);
-    parts.uri = path.map_err(|_| Fault::of(StatusCode::BAD_REQUEST, "this is no address"))?;
+    parts.uri = path.map_err(|_| PageError::of(StatusCode::BAD_REQUEST, "this is no address"))?;
     parts.method = verb;
     Ok(asker.call(Request::from_parts(parts, body)).await)
 }
@@ -39,23 +39,26 @@ async fn delete(
     request: Request,
     name: &str,
     etag: &str,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     let etag: String = byte_serialize(etag.as_bytes()).collect();
     let path = format!("/v1/{name}?etag={etag}");
     call(asker, request, Method::DELETE, &path).await
 }
 
 /// Lets a request of our own pages pass.
-fn checked(asker: &Asker, request: &Request) -> Result<(), Fault> {
+fn checked(asker: &Asker, request: &Request) -> Result<(), PageError> {
     token::checked_of_script(&asker.token()?, request.headers())
 }
 
 /// Whether `id` can be an id, and nothing else of a path.
-fn named(id: &str) -> Result<&str, Fault> {
+fn named(id: &str) -> Result<&str, PageError> {
     let known = |it: u8| it.is_ascii_alphanumeric() || it == b'-';
     match !id.is_empty() && id.bytes().all(known) {
         true => Ok(id),
-        false => Err(Fault::of(StatusCode::NOT_FOUND, "there is no such upload")),
+        false => Err(PageError::of(
+            StatusCode::NOT_FOUND,
+            "there is no such upload",
+        )),
     }
 }
 
@@ -68,24 +71,24 @@ struct Called {
 
 /// `POST /people/upload/person`: CreateSubject, if nobody with files is called so. A request that is repeated finds the person that
 /// it has made, who has none.
-pub(crate) async fn person(asker: Asker, request: Request) -> Result<Response, Fault> {
+pub(crate) async fn person(asker: Asker, request: Request) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     let (parts, body) = request.into_parts();
-    let refused = |words| Fault::of(StatusCode::BAD_REQUEST, words);
+    let refused = |words| PageError::of(StatusCode::BAD_REQUEST, words);
     let body = to_bytes(body, LONGEST).await;
     let body = body.map_err(|_| refused("the form is too long, or broke off"))?;
     let called: Called =
         serde_json::from_slice(&body).map_err(|_| refused("the form is no JSON"))?;
     if is_taken(&asker, called.display_name.trim()).await? {
         let words = "there is a person of this name already: choose another one";
-        return Err(Fault::of(StatusCode::CONFLICT, words));
+        return Err(PageError::of(StatusCode::CONFLICT, words));
     }
     let request = Request::from_parts(parts, Body::from(body));
     call(&asker, request, Method::POST, "/v1/subjects").await
 }
 
 /// Whether somebody of this name has a capture.
-async fn is_taken(asker: &Asker, name: &str) -> Result<bool, Fault> {
+async fn is_taken(asker: &Asker, name: &str) -> Result<bool, PageError> {
     let mut page_token = String::new();
     loop {
         let request = ListSubjectsRequest {
@@ -110,7 +113,7 @@ async fn is_taken(asker: &Asker, name: &str) -> Result<bool, Fault> {
 }
 
 /// `POST /people/upload/files`: CreateUpload
-pub(crate) async fn begin(asker: Asker, request: Request) -> Result<Response, Fault> {
+pub(crate) async fn begin(asker: Asker, request: Request) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     call(&asker, request, Method::POST, "/v1/uploads").await
 }
@@ -120,7 +123,7 @@ pub(crate) async fn state(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     let query = request.uri().query().unwrap_or_default();
     let path = format!("/v1/uploads/{}?{query}", named(&id)?);
@@ -132,7 +135,7 @@ pub(crate) async fn write(
     asker: Asker,
     Path((id, file)): Path<(String, String)>,
     request: Request,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     let file: String = byte_serialize(file.as_bytes()).collect();
     let path = format!("/v1/uploads/{}/files/{file}", named(&id)?);
@@ -144,7 +147,7 @@ pub(crate) async fn finish(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     let path = format!("/v1/uploads/{}:finish", named(&id)?);
     call(&asker, request, Method::POST, &path).await
@@ -156,13 +159,13 @@ pub(crate) async fn cancel(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     let subject = asker.subject(&format!("subjects/{}", named(&id)?)).await?;
     if subject.state() != subject::State::Uploading || subject.captures.len() > 1 {
         let words =
             "the person has a capture by now: `yoto subject delete` deletes them with all captures";
-        return Err(Fault::of(StatusCode::CONFLICT, words));
+        return Err(PageError::of(StatusCode::CONFLICT, words));
     }
     // If the capture is finished meanwhile, it is another version of the person.
     delete(&asker, request, &subject.name, &subject.etag).await
@@ -173,7 +176,7 @@ pub(crate) async fn cancel_capture(
     asker: Asker,
     Path(id): Path<String>,
     request: Request,
-) -> Result<Response, Fault> {
+) -> Result<Response, PageError> {
     checked(&asker, &request)?;
     let get = GetCaptureRequest {
         name: format!("captures/{}", named(&id)?),
@@ -182,7 +185,7 @@ pub(crate) async fn cancel_capture(
     let capture = capture.await?.into_inner();
     if capture.state() != capture::State::Uploading {
         let words = "the capture is uploaded by now: `yoto subject delete-capture` deletes it";
-        return Err(Fault::of(StatusCode::CONFLICT, words));
+        return Err(PageError::of(StatusCode::CONFLICT, words));
     }
     // If the upload is finished meanwhile, it is another version of the capture.
     delete(&asker, request, &capture.name, &capture.etag).await

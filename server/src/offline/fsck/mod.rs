@@ -42,9 +42,9 @@ pub struct Report {
     /// Their bytes.
     pub bytes: u64,
     /// Those that the store does not have.
-    pub missing: Vec<Fault>,
+    pub missing: Vec<ObjectFault>,
     /// Those with another length or checksum, and manifests that can't be read.
-    pub damaged: Vec<Fault>,
+    pub damaged: Vec<ObjectFault>,
     /// Objects that nothing names and nobody can commit any more. The next collection notes most of them as garbage.
     pub orphans: Vec<Listed>,
 }
@@ -58,7 +58,7 @@ impl Report {
 
 /// What is wrong with an object.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
+pub struct ObjectFault {
     /// Its key.
     pub key: String,
     /// The resource that names it, e.g. `jobs/{id}`.

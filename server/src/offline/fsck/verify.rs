@@ -1,6 +1,6 @@
 //! Reads the objects that rows name, and those that manifests name.
 
-use super::{Fault, Progress};
+use super::{ObjectFault, Progress};
 use futures::{StreamExt, TryStreamExt, stream};
 use std::collections::{BTreeMap, HashSet};
 use yoto_objects::{Objects, ObjectsError};
@@ -33,7 +33,7 @@ pub(super) struct Faulty<'a> {
     /// Whether the store does not have it.
     pub is_missing: bool,
     /// Key and words.
-    pub fault: Fault,
+    pub fault: ObjectFault,
 }
 
 /// An object to read, and the row's object from which it is known.
@@ -156,7 +156,7 @@ impl Why {
         Faulty {
             by,
             is_missing: self.is_missing,
-            fault: Fault {
+            fault: ObjectFault {
                 key: object.key.clone(),
                 of: by.of.clone(),
                 what: self.what,

@@ -35,7 +35,7 @@ pub(crate) struct Steps {
 
 /// What a database contains before it is brought up to date.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct FoundSchema {
     /// Names of its tables.
     pub tables: Vec<String>,
     /// Number and checksum of each applied step, by number.
@@ -86,7 +86,7 @@ fn digest(applied: &[(i64, Vec<u8>)]) -> String {
 ///
 /// # Errors
 /// [`StoreError::Unusable`].
-pub(super) fn state(steps: &Steps, found: &Found) -> Result<State, StoreError> {
+pub(super) fn state(steps: &Steps, found: &FoundSchema) -> Result<State, StoreError> {
     let refused = |reason: String| Err(StoreError::Unusable(reason));
     let Some((last, _)) = found.applied.last() else {
         // A start that was interrupted leaves the empty table of steps.
@@ -141,7 +141,7 @@ pub(super) fn state(steps: &Steps, found: &Found) -> Result<State, StoreError> {
 ///
 /// # Errors
 /// As [`state`].
-pub(super) fn are_pending(steps: &Steps, found: &Found) -> Result<bool, StoreError> {
+pub(super) fn are_pending(steps: &Steps, found: &FoundSchema) -> Result<bool, StoreError> {
     Ok(state(steps, found)? != State::Current)
 }
 
@@ -176,7 +176,7 @@ mod tests {
 
     /// The answer to a database with these tables and applied steps.
     fn answer(tables: &[&str], applied: &[(i64, &[u8])]) -> String {
-        let found = Found {
+        let found = FoundSchema {
             tables: tables.iter().map(|it| (*it).to_owned()).collect(),
             applied: applied
                 .iter()

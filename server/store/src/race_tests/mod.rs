@@ -11,7 +11,7 @@ mod uploads;
 use crate::db::sql;
 use crate::rules::retention::Retention;
 use crate::scripts::queue;
-use crate::stage::{Kind, Pair};
+use crate::stage::{DatabaseKind, Pair};
 use crate::transaction::transaction;
 use crate::{
     Ending, JobKind, JobVersion, LeaseKey, NewJob, NewModel, NewPart, NewPiece, NewSubject,
@@ -68,13 +68,13 @@ fn reason(error: &StoreError) -> Option<ErrorReason> {
 
 impl Arena {
     async fn open() -> Option<Self> {
-        if !Kind::Postgres.is_there() {
+        if !DatabaseKind::Postgres.is_there() {
             return None;
         }
         let clock = Arc::new(ManualClock::at(1e9));
         let own_clock: Arc<dyn Clock> = Arc::clone(&clock) as _;
         Some(Self {
-            pair: Kind::Postgres.pair(own_clock).await,
+            pair: DatabaseKind::Postgres.pair(own_clock).await,
             clock,
             own: Tenant::default(),
         })

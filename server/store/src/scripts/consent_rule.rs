@@ -176,7 +176,7 @@ pub(crate) fn job_error(message: String) -> JobError {
 /// Open jobs that need this person, or anybody of all tenants, and whose consent to the job's purpose was revoked or has run out.
 ///
 /// # Errors
-/// Also for a job of an unknown kind, whose purpose nobody can tell, if one of its people has revoked anything.
+/// When the database fails, or a job has an unknown kind: its purpose is unknown, too.
 pub(crate) async fn to_stop(
     tx: &mut Tx,
     subject_id: Option<&str>,

@@ -2,7 +2,7 @@
 
 use super::{consent_rule, consents};
 use crate::db::{Tx, sql};
-use crate::stage::{Kind, on_each_database};
+use crate::stage::{DatabaseKind, on_each_database};
 use crate::{JobKind, StoreError, Tenant};
 use std::sync::Arc;
 use yoto_process::clock::ManualClock;
@@ -51,7 +51,7 @@ on_each_database!(
     a_job_of_an_unknown_kind_is_not_passed_over,
 );
 
-async fn a_revocation_finds_the_jobs_of_its_purpose(kind: Kind) {
+async fn a_revocation_finds_the_jobs_of_its_purpose(kind: DatabaseKind) {
     let staged = kind.store(Arc::new(ManualClock::at(1e9))).await;
     let expected: [(_, &[&str]); 4] = [
         (ConsentPurpose::ConsentShare, &[]),
@@ -75,15 +75,15 @@ async fn a_revocation_finds_the_jobs_of_its_purpose(kind: Kind) {
     }
 }
 
-async fn a_job_of_an_unknown_kind_is_not_passed_over(kind: Kind) {
+async fn a_job_of_an_unknown_kind_is_not_passed_over(kind: DatabaseKind) {
     let staged = kind.store(Arc::new(ManualClock::at(1e9))).await;
     let mut tx = staged.store.db.write().await.expect("begins");
     for row in ROWS {
         sql(row).execute(&mut tx, "inserting").await.expect(row);
     }
     let allow = match kind {
-        Kind::Sqlite => "PRAGMA ignore_check_constraints = 1",
-        Kind::Postgres => "ALTER TABLE jobs DROP CONSTRAINT jobs_kind_check",
+        DatabaseKind::Sqlite => "PRAGMA ignore_check_constraints = 1",
+        DatabaseKind::Postgres => "ALTER TABLE jobs DROP CONSTRAINT jobs_kind_check",
     };
     let allowed = sql(allow).execute(&mut tx, "allowing any kind").await;
     allowed.expect("allows any kind");

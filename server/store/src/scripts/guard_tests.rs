@@ -3,7 +3,7 @@
 
 use super::{helpers, jobs, leases, queue, reaping, requests};
 use crate::db::{Tx, sql};
-use crate::stage::{Kind, Staged, on_each_database};
+use crate::stage::{DatabaseKind, Staged, on_each_database};
 use crate::{JobKind, LeaseKey, NewModel, NewWorker, RequestKey, StoreError, Tenant};
 use std::sync::Arc;
 use yoto_process::clock::{Clock, ManualClock};
@@ -25,7 +25,7 @@ fn own() -> Tenant {
 }
 
 impl Stage {
-    async fn new(kind: Kind) -> Self {
+    async fn new(kind: DatabaseKind) -> Self {
         let clock = Arc::new(ManualClock::at(1e9));
         let own_clock: Arc<dyn Clock> = Arc::clone(&clock) as _;
         let staged = kind.store(own_clock).await;
@@ -120,7 +120,7 @@ async fn begin_after(
     leases::begin(tx, &stage.ask(&own()), &next).await
 }
 
-async fn a_job_that_has_left_the_queue_is_not_leased(kind: Kind) {
+async fn a_job_that_has_left_the_queue_is_not_leased(kind: DatabaseKind) {
     let stage = Stage::new(kind).await;
     let mut tx = stage.write().await;
     let cancel = "UPDATE jobs SET state = 'CANCELLED', end_time = 1 WHERE id = $1";
@@ -128,7 +128,7 @@ async fn a_job_that_has_left_the_queue_is_not_leased(kind: Kind) {
     assert_eq!(begun.expect("answers"), None);
 }
 
-async fn a_model_gets_no_second_trainer(kind: Kind) {
+async fn a_model_gets_no_second_trainer(kind: DatabaseKind) {
     let stage = Stage::new(kind).await;
     let second = stage.train().await;
     let mut tx = stage.write().await;
@@ -138,14 +138,14 @@ async fn a_model_gets_no_second_trainer(kind: Kind) {
     assert_eq!(begun.expect("is no conflict"), None);
 }
 
-async fn nobody_helps_with_a_job_that_has_ended(kind: Kind) {
+async fn nobody_helps_with_a_job_that_has_ended(kind: DatabaseKind) {
     let stage = Stage::new(kind).await;
     let mut tx = stage.write().await;
     let helping = helpers::begin(&mut tx, &stage.ask(&own()), &stage.job).await;
     assert_eq!(helping.expect("answers"), None, "it does not run");
 }
 
-async fn a_lease_that_was_extended_after_it_was_found_is_kept(kind: Kind) {
+async fn a_lease_that_was_extended_after_it_was_found_is_kept(kind: DatabaseKind) {
     let stage = Stage::new(kind).await;
     let own = own();
     let leased = (stage.staged.store)
@@ -179,7 +179,7 @@ async fn a_lease_that_was_extended_after_it_was_found_is_kept(kind: Kind) {
     panic!("the lease never expired");
 }
 
-async fn a_request_is_taken_before_it_has_an_answer(kind: Kind) {
+async fn a_request_is_taken_before_it_has_an_answer(kind: DatabaseKind) {
     let stage = Stage::new(kind).await;
     let request = |body: &str| RequestKey {
         method: "CreateModel",
@@ -198,7 +198,7 @@ async fn a_request_is_taken_before_it_has_an_answer(kind: Kind) {
     assert!(matches!(reused, Err(StoreError::RequestIdReused { .. })));
 }
 
-async fn a_cancel_ends_or_marks_a_job_whatever_happened_before(kind: Kind) {
+async fn a_cancel_ends_or_marks_a_job_whatever_happened_before(kind: DatabaseKind) {
     let stage = Stage::new(kind).await;
     let mut tx = stage.write().await;
     let begun = leases::begin(&mut tx, &stage.ask(&own()), &stage.job).await;

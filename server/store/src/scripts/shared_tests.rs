@@ -1,7 +1,7 @@
 //! Two coordinators on one database: what one has decided, the other one knows.
 
 use crate::db::sql;
-use crate::stage::{Kind, Pair, on_each_database};
+use crate::stage::{DatabaseKind, Pair, on_each_database};
 use crate::{
     JobKind, NewPart, NewPiece, NewSubject, NewUpload, NewWorker, PartId, StoreError, Tenant,
     UploadedFile,
@@ -24,7 +24,7 @@ fn own() -> &'static Tenant {
 }
 
 impl Two {
-    async fn new(kind: Kind) -> Self {
+    async fn new(kind: DatabaseKind) -> Self {
         let clock = Arc::new(ManualClock::at(1e9));
         let own_clock: Arc<dyn Clock> = Arc::clone(&clock) as _;
         let pair = kind.pair(own_clock).await;
@@ -90,7 +90,7 @@ fn is_refused<T: std::fmt::Debug>(answer: Result<T, StoreError>, expected: Error
     }
 }
 
-async fn a_step_of_the_clock_is_recorded_once(kind: Kind) {
+async fn a_step_of_the_clock_is_recorded_once(kind: DatabaseKind) {
     let two = Two::new(kind).await;
     // To the second one, the time since the first one's check is time while the service was down.
     for store in [&two.pair.first, &two.pair.second] {
@@ -137,7 +137,7 @@ fn late_id(writer: u64) -> PartId {
     PartId { writer, number: 1 }
 }
 
-async fn a_part_is_committed_once_at_any_coordinator_by_its_tenant(kind: Kind) {
+async fn a_part_is_committed_once_at_any_coordinator_by_its_tenant(kind: DatabaseKind) {
     let two = Two::new(kind).await;
     let id = two.upload().await;
     let writer = two.pair.first.take_over_upload(own(), &id).await;
@@ -156,7 +156,7 @@ async fn a_part_is_committed_once_at_any_coordinator_by_its_tenant(kind: Kind) {
     assert_eq!(parts.expect("is there").len(), 1);
 }
 
-async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {
+async fn only_the_newest_writer_of_an_upload_commits(kind: DatabaseKind) {
     let two = Two::new(kind).await;
     let id = two.upload().await;
     let first = two.pair.first.take_over_upload(own(), &id).await;
@@ -204,7 +204,7 @@ async fn only_the_newest_writer_of_an_upload_commits(kind: Kind) {
     assert!(matches!(none, Err(StoreError::NotFound { .. })), "{none:?}");
 }
 
-async fn a_small_part_is_replaced_by_a_larger_one(kind: Kind) {
+async fn a_small_part_is_replaced_by_a_larger_one(kind: DatabaseKind) {
     let two = Two::new(kind).await;
     let id = two.upload().await;
     let store = &two.pair.first;
@@ -244,7 +244,7 @@ async fn a_small_part_is_replaced_by_a_larger_one(kind: Kind) {
     assert_eq!(upload.newest, None, "a part without pieces is garbage");
 }
 
-async fn files_are_removed_or_read_again_but_not_both(kind: Kind) {
+async fn files_are_removed_or_read_again_but_not_both(kind: DatabaseKind) {
     let two = Two::new(kind).await;
     let (removed, read) = (two.rejected().await, two.rejected().await);
     assert!(
@@ -262,7 +262,7 @@ async fn files_are_removed_or_read_again_but_not_both(kind: Kind) {
     assert!(!released.expect("ends"), "an ingest job names them");
 }
 
-async fn a_worker_that_asked_one_coordinator_is_known_to_the_other(kind: Kind) {
+async fn a_worker_that_asked_one_coordinator_is_known_to_the_other(kind: DatabaseKind) {
     let two = Two::new(kind).await;
     let worker = NewWorker {
         key: None,

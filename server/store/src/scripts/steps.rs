@@ -108,7 +108,7 @@ async fn move_waits(tx: &mut Tx, seconds: f64, latest: f64) -> Result<(), StoreE
 #[cfg(test)]
 mod tests {
     use super::STAMPS;
-    use crate::stage::{Kind, on_each_database};
+    use crate::stage::{DatabaseKind, on_each_database};
     use crate::{Horizons, NewSubject, RequestKey, Tenant};
     use std::sync::Arc;
     use yoto_process::clock::ManualClock;
@@ -125,7 +125,7 @@ mod tests {
         a_request_is_remembered_for_a_week_of_running_time,
     );
 
-    async fn the_stamps_are_those_of_the_schema(kind: Kind) {
+    async fn the_stamps_are_those_of_the_schema(kind: DatabaseKind) {
         let clock = Arc::new(ManualClock::at(1e9));
         let staged = kind.store(clock).await;
         let store = &staged.store;
@@ -141,7 +141,7 @@ mod tests {
         assert_eq!(stamps, expected);
     }
 
-    async fn a_request_is_remembered_for_a_week_of_running_time(kind: Kind) {
+    async fn a_request_is_remembered_for_a_week_of_running_time(kind: DatabaseKind) {
         let clock = Arc::new(ManualClock::at(1e9));
         let own = Arc::clone(&clock);
         let staged = kind.store(own).await;

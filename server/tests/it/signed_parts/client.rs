@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use yoto_client::{ClientError, FileSource, UploadFile, YotoClient};
 use yoto_proto::v1::Capture;
-use yoto_test_s3::Fault;
+use yoto_test_s3::S3Fault;
 
 const PART: u64 = 64 << 10;
 /// Parts of the film: the last one is too small for a URL.
@@ -95,7 +95,7 @@ async fn a_program_that_ends_leaves_what_is_committed_and_the_next_one_goes_on()
 async fn connections_that_break_lose_nothing() {
     let stage = Stage::start(PART, |_| {}).await;
     let files = files();
-    stage.server.fail(Fault::CutRequests);
+    stage.server.fail(S3Fault::CutRequests);
     let uploaded = stage.upload(&stage.client(), &files).await;
     stage.server.heal();
     uploaded.expect("arrives");
@@ -122,7 +122,7 @@ async fn urls_that_have_ended_are_refused_and_the_service_takes_the_bytes() {
 #[tokio::test]
 async fn a_store_out_of_reach_is_tried_once() {
     let stage = Stage::start(PART, |_| {}).await;
-    stage.server.fail(Fault::NoSigned);
+    stage.server.fail(S3Fault::NoSigned);
     assert_tried_once(&stage, &stage.client(), 4).await;
 }
 

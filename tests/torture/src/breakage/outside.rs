@@ -12,7 +12,7 @@ use rand::RngExt;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use yoto_test_postgres::Database;
-use yoto_test_s3::Fault as S3Fault;
+use yoto_test_s3::S3Fault;
 
 /// Longest wait for an answer that should not come.
 const NO_ANSWER: Duration = Duration::from_millis(500);

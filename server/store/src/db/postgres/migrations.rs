@@ -3,7 +3,7 @@
 use super::advice::refusal;
 use super::failures::During;
 use crate::StoreError;
-use crate::db::schema::{self, Found, START, State, Steps, step};
+use crate::db::schema::{self, FoundSchema, START, State, Steps, step};
 use sqlx::migrate::Migration;
 use sqlx::{Executor, PgPool, Row};
 
@@ -60,7 +60,7 @@ pub(super) async fn are_known(pool: &PgPool) -> Result<(), StoreError> {
 }
 
 /// What the database contains.
-async fn found(pool: &PgPool) -> Result<Found, StoreError> {
+async fn found(pool: &PgPool) -> Result<FoundSchema, StoreError> {
     let action = "reading the database's schema";
     let row = pool
         .fetch_one("SELECT pg_encoding_to_char(encoding)::text AS encoding FROM pg_database WHERE datname = current_database()")
@@ -84,5 +84,5 @@ async fn found(pool: &PgPool) -> Result<Found, StoreError> {
             applied.push((version, row.try_get("checksum").during(action)?));
         }
     }
-    Ok(Found { tables, applied })
+    Ok(FoundSchema { tables, applied })
 }

@@ -2,7 +2,7 @@
 
 use super::failures::During;
 use crate::StoreError;
-use crate::db::schema::{self, Found, START, State, Steps, step};
+use crate::db::schema::{self, FoundSchema, START, State, Steps, step};
 use sqlx::migrate::Migration;
 use sqlx::{Executor, Row, SqlitePool};
 
@@ -57,7 +57,7 @@ pub(super) async fn are_pending(readers: &SqlitePool) -> Result<bool, StoreError
 }
 
 /// What the database contains.
-async fn found(writer: &SqlitePool) -> Result<Found, StoreError> {
+async fn found(writer: &SqlitePool) -> Result<FoundSchema, StoreError> {
     let action = "reading the database's schema";
     let tables = "SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite\\_%' ESCAPE '\\' ORDER BY 1";
     let rows = writer.fetch_all(tables).await.during(action)?;
@@ -71,5 +71,5 @@ async fn found(writer: &SqlitePool) -> Result<Found, StoreError> {
             applied.push((version, row.try_get("checksum").during(action)?));
         }
     }
-    Ok(Found { tables, applied })
+    Ok(FoundSchema { tables, applied })
 }

@@ -1,7 +1,7 @@
 //! The reads of pages return rows of the asker's tenant alone, and the same as the calls for each row.
 
 use crate::db::{Tx, sql};
-use crate::stage::{Kind, Staged, on_each_database};
+use crate::stage::{DatabaseKind, Staged, on_each_database};
 use crate::{JobFilter, JobGroup, JobKind, Membership, Page, Tenant};
 use std::sync::Arc;
 use yoto_process::clock::{Clock, ManualClock};
@@ -57,7 +57,7 @@ async fn insert(tx: &mut Tx, tenant: &Tenant, begin: &str) {
 }
 
 impl Stage {
-    async fn set(kind: Kind) -> Self {
+    async fn set(kind: DatabaseKind) -> Self {
         let clock: Arc<dyn Clock> = Arc::new(ManualClock::at(1e9));
         let staged = kind.store(clock).await;
         let own = Tenant::default();
@@ -80,7 +80,7 @@ on_each_database!(
     the_state_of_the_queue_is_the_own_one,
 );
 
-async fn names_are_the_own_ones(kind: Kind) {
+async fn names_are_the_own_ones(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let asked = [
         "models/a-m",
@@ -107,7 +107,7 @@ async fn names_are_the_own_ones(kind: Kind) {
     assert!(none.expect("reads nothing").is_empty());
 }
 
-async fn people_have_the_newest_ready_capture(kind: Kind) {
+async fn people_have_the_newest_ready_capture(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let people = staged.store.people(&own, &["b-s", "a-s", "none"]).await;
     let [ada] = &people.expect("reads")[..] else {
@@ -133,7 +133,7 @@ async fn people_have_the_newest_ready_capture(kind: Kind) {
     assert!(nobody.expect("reads nothing").is_empty());
 }
 
-async fn captures_have_their_files_and_violations(kind: Kind) {
+async fn captures_have_their_files_and_violations(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let store = &staged.store;
     let found = store
@@ -164,7 +164,7 @@ async fn captures_have_their_files_and_violations(kind: Kind) {
         .expect_err("is another's");
 }
 
-async fn each_list_of_jobs_is_as_the_call_has_it(kind: Kind) {
+async fn each_list_of_jobs_is_as_the_call_has_it(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let filters = [
         JobFilter {
@@ -240,7 +240,7 @@ async fn each_list_of_jobs_is_as_the_call_has_it(kind: Kind) {
     }
 }
 
-async fn figures_checkpoints_and_consents_are_the_own_ones(kind: Kind) {
+async fn figures_checkpoints_and_consents_are_the_own_ones(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let store = &staged.store;
     let figures = store
@@ -291,7 +291,7 @@ async fn figures_checkpoints_and_consents_are_the_own_ones(kind: Kind) {
         .expect_err("is another's");
 }
 
-async fn a_person_is_in_the_models_that_have_them(kind: Kind) {
+async fn a_person_is_in_the_models_that_have_them(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let store = &staged.store;
     let member = |model: &str, display_name: &str, trained| Membership {
@@ -329,7 +329,7 @@ async fn a_person_is_in_the_models_that_have_them(kind: Kind) {
         .expect_err("is another's");
 }
 
-async fn the_state_of_the_queue_is_the_own_one(kind: Kind) {
+async fn the_state_of_the_queue_is_the_own_one(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let store = &staged.store;
     store

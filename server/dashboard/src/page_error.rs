@@ -9,12 +9,12 @@ use tonic::{Code, Status};
 
 /// Why a page can't be shown.
 #[derive(Debug)]
-pub(crate) struct Fault {
+pub(crate) struct PageError {
     status: StatusCode,
     words: String,
 }
 
-impl Fault {
+impl PageError {
     /// One with these words.
     pub(crate) fn of(status: StatusCode, words: impl Into<String>) -> Self {
         Self {
@@ -24,7 +24,7 @@ impl Fault {
     }
 }
 
-impl From<Status> for Fault {
+impl From<Status> for PageError {
     fn from(error: Status) -> Self {
         Self::of(status(error.code()), error.message())
     }
@@ -61,7 +61,7 @@ fn heading(status: StatusCode) -> &'static str {
     }
 }
 
-impl IntoResponse for Fault {
+impl IntoResponse for PageError {
     fn into_response(self) -> Response {
         let heading = heading(self.status);
         let body = html! {
@@ -79,9 +79,9 @@ mod tests {
 
     #[test]
     fn an_error_has_its_status_and_no_markup_of_others() {
-        let fault = Fault::from(Status::not_found("jobs/<script>\u{202e} does not exist"));
-        assert_eq!(fault.status, StatusCode::NOT_FOUND);
-        let page = document::still("x", html! { (told(&fault.words)) }).0;
+        let error = PageError::from(Status::not_found("jobs/<script>\u{202e} does not exist"));
+        assert_eq!(error.status, StatusCode::NOT_FOUND);
+        let page = document::still("x", html! { (told(&error.words)) }).0;
         assert!(page.contains("jobs/&lt;script&gt;\\u{202e} does"), "{page}");
         for code in 1..=16 {
             assert!(status(Code::from_i32(code)).as_u16() >= 400, "{code}");
