@@ -5,13 +5,15 @@
 
 use crate::body::{Body, JOINTS};
 use crate::packed;
+use crate::tensors::{FileError, Tensors, finite, floats, indices, rows, units};
+use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
-use safetensors::{SafeTensorError, SafeTensors};
 use std::collections::HashMap;
 use std::sync::OnceLock;
-use thiserror::Error;
 
-/// Learned from the VALID avatars without the people on whom models are measured; [`NOTICE`] is its licence.
+/// Learned from the VALID avatars without those on whom models are measured: `yoto-lab body` with `--without
+/// Hispanic_M_2 White_M_1 NHPI_M_1 Asian_F_1 Black_M_1 White_F_2 Hispanic_F_1 AIAN_M_1 Asian_M_3 Black_F_3`. [`NOTICE`] is
+/// its licence.
 static PEOPLE: &[u8] = include_bytes!("body.safetensors");
 /// The licence of the bodies that models are learned from, which every file has with it.
 const NOTICE: &str = include_str!("LICENSE-bodies");
@@ -26,38 +28,8 @@ const MOST_VERTICES: usize = 1 << 16;
 const MOST_COMPONENTS: usize = 512;
 /// Most vertices that a joint is regressed from.
 pub(crate) const MOST_SHARES: usize = 32;
-/// Largest difference between 1 and the sum of a joint's shares.
+/// Largest difference between 1 and a sum of shares.
 const SHARES_OFF: f32 = 1e-3;
-
-/// Why a file is no model, or a model has no file.
-#[derive(Debug, Error)]
-pub enum FileError {
-    /// Not safetensors, or incomplete.
-    #[error("not a body model: {0}")]
-    Format(SafeTensorError),
-    /// A file of another version, or of something else.
-    #[error("not a body model of version {VERSION}: its version is {0}")]
-    Version(String),
-    /// A tensor is missing.
-    #[error("{0}: the tensor is missing")]
-    Missing(&'static str),
-    /// A tensor of another type or shape.
-    #[error("{tensor}: it is {found}, and should be {expected}")]
-    Shape {
-        /// Its name.
-        tensor: &'static str,
-        /// Its type and shape.
-        found: String,
-        /// What they should be.
-        expected: String,
-    },
-    /// A number that is not finite, or that the format can't hold.
-    #[error("{0}: a number is not finite or out of range")]
-    Number(&'static str),
-    /// Shares that are negative or do not sum to 1.
-    #[error("{0}: shares are negative or do not sum to 1")]
-    Shares(&'static str),
-}
 
 impl Body {
     /// The model that the program has.
@@ -162,9 +134,15 @@ impl Body {
         let scales = [first.scales, rest.scales].concat();
         let mean = packed::pack_metres(self.mean.as_flattened());
         let colour_mean = finite("colour_mean", self.colour_mean.as_flattened())?;
-        let weights = finite("weights", self.weights.as_flattened())?
-            .as_chunks::<4>()
-            .0;
+        if !self
+            .weights
+            .iter()
+            .all(|row| sum_to_one(row.iter().copied()))
+        {
+            return Err(FileError::Shares("weights"));
+        }
+        let weights = self.weights.iter();
+        let weights = weights.flat_map(|row| packed::pack_shares(*row)).collect();
         let (joint_vertices, joint_shares) = joint_rows(&self.joints)?;
         let tensors = [
             (
@@ -214,15 +192,7 @@ impl Body {
                 floats(&joint_shares),
             ),
             ("bones", Dtype::U8, vec![v, 4], self.bones.concat()),
-            (
-                "weights",
-                Dtype::U8,
-                vec![v, 4],
-                weights
-                    .iter()
-                    .flat_map(|row| packed::pack_shares(*row))
-                    .collect(),
-            ),
+            ("weights", Dtype::U8, vec![v, 4], weights),
             (
                 "mirror",
                 Dtype::U16,
@@ -253,97 +223,11 @@ impl Body {
     }
 }
 
-/// The tensors of a file.
-struct Tensors<'a>(SafeTensors<'a>);
-
-impl<'a> Tensors<'a> {
-    fn view(&self, tensor: &'static str) -> Result<TensorView<'a>, FileError> {
-        self.0
-            .tensor(tensor)
-            .map_err(|_| FileError::Missing(tensor))
-    }
-
-    /// Extent of the first axis.
-    fn count(
-        &self,
-        tensor: &'static str,
-        allowed: std::ops::RangeInclusive<usize>,
-    ) -> Result<usize, FileError> {
-        let view = self.view(tensor)?;
-        let count = view
-            .shape()
-            .first()
-            .copied()
-            .filter(|count| allowed.contains(count));
-        count.ok_or_else(|| FileError::Shape {
-            tensor,
-            found: format!("{:?}", view.shape()),
-            expected: format!("of {} to {} rows", allowed.start(), allowed.end()),
-        })
-    }
-
-    fn get(
-        &self,
-        tensor: &'static str,
-        dtype: Dtype,
-        shape: &[usize],
-    ) -> Result<&'a [u8], FileError> {
-        let view = self.view(tensor)?;
-        if view.dtype() != dtype || view.shape() != shape {
-            return Err(FileError::Shape {
-                tensor,
-                found: format!("{:?} {:?}", view.dtype(), view.shape()),
-                expected: format!("{dtype:?} {shape:?}"),
-            });
-        }
-        Ok(view.data())
-    }
-
-    /// Floats that are finite and not negative.
-    fn floats(&self, tensor: &'static str, shape: &[usize]) -> Result<Vec<f32>, FileError> {
-        let bytes = self.get(tensor, Dtype::F32, shape)?.as_chunks::<4>().0;
-        let numbers: Vec<f32> = bytes
-            .iter()
-            .map(|bytes| f32::from_le_bytes(*bytes))
-            .collect();
-        let allowed = numbers
-            .iter()
-            .all(|number| number.is_finite() && *number >= 0.0);
-        allowed.then_some(numbers).ok_or(FileError::Number(tensor))
-    }
-
-    fn shorts(
-        &self,
-        tensor: &'static str,
-        shape: &[usize],
-    ) -> Result<impl Iterator<Item = u16> + use<'a>, FileError> {
-        let bytes = self.get(tensor, Dtype::U16, shape)?.as_chunks::<2>().0;
-        Ok(bytes.iter().map(|bytes| u16::from_le_bytes(*bytes)))
-    }
-
-    /// Indices of vertices, below `vertices`.
-    fn indices(
-        &self,
-        tensor: &'static str,
-        shape: &[usize],
-        vertices: usize,
-    ) -> Result<Vec<u32>, FileError> {
-        let indices: Vec<u32> = self.shorts(tensor, shape)?.map(u32::from).collect();
-        let inside = indices.iter().all(|index| (*index as usize) < vertices);
-        inside.then_some(indices).ok_or(FileError::Number(tensor))
-    }
-}
-
-/// Numbers as rows of `N`.
-fn rows<T: Copy, const N: usize>(numbers: &[T]) -> Vec<[T; N]> {
-    numbers.as_chunks::<N>().0.to_vec()
-}
-
 /// The regressor in rows of [`MOST_SHARES`] pairs, without the pairs that fill up a row.
 fn joints_of_rows(pairs: &[(u32, f32)]) -> Result<Vec<Vec<(u32, f32)>>, FileError> {
     let joint = |row: &[(u32, f32)]| -> Result<Vec<(u32, f32)>, FileError> {
-        let sum: f32 = row.iter().map(|(_, share)| share).sum();
-        if (sum - 1.0).abs() > SHARES_OFF {
+        let shares = row.iter().map(|(_, share)| *share);
+        if !sum_to_one(shares) {
             return Err(FileError::Shares("joint_shares"));
         }
         Ok(row
@@ -366,40 +250,17 @@ fn joint_rows(joints: &[Vec<(u32, f32)>]) -> Result<(Vec<u32>, Vec<f32>), FileEr
                 expected: format!("at most {MOST_SHARES}"),
             });
         }
+        if !sum_to_one(joint.iter().map(|(_, share)| *share)) {
+            return Err(FileError::Shares("joint_shares"));
+        }
         pairs.extend(joint);
         pairs.resize(pairs.len() + MOST_SHARES - joint.len(), (0, 0.0));
     }
-    let (vertices, shares): (Vec<u32>, Vec<f32>) = pairs.into_iter().unzip();
-    finite("joint_shares", &shares)?;
-    Ok((vertices, shares))
+    Ok(pairs.into_iter().unzip())
 }
 
-fn finite<'a>(tensor: &'static str, numbers: &'a [f32]) -> Result<&'a [f32], FileError> {
-    let all = numbers.iter().all(|number| number.is_finite());
-    all.then_some(numbers).ok_or(FileError::Number(tensor))
-}
-
-fn floats(numbers: &[f32]) -> Vec<u8> {
-    numbers
-        .iter()
-        .flat_map(|number| number.to_le_bytes())
-        .collect()
-}
-
-fn indices(tensor: &'static str, indices: &[u32]) -> Result<Vec<u8>, FileError> {
-    let short = |index: &u32| u16::try_from(*index).map_err(|_| FileError::Number(tensor));
-    let shorts: Vec<u16> = indices.iter().map(short).collect::<Result<_, _>>()?;
-    Ok(shorts
-        .iter()
-        .flat_map(|index| index.to_le_bytes())
-        .collect())
-}
-
-/// Numbers from 0 to 1 in 16 bits.
-fn units(tensor: &'static str, numbers: &[f32]) -> Result<Vec<u8>, FileError> {
-    if !numbers.iter().all(|number| (0.0..=1.0).contains(number)) {
-        return Err(FileError::Number(tensor));
-    }
-    let step = |number: &f32| ((number * f32::from(u16::MAX)).round() as u16).to_le_bytes();
-    Ok(numbers.iter().flat_map(step).collect())
+/// Whether shares are not negative and sum to 1, but for rounding.
+fn sum_to_one(mut shares: impl Iterator<Item = f32> + Clone) -> bool {
+    let sum: f32 = shares.clone().sum();
+    shares.all(|share| share >= 0.0) && (sum - 1.0).abs() <= SHARES_OFF
 }

@@ -12,8 +12,9 @@ mod body;
 pub mod file;
 pub mod learn;
 mod packed;
+mod tensors;
 #[cfg(test)]
 mod tests;
 
 pub use body::{Body, JOINTS};
-pub use file::FileError;
+pub use tensors::FileError;

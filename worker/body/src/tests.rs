@@ -1,10 +1,10 @@
 //! The model that the program has, and files.
 
 use crate::body::{Body, JOINTS};
-use crate::file::FileError;
 use crate::learn::tests::learned;
+use crate::tensors::FileError;
 use safetensors::SafeTensors;
-use safetensors::tensor::{Dtype, TensorView};
+use safetensors::tensor::TensorView;
 
 const HEAD: usize = 15;
 /// The joint on the other side of the left ones.
@@ -270,6 +270,9 @@ fn what_a_file_cannot_hold_is_an_error() {
     refused(&|body| body.uv[0][0] = 1.5, "uv");
     refused(&|body| body.faces[0][0] = 1 << 16, "faces");
     refused(&|body| body.part.truncate(3), "part");
+    refused(&|body| body.weights[0] = [0.5, 0.6, 0.0, 0.0], "weights");
+    refused(&|body| body.weights[0] = [f32::NAN; 4], "weights");
+    refused(&|body| body.joints[0] = vec![(0, 0.5)], "joint_shares");
     refused(
         &|body| body.joints[0] = vec![(0, 0.01); 100],
         "joint_vertices",

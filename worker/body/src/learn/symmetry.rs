@@ -1,5 +1,6 @@
 //! Which vertices are at the same place, and which is the partner of each on the other side.
 
+use super::joints::OTHER as OTHER_JOINT;
 use super::read::{Bodies, Topology};
 use super::triangles;
 
@@ -12,7 +13,9 @@ const PARTNER: f32 = 0.012;
 /// Most candidates for a partner.
 const CANDIDATES: usize = 8;
 /// The parts on the other side: main, left and right eye.
-const OTHER: [u8; 3] = [0, 2, 1];
+const OTHER_PART: [u8; 3] = [0, 2, 1];
+/// What vertices that other joints move are farther apart, metres: fingers touch.
+const SKIN: f32 = 0.05;
 
 /// The first vertex at the same place of each, `[V]`: seams of the texture duplicate vertices.
 pub(super) fn weld(bodies: &Bodies, kept: &[(usize, f64)], mean: &[[f32; 3]]) -> Vec<u32> {
@@ -117,14 +120,21 @@ fn pair(topology: &Topology, mean: &[[f32; 3]], firsts: &[u32], partner: &mut [O
     }
 }
 
-/// How far the mirror image of `a` is from `b`; infinitely far in another part.
+/// How far the mirror image of `a` is from `b`, metres, with what [`SKIN`] adds; infinitely far in another part.
 fn apart(topology: &Topology, mean: &[[f32; 3]], a: u32, b: u32) -> f32 {
     let (a, b) = (a as usize, b as usize);
-    if OTHER[usize::from(topology.part[a])] != topology.part[b] {
+    if OTHER_PART[usize::from(topology.part[a])] != topology.part[b] {
         return f32::INFINITY;
     }
+    let skin = |at: usize| topology.bones[at].into_iter().zip(topology.weights[at]);
+    let common = |(bone, weight): (u8, f32)| {
+        let other = OTHER_JOINT[usize::from(bone)];
+        let same = skin(b).filter(|(bone, _)| usize::from(*bone) == other);
+        weight.min(same.map(|(_, weight)| weight).sum())
+    };
     let [x, y, z] = mean[a];
-    distance([-x, y, z], mean[b])
+    let different = 1.0 - skin(a).map(common).sum::<f32>();
+    distance([-x, y, z], mean[b]) + SKIN * different.max(0.0)
 }
 
 /// Rows `[V]` of a body with left and right exchanged: the row of each vertex's partner, with −x if `flip`.
