@@ -6,6 +6,7 @@
 mod ablation;
 mod args;
 mod bench;
+mod body;
 mod decoder;
 mod distill;
 mod evaluate;
@@ -42,6 +43,7 @@ enum Command {
     Real(Box<real::Real>),
     Ablation(ablation::AblationCommand),
     Decoder(decoder::DecoderCommand),
+    Body(body::BodyCommand),
     Tradeoff(tradeoff::TradeoffCommand),
     Evaluate(evaluate::Evaluate),
     Distill(distill::Distill),
@@ -75,6 +77,7 @@ impl Command {
             Self::Real(command) => command.run(),
             Self::Ablation(command) => command.run(),
             Self::Decoder(command) => command.run(),
+            Self::Body(command) => command.run(),
             Self::Tradeoff(command) => command.run(),
             Self::Evaluate(command) => command.run(),
             Self::Distill(command) => command.run(),
