@@ -9,7 +9,10 @@ pub mod cpu;
 mod cube;
 #[cfg(feature = "gpu")]
 mod cube_grid;
+#[cfg(feature = "gpu")]
+mod cube_rigid;
 mod grid;
+mod influences;
 pub mod inverse;
 pub mod likelihood;
 mod point_block;
