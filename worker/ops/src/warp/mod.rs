@@ -19,6 +19,7 @@ mod point_block;
 pub mod point_gradients;
 pub mod reference;
 pub mod skin;
+pub mod skin_surface;
 
 pub use grid::WarpGrid;
 
