@@ -162,6 +162,44 @@ pub(super) fn untransformed_point(points: &[f32], index: usize, lattice: &Lattic
     )
 }
 
+/// The lowest node of a cell inside the box along an axis with `nodes` nodes, for a place of `g` cells.
+#[cube]
+fn lowest_inside(g: f32, nodes: u32) -> i32 {
+    clamp(i32::cast_from(f32::floor(g)), 0, i32::cast_from(nodes) - 2)
+}
+
+/// The point with index `index` as it is, in a cell whose eight nodes are all inside the box. Points at the border of
+/// the box are inside.
+#[cube]
+pub(super) fn point_in_box(points: &[f32], index: usize, lattice: &Lattice) -> GridPoint {
+    let x = points[3 * index];
+    let y = points[3 * index + 1];
+    let z = points[3 * index + 2];
+    let gx = (x - lattice.min_x) * lattice.scale_x;
+    let gy = (y - lattice.min_y) * lattice.scale_y;
+    let gz = (z - lattice.min_z) * lattice.scale_z;
+    let i = lowest_inside(gx, lattice.nodes_x);
+    let j = lowest_inside(gy, lattice.nodes_y);
+    let k = lowest_inside(gz, lattice.nodes_z);
+    GridPoint {
+        inside: gx >= 0.0
+            && gy >= 0.0
+            && gz >= 0.0
+            && gx <= f32::cast_from(lattice.nodes_x - 1)
+            && gy <= f32::cast_from(lattice.nodes_y - 1)
+            && gz <= f32::cast_from(lattice.nodes_z - 1),
+        x,
+        y,
+        z,
+        i,
+        j,
+        k,
+        u: gx - f32::cast_from(i),
+        v: gy - f32::cast_from(j),
+        w: gz - f32::cast_from(k),
+    }
+}
+
 /// Number of the grid's nodes.
 #[cube]
 pub(super) fn voxels(lattice: &Lattice) -> usize {

@@ -111,6 +111,29 @@ impl Cell {
         Some(Self { low, part })
     }
 
+    /// The cell of point `p`, whose eight nodes are all inside the box; `None` outside the box. Points at its border
+    /// are inside.
+    #[inline(always)]
+    pub(super) fn inside(
+        p: [f32; 3],
+        min: [f32; 3],
+        scale: [f32; 3],
+        sides: [i32; 3],
+    ) -> Option<Self> {
+        let mut low = [0i32; 3];
+        let mut part = [0f32; 3];
+        for a in 0..3 {
+            let g = (p[a] - min[a]) * scale[a];
+            // Comparisons are false for a NaN.
+            if !(g >= 0.0 && g <= (sides[a] - 1) as f32) {
+                return None;
+            }
+            low[a] = (g as i32).min(sides[a] - 2);
+            part[a] = g - low[a] as f32;
+        }
+        Some(Self { low, part })
+    }
+
     /// Calls `visit` for each of the eight nodes that is inside the box, with the node's index,
     /// its trilinear weight and the derivatives of that weight with respect to the offset along x, y, z.
     #[inline(always)]

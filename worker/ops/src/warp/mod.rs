@@ -9,13 +9,17 @@ pub mod cpu;
 mod cube;
 #[cfg(feature = "gpu")]
 mod cube_grid;
+#[cfg(feature = "gpu")]
+mod cube_rigid;
 mod grid;
+mod influences;
 pub mod inverse;
 pub mod likelihood;
 mod point_block;
 pub mod point_gradients;
 pub mod reference;
 pub mod skin;
+pub mod skin_surface;
 
 pub use grid::WarpGrid;
 

@@ -10,6 +10,7 @@ mod hash;
 mod inverse;
 mod picture_loss;
 mod skin;
+mod skin_surface;
 mod splat;
 mod splat_f64;
 mod splat_slopes;

@@ -14,3 +14,4 @@ mod device;
 mod operations;
 mod splats;
 mod step;
+mod surface;

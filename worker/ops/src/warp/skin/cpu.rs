@@ -1,6 +1,7 @@
 //! Forward skinning on CPU threads. The backward pass runs over points, then over bones, so that the
 //! order of sums does not depend on the number of threads.
 
+use super::super::influences::{AllInfluences, Influence, Influences, dot};
 use super::super::inverse::solve::Skinning;
 use super::{SkinOps, WarpGrid};
 use crate::flex::tensor;
@@ -103,18 +104,6 @@ struct Gradients {
     points: Vec<f32>,
 }
 
-/// A bone with a weight at a point.
-struct Influence {
-    point: u32,
-    /// Its normalised weight wᵢ in the blend.
-    weight: f32,
-    /// Gradient to its weight.
-    to_weight: f32,
-}
-
-/// Influences of a block of points, bone by bone.
-type Influences = Vec<Vec<Influence>>;
-
 fn backward(
     weights: &[f32],
     transforms: &[f32],
@@ -144,28 +133,14 @@ fn backward(
         })
         .collect();
 
-    let mut to_weights = vec![0f32; weights.len()];
-    let mut to_transforms = vec![0f32; transforms.len()];
-    to_weights
-        .par_chunks_mut(grid.voxels())
-        .zip(to_transforms.par_chunks_mut(12))
-        .enumerate()
-        .for_each(|(bone, (to_volume, to_transform))| {
-            let mut to_forward = [0f32; 12];
-            for influence in blocks.iter().flat_map(|influences| &influences[bone]) {
-                let point = influence.point as usize;
-                for (to, from) in to_forward.iter_mut().zip(&grad[point]) {
-                    *to += influence.weight * from;
-                }
-                if influence.to_weight != 0.0
-                    && let Some(cell) = skinning.cell(at[point])
-                {
-                    let volume = skinning.volume(bone);
-                    cell.spread(volume, to_volume, influence.to_weight, grid.sides());
-                }
-            }
-            rigid_inverse_backward(&bones[bone], &to_forward, to_transform);
-        });
+    let influences = AllInfluences {
+        blocks: &blocks,
+        grad,
+        bones,
+        volumes: weights,
+        grid,
+    };
+    let (to_weights, to_transforms) = influences.sum_by_bone(|point| skinning.cell(at[point]));
     Gradients {
         weights: to_weights,
         transforms: to_transforms,
@@ -192,18 +167,6 @@ impl Work for InfluenceBlock<'_, '_> {
     }
 }
 
-/// The product of all numbers of two transforms.
-#[inline(always)]
-fn dot(a: &[f32; 12], b: &[f32; 12]) -> f32 {
-    let mut sums = [0f32; 4];
-    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
-        for lane in 0..4 {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
-}
-
 /// The influences at a block of points, and the gradients to the points. The derivative of Σ wᵢ Gᵢ with
 /// wᵢ = vᵢ / Σ v with respect to vᵢ is (Gᵢ − Σ wⱼ Gⱼ) / Σ v.
 #[inline(always)]
@@ -227,7 +190,7 @@ fn influences<const FMA: bool>(block: InfluenceBlock<'_, '_>) -> Influences {
             influences[0].push(Influence {
                 point,
                 weight: 1.0,
-                to_weight: 0.0,
+                to_value: 0.0,
             });
             continue;
         };
@@ -243,22 +206,9 @@ fn influences<const FMA: bool>(block: InfluenceBlock<'_, '_>) -> Influences {
             influences[bone].push(Influence {
                 point,
                 weight: weight / blend.sum,
-                to_weight,
+                to_value: to_weight,
             });
         });
     }
     influences
-}
-
-/// Adds the gradient to a bone's posed-to-canonical transform [R, t], from the gradient `to_inverse` to its inverse
-/// [Rᵀ, s] with s = −Rᵀ t: ∂L/∂R = (∂L/∂Rᵀ)ᵀ − t (∂L/∂s)ᵀ, ∂L/∂t = −R ∂L/∂s.
-fn rigid_inverse_backward(bone: &[f32; 12], to_inverse: &[f32; 12], to: &mut [f32]) {
-    for a in 0..3 {
-        let shift = bone[4 * a + 3];
-        for b in 0..3 {
-            let to_shift = to_inverse[4 * b + 3];
-            to[4 * a + b] += to_inverse[4 * b + a] - to_shift * shift;
-            to[4 * a + 3] -= to_shift * bone[4 * a + b];
-        }
-    }
 }

@@ -2,6 +2,7 @@
 //! gradients have a group of threads per bone and run of points, as in [`super::super::cube`].
 
 use super::super::cube_grid::{GridPoint, Lattice, lattice, tap, untransformed_point, voxels};
+use super::super::cube_rigid::{GROUP, RUN, bone_to_posed, product, rigid_inverse_backward};
 use super::super::inverse::MIN_SUM;
 use super::{SkinOps, WarpGrid};
 use crate::cube::adding::{AddFloat, Bound, launch_adding};
@@ -11,11 +12,6 @@ use burn::tensor::Shape;
 use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use cubecl::prelude::*;
-
-/// Threads per group of the backward pass. Every Vulkan device runs 128; they normalized 6 KiB.
-const GROUP: usize = 128;
-/// Points that a group sums over for its bone: enough that few groups add to the same sums.
-const RUN: usize = 1024;
 
 impl SkinOps for CubeBackend {
     fn skin(
@@ -129,36 +125,6 @@ fn weight(weights: &[f32], bone: usize, point: &GridPoint, lattice: &Lattice, fl
     }
     if sum <= floor {
         sum = 0.0;
-    }
-    sum
-}
-
-/// Canonical to posed of the bone with index `bone`, row-major 3x4: [Rᵀ, −Rᵀ t] of [R, t].
-#[cube]
-fn bone_to_posed(transforms: &[f32], bone: usize) -> Array<f32> {
-    let t = 12 * bone;
-    let mut bone_to_posed = Array::<f32>::new(12usize);
-    #[unroll]
-    for row in 0..3usize {
-        let mut shift = 0.0f32;
-        #[unroll]
-        for column in 0..3usize {
-            let rotation = transforms[t + 4 * column + row];
-            bone_to_posed[4 * row + column] = rotation;
-            shift += rotation * transforms[t + 4 * column + 3];
-        }
-        bone_to_posed[4 * row + 3] = -shift;
-    }
-    bone_to_posed
-}
-
-/// The inner product of row `i` of `grad` `[N, 12]` and a transform.
-#[cube]
-fn product(grad: &[f32], i: usize, transform: &Array<f32>) -> f32 {
-    let mut sum = 0.0f32;
-    #[unroll]
-    for k in 0..12usize {
-        sum += grad[12 * i + k] * transform[k];
     }
     sum
 }
@@ -341,35 +307,5 @@ fn bones_backward<A: AddFloat>(
             }
         }
     }
-    let mut shared = Shared::<[f32]>::new_slice(12 * GROUP);
-    #[unroll]
-    for k in 0..12usize {
-        shared[k * GROUP + unit] = own[k];
-    }
-    let mut sums = Shared::<[f32]>::new_slice(12usize);
-    sync_cube();
-    if unit < 12 {
-        let mut sum = 0.0f32;
-        for other in 0..GROUP {
-            sum += shared[unit * GROUP + other];
-        }
-        sums[unit] = sum;
-    }
-    sync_cube();
-    // Of [Rᵀ, s] with s = −Rᵀ t: ∂L/∂R = (∂L/∂Rᵀ)ᵀ − t (∂L/∂s)ᵀ, ∂L/∂t = −R ∂L/∂s
-    if unit < 12 {
-        let t = 12 * bone;
-        let row = unit / 4;
-        let column = unit % 4;
-        let mut to = 0.0f32;
-        if column == 3 {
-            #[unroll]
-            for b in 0..3usize {
-                to -= sums[4 * b + 3] * transforms[t + 4 * row + b];
-            }
-        } else {
-            to = sums[4 * column + row] - sums[4 * column + 3] * transforms[t + 4 * row + 3];
-        }
-        A::add(&mut to_transforms[t + unit], to);
-    }
+    rigid_inverse_backward::<A>(&own, transforms, bone, to_transforms);
 }

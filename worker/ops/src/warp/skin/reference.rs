@@ -12,7 +12,7 @@ pub fn skin(
     grid: &WarpGrid,
 ) -> Tensor<2> {
     let [n, _] = points.dims();
-    let first = first_bone(transforms.clone().narrow(0, 0, 1)).repeat_dim(0, n);
+    let first = bones_to_posed(transforms.clone().narrow(0, 0, 1)).repeat_dim(0, n);
     let blend = PosedBody::new(weights, transforms, grid).blend(points);
     let shift = blend.shift.reshape([n, 3, 1]);
     let blended = Tensor::cat(vec![blend.rotation, shift], 2).reshape([n, 12]);
@@ -20,10 +20,13 @@ pub fn skin(
     blended.mask_where(empty, first)
 }
 
-/// Canonical to posed `[1, 12]`, of the `transform` `[1, 12]` back.
-fn first_bone(transform: Tensor<2>) -> Tensor<2> {
-    let transform = transform.reshape([3, 4]);
-    let rotation = transform.clone().slice([0..3, 0..3]).transpose();
-    let shift = rotation.clone().matmul(transform.slice([0..3, 3..4])).neg();
-    Tensor::cat(vec![rotation, shift], 1).reshape([1, 12])
+/// Canonical to posed `[K, 12]` of each bone, the inverses of the rigid `transforms` `[K, 12]`.
+pub(in crate::warp) fn bones_to_posed(transforms: Tensor<2>) -> Tensor<2> {
+    let [bones, _] = transforms.dims();
+    let transforms = transforms.reshape([bones, 3, 4]);
+    let rotations = transforms.clone().slice([0..bones, 0..3, 0..3]);
+    let rotations = rotations.swap_dims(1, 2);
+    let shifts = transforms.slice([0..bones, 0..3, 3..4]);
+    let shifts = rotations.clone().matmul(shifts).neg();
+    Tensor::cat(vec![rotations, shifts], 2).reshape([bones, 12])
 }

@@ -29,8 +29,13 @@ impl SkinningWeights {
             .with_min_len(BLOCK)
             .map(|at| skinning.skinning_weights(*at))
             .collect();
+        Self::from_lists(found)
+    }
+
+    /// The skinning weights of each point as a list of bones and their weights, which sum to 1.
+    pub fn from_lists(lists: Vec<Vec<(usize, f32)>>) -> Self {
         let (mut starts, mut bones) = (vec![0], Vec::new());
-        for weights in found {
+        for weights in lists {
             bones.extend(
                 weights
                     .into_iter()
