@@ -7,11 +7,13 @@
 //! - [`Body`]: the model.
 //! - [`mod@file`]: its file, and the one that the program has.
 //! - [`learn`]: learns a model.
+//! - [`person`]: one person's body, by their joints and outlines.
 
 mod body;
 pub mod file;
 pub mod learn;
 mod packed;
+pub mod person;
 mod tensors;
 #[cfg(test)]
 mod tests;
