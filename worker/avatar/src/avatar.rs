@@ -20,6 +20,7 @@ use yoto_ops::warp;
 
 mod appearance;
 mod guesses;
+mod skinning;
 mod splats;
 
 pub use appearance::{AvatarAppearance, AvatarField, AvatarSplats};
@@ -66,7 +67,7 @@ pub struct PartCount {
 pub struct Posed {
     slot: usize,
     schedule_progress: f64,
-    /// `[K + 1, V]` motion weights.
+    /// `[K + 1, V]` motion weights, or factors of those of a body's surface where splats lie on one.
     pub weights: Tensor<2>,
     /// `[K, 12]` posed body to canonical.
     pub transforms: Tensor<2>,
@@ -201,12 +202,22 @@ impl Avatar {
         Posed {
             slot,
             schedule_progress,
-            weights: self.motion.volume(slot, body.log_prior.clone()),
+            weights: self.motion.volume(slot, self.log_prior(slot, body)),
             transforms,
             pose: vector,
             code,
             conditioned,
             shaped_by: (config.active_pose_shapes(schedule_progress)).map(|_| pose.clone()),
+        }
+    }
+
+    /// Logarithm `[K + 1, V]` of what the volume of motion weights is about: the prior, or factors of 1 where splats have
+    /// weights of a body's surface.
+    fn log_prior(&self, slot: usize, body: &CanonicalBody) -> Tensor<2> {
+        let splats = self.splats.get(slot);
+        match splats.is_some_and(Splats::has_surface) {
+            true => body.log_prior.zeros_like(),
+            false => body.log_prior.clone(),
         }
     }
 

@@ -146,15 +146,19 @@ impl AvatarSplats<'_> {
         posed: &Posed,
     ) -> Result<splat::Splats, ReadError> {
         let splats = &self.splats[posed.slot];
-        let means = self
-            .avatar
-            .apply_non_rigid(self.model, posed, splats.means.val());
-        let transforms = warp::skin::skin(
-            posed.weights.clone(),
-            posed.transforms.clone(),
-            means.clone(),
-            &body.grid,
-        );
+        let means = self.canonical_means(posed);
+        let (weights, bones) = (posed.weights.clone(), posed.transforms.clone());
+        let transforms = match (&splats.bones, &splats.bone_weights) {
+            (Some(own), Some(base)) => warp::skin_surface::skin_surface(
+                weights,
+                bones,
+                means.clone(),
+                own.val().detach(),
+                base.val().detach(),
+                &body.grid,
+            ),
+            _ => warp::skin::skin(weights, bones, means.clone(), &body.grid),
+        };
         let means = match (&self.avatar.pose_shapes, &posed.shaped_by) {
             (Some(shapes), Some(pose)) => {
                 let (config, code) = (&self.config.pose_shapes, posed.code.clone());
@@ -173,6 +177,12 @@ impl AvatarSplats<'_> {
             harmonics: splats.harmonics.as_ref().map(Param::val),
             light: splats.light.val(),
         })
+    }
+
+    /// The canonical places `[N, 3]` of the splats of a posed identity, metres, before pose blend shapes.
+    pub(super) fn canonical_means(&self, posed: &Posed) -> Tensor<2> {
+        let means = self.splats[posed.slot].means.val();
+        self.avatar.apply_non_rigid(self.model, posed, means)
     }
 
     /// Pose blend shapes in host memory for splats of a posed identity at canonical `means` `[N, 3]`; `None` if none take

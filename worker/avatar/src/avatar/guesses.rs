@@ -2,6 +2,7 @@
 //! freezes those colours, and everybody who gets the model can tell which they are.
 
 use super::Avatar;
+use crate::field::splats::Splats;
 use crate::host::{ReadError, read};
 use burn::module::Module;
 use burn::tensor::activation::sigmoid;
@@ -50,14 +51,21 @@ impl Avatar {
         Ok(guessed as f64 / flags.len().max(1) as f64)
     }
 
-    /// Number of parameters, without the flags of guessed colours, which are never trained.
+    /// Number of parameters, without what is never trained: flags of guessed colours, and bones of a surface.
     pub(crate) fn parameters(&self) -> usize {
         self.num_params() - self.flags()
     }
 
-    /// Number of those flags.
+    /// Number of numbers that are never trained.
     pub(super) fn flags(&self) -> usize {
-        let frozen = self.splats.iter().filter_map(|it| it.frozen.as_ref());
-        frozen.map(|frozen| frozen.val().dims()[0]).sum()
+        let constants = |splats: &Splats| {
+            let frozen = splats.frozen.as_ref();
+            let bones = [&splats.bones, &splats.bone_weights].into_iter().flatten();
+            frozen.map_or(0, |it| it.val().shape().num_elements())
+                + bones
+                    .map(|it| it.val().shape().num_elements())
+                    .sum::<usize>()
+        };
+        self.splats.iter().map(constants).sum()
     }
 }

@@ -88,6 +88,16 @@ impl Avatar {
         self.change_splats(slot, |init, splats| splats.paint(init, slot, colours, anew))
     }
 
+    /// Makes room for the bones of the splats of the identity in `slot`, which lie on a body's surface.
+    pub(crate) fn expect_surface(&mut self, slot: usize) {
+        let device = self.device();
+        // Nothing is drawn, so any seed will do.
+        let init = Initial::new(&device, 0);
+        if let Some(splats) = self.splats.get_mut(slot) {
+            splats.expect_surface(&init, slot);
+        }
+    }
+
     /// Lets the colours of all splats depend on the view by harmonics of up to `degree`.
     pub(crate) fn set_harmonics_degree(&mut self, degree: usize) -> Result<(), ReadError> {
         let device = self.device();

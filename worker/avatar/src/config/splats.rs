@@ -41,6 +41,8 @@ pub struct SplatConfig {
     pub guess_unseen: bool,
     /// Learning rate of the light; 0: none, so that colours have the light in them.
     pub light_rate: f64,
+    /// Whether splats start on the surface of the shared body, whose bones carry them (docs/research/body.md).
+    pub surface: bool,
     /// Pose blend shapes.
     pub pose_shapes: PoseShapesConfig,
 }
@@ -62,6 +64,7 @@ impl Default for SplatConfig {
             harmonic_rate: 4e-4,
             light_rate: 5e-3,
             guess_unseen: true,
+            surface: false,
             pose_shapes: PoseShapesConfig::default(),
         }
     }

@@ -3,6 +3,7 @@
 
 use std::f32::consts::TAU;
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::smpl::has_joints;
 use yoto_proto::smpl::JOINTS;
 
 /// Number of parts: trunk, head, and for the left and the right side each: upper arm, forearm, hand, thigh, shin, foot.
@@ -60,12 +61,7 @@ struct Axis {
 impl Parts {
     /// The parts of a skeleton with SMPL's joints; `None` for others, and where joints coincide.
     pub(crate) fn of(skeleton: &Skeleton) -> Option<Self> {
-        let names = skeleton.names.iter().zip(&skeleton.parents);
-        let smpl = skeleton.joints() == JOINTS.len()
-            && names
-                .zip(JOINTS)
-                .all(|((name, parent), joint)| (name.as_str(), *parent) == joint);
-        if !smpl {
+        if !has_joints(skeleton) {
             return None;
         }
         let joint = |index: usize| skeleton.rest[index].map(|v| v as f32);

@@ -28,7 +28,15 @@ pub struct Splats {
     pub harmonics: Option<Param<Tensor<2>>>,
     /// `[3, 8]`.
     pub light: Param<Tensor<2>>,
+    /// `[N, 4]`: indices of the bones that carry each splat, where splats lie on a body's surface; never trained.
+    pub bones: Option<Param<Tensor<2>>>,
+    /// `[N, 4]`: the weights of these bones on the surface, which sum to 1; never trained themselves: the volume of motion
+    /// weights changes them by factors.
+    pub bone_weights: Option<Param<Tensor<2>>>,
 }
+
+/// Bones that carry a splat.
+pub(crate) const BONES: usize = 4;
 
 /// Values of splats in host memory, row by row.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +51,17 @@ pub(crate) struct SplatValues {
     pub opacities: Vec<f32>,
     /// `[N, 3]`.
     pub colours: Vec<f32>,
+    /// Where splats lie on a body's surface.
+    pub skinning: Option<SurfaceSkinning>,
+}
+
+/// The bones that carry splats, by the surface they lie on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct SurfaceSkinning {
+    /// `[N, 4]`, indices.
+    pub bones: Vec<f32>,
+    /// `[N, 4]`, which sum to 1.
+    pub weights: Vec<f32>,
 }
 
 /// Opacity from which a splat tells what the surface looks like.
@@ -66,6 +85,14 @@ impl SplatValues {
         self.scales.extend(hidden.scales);
         self.opacities.resize(count, HIDDEN);
         self.colours.extend(hidden.colours);
+        if let Some(skinning) = &mut self.skinning {
+            skinning.bones.resize(BONES * count, 0.0);
+            // Hidden splats follow the root, so that their weights sum to 1 too.
+            let missing = count - skinning.weights.len() / BONES;
+            skinning
+                .weights
+                .extend([1.0, 0.0, 0.0, 0.0].repeat(missing));
+        }
         self
     }
 
@@ -77,6 +104,7 @@ impl SplatValues {
             scales: vec![-5.0; 3 * count],
             opacities: vec![0.0; count],
             colours: vec![0.5; 3 * count],
+            skinning: None,
         }
     }
 }
@@ -92,7 +120,25 @@ pub(crate) fn frozen_path(slot: usize) -> String {
     stored(&format!("splats.{slot}.frozen"))
 }
 
+/// Names in checkpoints of the bones of splats on a surface, and of their weights.
+pub(crate) fn skinning_paths(slot: usize) -> [String; 2] {
+    ["bones", "bone_weights"].map(|name| stored(&format!("splats.{slot}.{name}")))
+}
+
 impl Splats {
+    /// Whether they have bones and weights of a body's surface.
+    pub(crate) fn has_surface(&self) -> bool {
+        self.bones.is_some()
+    }
+
+    /// Makes room for bones and weights of a body's surface.
+    pub(crate) fn expect_surface(&mut self, init: &Initial, slot: usize) {
+        let [count, _] = self.means.val().dims();
+        let [bones, weights] = skinning_paths(slot);
+        self.bones = Some(init.zeros(&bones, [count, BONES]));
+        self.bone_weights = Some(init.zeros(&weights, [count, BONES]));
+    }
+
     /// Whether none is hidden.
     pub(crate) fn shows_all(&self) -> Result<bool, ReadError> {
         let opacities = read(self.opacities.val().detach())?;
@@ -192,6 +238,13 @@ impl Splats {
             scales: read(self.scales.val().detach())?,
             opacities: read(self.opacities.val().detach())?,
             colours: read(self.colours.val().detach())?,
+            skinning: match (&self.bones, &self.bone_weights) {
+                (Some(bones), Some(weights)) => Some(SurfaceSkinning {
+                    bones: read(bones.val().detach())?,
+                    weights: read(weights.val().detach())?,
+                }),
+                _ => None,
+            },
         })
     }
 
@@ -229,7 +282,11 @@ impl Splats {
     pub(crate) fn new(init: &Initial, slot: usize, first: &SplatValues, degree: usize) -> Self {
         let count = first.means.len() / 3;
         let path = |name: &str| stored(&format!("splats.{slot}.{name}"));
+        let skinning = first.skinning.as_ref();
+        let given = |name: &str, values: &[f32]| init.given(&path(name), [count, BONES], values);
         Self {
+            bones: skinning.map(|it| given("bones", &it.bones)),
+            bone_weights: skinning.map(|it| given("bone_weights", &it.weights)),
             means: init.given(&path("means"), [count, 3], &first.means),
             rotations: init.given(&path("rotations"), [count, 4], &first.rotations),
             scales: init.given(&path("scales"), [count, 3], &first.scales),

@@ -15,7 +15,7 @@ use tracing::trace_span;
 use yoto_capture::camera::Pose;
 use yoto_ops::splat::View;
 use yoto_ops::splat::probe::Probe;
-use yoto_ops::warp::inverse::solve::Skinning;
+use yoto_ops::warp::inverse::solve::rigid_inverse;
 
 impl PoseFitter<'_> {
     /// The values of the `pixels`, each by its `weights`, with their Jacobian to the pose; `None` if no splat is at any of them.
@@ -28,9 +28,9 @@ impl PoseFitter<'_> {
         weights: &[[f32; 4]],
     ) -> Result<Option<PixelValues>, RenderError> {
         let (posed, host) = self.posed(pose)?;
-        let (splats, view) = self.host_splats(splats, pose, picture, &posed)?;
+        let (host_splats, view) = self.host_splats(splats, pose, picture, &posed)?;
         let _span = trace_span!("fit: splats").entered();
-        let probe = Probe::new(splats.as_slices(), &view);
+        let probe = Probe::new(host_splats.as_slices(), &view);
         let asked = pixels.par_iter().zip(weights);
         let found: Vec<_> = asked
             .map(|(pixel, by)| probe.gradients(*pixel, *by))
@@ -41,24 +41,25 @@ impl PoseFitter<'_> {
         }
         let mut has_gradient = vec![false; probe.splats()];
         transform_gradients().for_each(|gradient| has_gradient[gradient.splat] = true);
-        let skinning = Skinning::new(&host.weights, &host.transforms, &self.body.grid);
-        let carried_by = |(splat, has_gradient): (usize, &bool)| match has_gradient {
-            true => skinning.skinning_weights(probe.mean(splat)),
-            false => Vec::new(),
-        };
-        let shares: Vec<_> = has_gradient
-            .par_iter()
-            .enumerate()
-            .map(carried_by)
+        let indices = (0..probe.splats()).filter(|splat| has_gradient[*splat]);
+        let with_gradient: Vec<usize> = indices.collect();
+        let skinning = splats.skinning_weights_of(self.body, &posed, &with_gradient)?;
+        let mut rank = vec![0; probe.splats()];
+        for (i, splat) in with_gradient.iter().enumerate() {
+            rank[*splat] = i;
+        }
+        let forward: Vec<[f32; 12]> = (host.transforms.as_chunks::<12>().0.iter())
+            .map(rigid_inverse)
             .collect();
         let bones = host.joints.len();
         let mut wrenches = vec![Wrench::default(); pixels.len() * bones];
         let rows = wrenches.par_chunks_exact_mut(bones).zip(&found);
         rows.for_each(|(wrenches, (_, gradients))| {
             for gradient in gradients {
-                for (bone, share) in &shares[gradient.splat] {
-                    let carry = &skinning.forward[*bone];
-                    wrenches[*bone].add(columns(carry, &gradient.to_transform, *share));
+                for (bone, share) in skinning.of(rank[gradient.splat]) {
+                    let bone = *bone as usize;
+                    let carry = &forward[bone];
+                    wrenches[bone].add(columns(carry, &gradient.to_transform, *share));
                 }
             }
         });

@@ -8,10 +8,7 @@ use crate::avatar::AvatarAppearance;
 use crate::decoder::cells::Means;
 use crate::decoder::parts::{BodyPlace, Parts};
 use crate::field::splats::{SOLID, SplatValues, opaque_area};
-use crate::host::read;
-use crate::motion::weights::strongest;
 use yoto_capture::camera::Pose;
-use yoto_ops::warp::inverse::solve::Skinning;
 
 /// A person's colours and widths by places on the body.
 struct Looks {
@@ -57,12 +54,12 @@ impl Renderer {
             return Ok(None);
         };
         let posed = splats.pose(body, slot, &rest, self.schedule_progress);
-        let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
-        let skinning = Skinning::new(&weights, &transforms, &body.grid);
+        let skinning = splats.skinning_weights(body, &posed)?;
         let values = splats.values(slot)?;
         let places: Vec<(BodyPlace, f32, [f32; 3])> = (values.means.as_chunks::<3>().0.iter())
-            .map(|at| {
-                let joint = strongest(&skinning, *at);
+            .enumerate()
+            .map(|(i, at)| {
+                let joint = usize::from(skinning.largest(i));
                 let (width, out) = parts.across(*at, joint);
                 (parts.place(*at, joint), width, out)
             })

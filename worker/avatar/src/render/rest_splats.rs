@@ -127,17 +127,13 @@ impl Renderer {
         let mut rows = read(splats.rows().detach())?;
         // Nothing moves in the rest pose, so that the rows have the canonical places.
         let mut shapes = avatar.host_shapes(body, &posed, &means_of_rows(&rows))?;
-        let weights = read(posed.weights.detach())?;
         let harmonics = splats.harmonics.map(|it| read(it.detach()));
         let mut harmonics = harmonics.transpose()?;
-        let bones = body.skeleton.joints();
-        let shares =
-            |rows: &[f32]| SkinningWeights::new(&weights, bones, &means_of_rows(rows), &body.grid);
-        let mut own = shares(&rows);
+        let mut own = avatar.skinning_weights(body, &posed)?;
         if share < 1.0 {
             let level = level(&rows, harmonics.as_deref(), &own, share);
             (rows, harmonics) = (level.rows, level.harmonics);
-            own = shares(&rows);
+            own = own.merged(&level.groups);
             shapes = shapes.map(|it| it.merged(&level.groups, body, &means_of_rows(&rows)));
         }
         let rest = RestSplats {

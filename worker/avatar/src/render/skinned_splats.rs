@@ -12,7 +12,6 @@ use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_ops::splat::light::LIGHTS;
 use yoto_ops::splat::{SplatRow, harmonics, means_of_rows, splat_rows};
-use yoto_ops::warp::inverse::solve::Skinning;
 
 /// Most bones that carry a splat: players have room for as many.
 pub(super) const BONES: usize = 4;
@@ -89,12 +88,11 @@ impl Renderer {
             AvatarAppearance::Field(_) => return Ok(None),
         };
         let splats = avatar.posed_splats(body, &posed)?;
+        let skinning = avatar.skinning_weights(body, &posed)?;
         let rows = read(splats.rows())?;
         let shapes = avatar.host_shapes(body, &posed, &means_of_rows(&rows))?;
         let sh_coefficients = splats.harmonics.map(read).transpose()?.unwrap_or_default();
         let light = read(splats.light)?;
-        let (weights, transforms) = (read(posed.weights)?, read(posed.transforms)?);
-        let skinning = Skinning::new(&weights, &transforms, &body.grid);
         let flags = avatar.frozen_colours(slot)?;
         let all = splat_rows(&rows);
         let numbers = sh_coefficients.len() / all.len().max(1);
@@ -102,7 +100,7 @@ impl Renderer {
             let own = sh_coefficients[i * numbers..][..numbers].as_chunks::<3>().0;
             SkinnedSplat {
                 guessed: flags.as_ref().is_some_and(|flags| flags[i]),
-                ..skinned(row, own, &skinning)
+                ..skinned(row, own, skinning.of(i))
             }
         });
         let splats: Vec<(usize, SkinnedSplat)> = splats
@@ -237,9 +235,12 @@ impl SkinnedSplat {
     }
 }
 
-/// The splat of a row, with its harmonics.
-fn skinned(row: SplatRow, own: &[[f32; 3]], skinning: &Skinning<'_>) -> SkinnedSplat {
-    let bones = most(skinning.skinning_weights(row.mean));
+/// The splat of a row, with its harmonics and the bones that carry it.
+fn skinned(row: SplatRow, own: &[[f32; 3]], skinning: &[(u32, f32)]) -> SkinnedSplat {
+    let shares = skinning
+        .iter()
+        .map(|(bone, share)| (*bone as usize, *share));
+    let bones = most(shares.collect());
     let level = LevelSplat::of_row(&row, bones[0].0);
     let harmonics = std::array::from_fn(|k| own.get(k).copied().unwrap_or_default());
     SkinnedSplat::of_level(&level, harmonics, bones)

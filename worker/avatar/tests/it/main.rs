@@ -24,6 +24,7 @@ mod speed;
 mod splat_scenes;
 mod splats;
 mod support;
+mod surface;
 mod together;
 mod tradeoff;
 mod training;

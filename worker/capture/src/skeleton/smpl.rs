@@ -3,7 +3,16 @@
 
 pub use yoto_proto::smpl::JOINTS;
 
-use super::Vec3;
+use super::{Skeleton, Vec3};
+
+/// Whether the joints of a skeleton are those of SMPL, in its order.
+pub fn has_joints(skeleton: &Skeleton) -> bool {
+    let own = skeleton.names.iter().zip(&skeleton.parents);
+    skeleton.joints() == JOINTS.len()
+        && own
+            .zip(JOINTS)
+            .all(|((name, parent), joint)| (name.as_str(), *parent) == joint)
+}
 
 /// An average adult of [`AVERAGE_HEIGHT`] in T-pose: y up from the floor, facing +z, left hand at +x;
 /// metres. The proportions are those of the synthetic people.

@@ -3,7 +3,7 @@
 
 use crate::avatar::Avatar;
 use crate::config::ModelConfig;
-use crate::field::splats::frozen_path;
+use crate::field::splats::{frozen_path, skinning_paths};
 use crate::identity::stored_names::stored;
 use crate::identity::{own, stored_names};
 use crate::motion::body::CanonicalBody;
@@ -302,7 +302,7 @@ pub(crate) fn load_avatar(
     let path = dir.join(files::WEIGHTS);
     let grown = slots.max(state.slots.len());
     let mut avatar = Avatar::new(&state.config, grown, state.joints, state.seed, device);
-    expect_frozen(&mut avatar, &path)?;
+    expect_optional(&mut avatar, &path)?;
     let mut store = SafetensorsStore::from_file(&path)
         .allow_partial(true)
         .remap(stored_names::from_checkpoint());
@@ -317,8 +317,9 @@ pub(crate) fn load_avatar(
     }
 }
 
-/// Makes room in `avatar` for the flags of frozen colours, which checkpoints late in a run and of finished models have.
-fn expect_frozen(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> {
+/// Makes room in `avatar` for what only some checkpoints have: flags of frozen colours late in a run and in finished models, and the bones
+/// of splats that lie on a body's surface.
+fn expect_optional(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> {
     let bytes = std::fs::read(weights).map_err(|e| failed(weights, e))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| failed(weights, e))?;
     for slot in 0..avatar.splats.len() {
@@ -327,6 +328,18 @@ fn expect_frozen(avatar: &mut Avatar, weights: &Path) -> Result<(), TrainError> 
             avatar
                 .freeze_colours(slot, Some(&vec![false; count]))
                 .map_err(|e| failed(weights, e))?;
+        }
+        let paths = skinning_paths(slot);
+        match paths.each_ref().map(|path| file.tensor(path)) {
+            [Ok(_), Ok(_)] => avatar.expect_surface(slot),
+            [Err(_), Err(_)] => {}
+            _ => {
+                let [bones, base] = paths;
+                return Err(failed(
+                    weights,
+                    format!("{bones} without {base}, or the reverse"),
+                ));
+            }
         }
     }
     Ok(())

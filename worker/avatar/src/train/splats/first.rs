@@ -1,11 +1,18 @@
-//! The initial splats of a person: flat on the shell of the hull, in the mean colour of the frames that face
-//! them.
+//! The initial splats of a person: flat on their surface, in the mean colour of the frames that face them. The surface is that of
+//! the shared body in the person's shape, with the shell of the hull where it stands off; of a skeleton that the body lacks, it is
+//! the shell alone.
 
+use crate::config::SplatConfig;
 use crate::field::splats::SplatValues;
 use crate::train::TrainError;
 use crate::train::people::{TrainFrame, TrainSubject};
 use crate::train::splats::hull::{HullFrame, HullFrames, Shell, Sighting};
+use crate::train::splats::surface::points::SurfacePoints;
+use crate::train::splats::surface::{PersonSurface, layer};
+use tracing::debug;
+use yoto_body::Body;
 use yoto_capture::camera::Pose;
+use yoto_capture::skeleton::smpl::has_joints;
 use yoto_ops::warp::inverse::solve::apply;
 
 /// Standard deviations along the surface and across it, as shares of the distance between splats.
@@ -17,40 +24,92 @@ const WHOLE: u8 = 250;
 /// Colour of splats that no frame faces.
 const UNSEEN: f32 = 0.4;
 
+/// How far outside of the masks a point of the body may be, metres.
+const INSET: f32 = 0.008;
+
 /// `count` splats for `subject`, from the frames that have a `pose`.
 ///
 /// # Errors
 /// If too few points of the body are on the person in the required number of frames.
 pub(crate) fn initial_splats(
     subject: &TrainSubject,
+    config: &SplatConfig,
     pose: impl Fn(&TrainFrame) -> Option<Pose>,
     count: usize,
 ) -> Result<SplatValues, TrainError> {
     let hull = HullFrames::new(subject, pose)?;
     let shell = hull.shell_of(count)?;
-    let cells = shell.normals.len();
-    if cells == 0 {
+    if shell.normals.is_empty() {
         return Err(TrainError::People(format!(
             "{}: poses and masks do not agree: no point of the body is inside the masks of its frames; \
              `yoto capture check` shows them together, and tiers without splats, such as fast, need no agreement",
             subject.name
         )));
     }
+    let skeleton = &subject.body.skeleton;
+    let first = match config.surface && has_joints(skeleton) {
+        true => {
+            let person = PersonSurface::new(Body::people(), skeleton, &hull);
+            on_body(&hull, &person, &shell, count)
+        }
+        false => on_shell(&shell, count),
+    };
+    let scales = first.spacing.iter();
+    Ok(SplatValues {
+        rotations: first
+            .normals
+            .iter()
+            .copied()
+            .flat_map(rotation_to)
+            .collect(),
+        scales: scales
+            .flat_map(|apart| FLAT.map(|share| (share * apart).ln() as f32))
+            .collect(),
+        opacities: vec![0.0; first.points.len()],
+        colours: colours(&hull, &first),
+        skinning: first.skinning(),
+        means: first.points.into_flattened(),
+    })
+}
+
+/// `count` points of the shell.
+fn on_shell(shell: &Shell, count: usize) -> SurfacePoints {
+    let cells = shell.normals.len();
     // Cells at equal steps; their order is that of space, so that all parts of the body are thinned
     // alike. A hull that is too small gives some of its cells twice.
     let chosen: Vec<usize> = (0..count).map(|i| i * cells / count).collect();
-    let apart = shell.spacing * (cells as f64 / count as f64).sqrt();
-    let scale = FLAT.map(|share| (share * apart).ln() as f32);
-    Ok(SplatValues {
-        means: chosen.iter().flat_map(|i| shell.points[*i]).collect(),
-        rotations: chosen
-            .iter()
-            .flat_map(|i| rotation_to(shell.normals[*i]))
-            .collect(),
-        scales: scale.repeat(count),
-        opacities: vec![0.0; count],
-        colours: colours(&hull, &shell, &chosen),
-    })
+    SurfacePoints {
+        points: chosen.iter().map(|i| shell.points[*i]).collect(),
+        normals: chosen.iter().map(|i| shell.normals[*i]).collect(),
+        spacing: vec![shell.spacing * (cells as f64 / count as f64).sqrt(); count],
+        skinning: Vec::new(),
+    }
+}
+
+/// `count` points: those of the person's body that are inside of the masks, and those of the shell that no such point is near.
+fn on_body(
+    hull: &HullFrames<'_>,
+    person: &PersonSurface,
+    shell: &Shell,
+    count: usize,
+) -> SurfacePoints {
+    let (own, area) = person.points(count);
+    let inside: Vec<[f32; 3]> = (own.points.iter().zip(&own.normals))
+        .map(|(at, normal)| std::array::from_fn(|a| at[a] - INSET * normal[a]))
+        .collect();
+    let kept = hull.hold(&inside, &own.skinning);
+    let beside = layer::beside(&own, &kept, shell, &hull.frames);
+    let held = kept.iter().filter(|kept| **kept).count();
+    // Each part has splats by its area.
+    let own_area = area * held as f64 / count.max(1) as f64;
+    let area_beside = beside.points.len() as f64 * shell.spacing * shell.spacing;
+    let share = area_beside / (own_area + area_beside).max(f64::MIN_POSITIVE);
+    let others = ((share * count as f64) as usize).min(beside.points.len());
+    debug!(held, beside = beside.points.len(), others, "surface");
+    let mut all = own.thinned(|i| kept[i], count - others, area / count.max(1) as f64);
+    let cell = shell.spacing * shell.spacing;
+    all.append(beside.thinned(|_| true, others, cell));
+    all
 }
 
 /// The quaternion of the shortest rotation of the third axis to the unit vector `n`.
@@ -63,15 +122,17 @@ fn rotation_to([x, y, z]: [f32; 3]) -> [f32; 4] {
     [1.0 + z, -y, x, 0.0].map(|q| q / length)
 }
 
-/// The mean colour of each chosen cell in the frames that face it, by how much they do.
-fn colours(hull: &HullFrames<'_>, shell: &Shell, chosen: &[usize]) -> Vec<f32> {
-    let points: Vec<[f32; 3]> = chosen.iter().map(|i| shell.points[*i]).collect();
-    let mut sums = vec![[0f32; 4]; chosen.len()];
+/// The mean colour of each point in the frames that face it, by how much they do.
+fn colours(hull: &HullFrames<'_>, first: &SurfacePoints) -> Vec<f32> {
+    let mut sums = vec![[0f32; 4]; first.points.len()];
     for frame in &hull.frames {
-        let sightings = hull.sightings(&points, frame);
-        for ((i, sum), sighting) in chosen.iter().zip(&mut sums).zip(sightings) {
-            let at = [shell.points[*i], shell.normals[*i]];
-            let Some((pixel, facing)) = faces(frame, sighting, at) else {
+        let sightings = match first.skinning.as_slice() {
+            [] => hull.sightings(&first.points, frame),
+            skinning => hull.sightings_on_surface(&first.points, skinning, frame),
+        };
+        let points = first.points.iter().zip(&first.normals);
+        for ((sum, sighting), (point, normal)) in sums.iter_mut().zip(sightings).zip(points) {
+            let Some((pixel, facing)) = faces(frame, sighting, [*point, *normal]) else {
                 continue;
             };
             let colour = &frame.image.rgb[3 * pixel..3 * pixel + 3];

@@ -5,4 +5,5 @@ mod first;
 mod hull;
 pub(crate) mod placing;
 mod split;
+mod surface;
 pub(crate) mod unseen;

@@ -43,7 +43,7 @@ pub(crate) fn place_initial_splats(
         Some(poses) => poses.initial_splat_count(splats, progress, 0.0),
         None => splats.count,
     };
-    let first = initial_splats(subject, |frame| Some(frame.pose.clone()), count)?;
+    let first = initial_splats(subject, splats, |frame| Some(frame.pose.clone()), count)?;
     state
         .avatar_mut()
         .place_splats(own, &first.padded_to(splats.count));

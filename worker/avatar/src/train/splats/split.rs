@@ -1,7 +1,7 @@
 //! Splitting splats: each is replaced by two halves along its longest axis, which know its colour and opacity.
 //! So a model gains detail where it needs it and loses nothing that it has learned.
 
-use crate::field::splats::{HIDDEN, SplatValues};
+use crate::field::splats::{BONES, HIDDEN, SplatValues};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -87,6 +87,11 @@ impl SplatValues {
             self.colours[3 * row..3 * row + 3].copy_from_slice(&colour);
         }
         self.opacities[other] = self.opacities[whole];
+        if let Some(skinning) = &mut self.skinning {
+            for values in [&mut skinning.bones, &mut skinning.weights] {
+                values.copy_within(BONES * whole..BONES * (whole + 1), BONES * other);
+            }
+        }
     }
 
     fn row<const N: usize>(&self, values: &[f32], row: usize) -> [f32; N] {
@@ -141,6 +146,7 @@ mod tests {
             scales: scales.repeat(3),
             opacities: vec![1.0, 2.0, 3.0],
             colours: (0..9u8).map(|c| f32::from(c) / 9.0).collect(),
+            skinning: None,
         }
         .padded_to(3 + hidden)
     }

@@ -279,7 +279,7 @@ pub fn apply(t: &[f32; 12], x: Vec3) -> Vec3 {
 }
 
 /// [Rᵀ, −Rᵀ t] of [R, t].
-pub(in crate::warp) fn rigid_inverse(t: &[f32; 12]) -> [f32; 12] {
+pub fn rigid_inverse(t: &[f32; 12]) -> [f32; 12] {
     std::array::from_fn(|i| match (i / 4, i % 4) {
         (row, 3) => -(0..3).map(|a| t[4 * a + row] * t[4 * a + 3]).sum::<f32>(),
         (row, column) => t[4 * column + row],

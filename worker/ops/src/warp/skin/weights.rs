@@ -5,6 +5,7 @@ use super::super::WarpGrid;
 use super::super::inverse::solve::{Skinning, rigid_inverse};
 use crate::form::{Form, Work, multiply_add};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Points per task.
 const BLOCK: usize = 512;
@@ -46,10 +47,30 @@ impl SkinningWeights {
         Self { starts, bones }
     }
 
+    /// The bones of point `i`, and their shares.
+    pub fn of(&self, i: usize) -> &[(u32, f32)] {
+        &self.bones[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    /// The weights of points, each in place of a group of others with their shares in it, which sum to 1.
+    #[must_use]
+    pub fn merged(&self, groups: &[Vec<(usize, f32)>]) -> Self {
+        let merged = |group: &Vec<(usize, f32)>| {
+            let mut sums: BTreeMap<u32, f32> = BTreeMap::new();
+            for (i, share) in group {
+                for (bone, weight) in self.of(*i) {
+                    *sums.entry(*bone).or_default() += share * weight;
+                }
+            }
+            let sums = sums.into_iter();
+            sums.map(|(bone, weight)| (bone as usize, weight)).collect()
+        };
+        Self::from_lists(groups.iter().map(merged).collect())
+    }
+
     /// The bone with the largest share in point `i`; 0 without any.
     pub fn largest(&self, i: usize) -> u16 {
-        let own = &self.bones[self.starts[i] as usize..self.starts[i + 1] as usize];
-        let largest = own.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let largest = self.of(i).iter().max_by(|a, b| a.1.total_cmp(&b.1));
         // A skeleton has at most 256 joints.
         largest.map_or(0, |(bone, _)| *bone as u16)
     }

@@ -17,7 +17,7 @@ use cells::Cells;
 use rayon::prelude::*;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Pose;
-use yoto_ops::warp::inverse::solve::apply;
+use yoto_ops::warp::inverse::solve::{apply, rigid_inverse};
 use yoto_ops::warp::skin::cpu::forward;
 
 /// Most frames that are looked at, evenly over the capture.
@@ -43,6 +43,9 @@ const BONES_INSIDE: f64 = 0.9;
 /// Largest share of frames that the hull forgives.
 const MOST_FORGIVEN: f64 = 0.3;
 
+/// Share of the frames in which a point of a fitted surface may be beside the person, on top of those that the hull forgives.
+const BESIDE: f64 = 0.02;
+
 /// A frame, ready to be asked for canonical points.
 pub(crate) struct HullFrame {
     /// `[K, 12]` posed body to canonical.
@@ -52,6 +55,48 @@ pub(crate) struct HullFrame {
     /// Body frame to camera.
     pub camera: [[f32; 4]; 3],
     pub image: FrameImage,
+}
+
+impl HullFrame {
+    /// Where a canonical point is that `transform` carries.
+    fn sighting(&self, transform: [f32; 12], point: [f32; 3]) -> Sighting {
+        let (width, height) = (self.image.width, self.image.height);
+        let at = apply(&transform, point);
+        let [u, v, w] = self
+            .projection
+            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
+        let (x, y) = (u / w, v / w);
+        // Comparisons are false for a NaN.
+        let inside = w > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
+        Sighting {
+            pixel: inside.then(|| y as usize * width + x as usize),
+            transform,
+        }
+    }
+
+    /// `[K, 12]` posed body to canonical.
+    pub(super) fn transforms(&self) -> &[f32] {
+        &self.transforms
+    }
+
+    /// Coverage of the pixel at a point of the posed body, metres, between pixels by distance, 0 to 255; `None` outside of the picture.
+    pub(super) fn coverage(&self, at: [f32; 3]) -> Option<f32> {
+        let [u, v, w] = self
+            .projection
+            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
+        let (x, y) = (u / w - 0.5, v / w - 0.5);
+        let (width, height) = (self.image.width, self.image.height);
+        let inside =
+            w > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
+        inside.then(|| {
+            let (column, row) = (x as usize, y as usize);
+            let (right, down) = (x - column as f32, y - row as f32);
+            let pixel =
+                |dx: usize, dy: usize| f32::from(self.image.mask[(row + dy) * width + column + dx]);
+            (1.0 - down) * ((1.0 - right) * pixel(0, 0) + right * pixel(1, 0))
+                + down * ((1.0 - right) * pixel(0, 1) + right * pixel(1, 1))
+        })
+    }
 }
 
 /// A person's frames, and what forward skinning needs.
@@ -109,25 +154,46 @@ impl<'a> HullFrames<'a> {
         let grid = &self.subject.body.grid;
         let numbers = points.as_flattened();
         let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
-        let (width, height) = (frame.image.width, frame.image.height);
         let placed = transforms.as_chunks::<12>().0.par_iter();
         placed
             .zip(points)
-            .map(|(transform, point)| {
-                let at = apply(transform, *point);
-                let [u, v, w] = frame
-                    .projection
-                    .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
-                let (x, y) = (u / w, v / w);
-                // Comparisons are false for a NaN.
-                let inside =
-                    w > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-                Sighting {
-                    pixel: inside.then(|| y as usize * width + x as usize),
-                    transform: *transform,
+            .map(|(transform, point)| frame.sighting(*transform, *point))
+            .collect()
+    }
+
+    /// Finds `points` in a frame, which bones carry by the weights of a surface.
+    pub(super) fn sightings_on_surface(
+        &self,
+        points: &[[f32; 3]],
+        skinning: &[[(u8, f32); 4]],
+        frame: &HullFrame,
+    ) -> Vec<Sighting> {
+        let bones = frame.transforms.as_chunks::<12>().0.iter();
+        let forward: Vec<[f32; 12]> = bones.map(rigid_inverse).collect();
+        (points.par_iter().zip(skinning))
+            .map(|(point, own)| {
+                let mut transform = [0f32; 12];
+                for (bone, weight) in own {
+                    let bone = &forward[usize::from(*bone)];
+                    for (to, from) in transform.iter_mut().zip(bone) {
+                        *to += weight * from;
+                    }
                 }
+                frame.sighting(transform, *point)
             })
             .collect()
+    }
+
+    /// Whether each of the `points`, which bones carry by the weights of a surface, is on the person in nearly every frame that has it.
+    pub(super) fn hold(&self, points: &[[f32; 3]], skinning: &[[(u8, f32); 4]]) -> Vec<bool> {
+        let mut votes = vec![Votes::default(); points.len()];
+        for frame in &self.frames {
+            let sightings = self.sightings_on_surface(points, skinning, frame);
+            let all = votes.iter_mut().zip(sightings);
+            all.for_each(|(votes, sighting)| votes.add(frame, sighting));
+        }
+        let most = self.forgiven() + (BESIDE * self.frames.len() as f64) as usize;
+        votes.iter().map(|votes| votes.beside <= most).collect()
     }
 
     /// The indices of those `points` that are beside the person in at most `most` frames, and
@@ -148,7 +214,7 @@ impl<'a> HullFrames<'a> {
 
     /// Number of frames in which a point of the hull may be off the person: the number that covers
     /// [`BONES_INSIDE`] of the points along the bones, which are known to be inside the body.
-    fn forgiven(&self) -> usize {
+    pub(super) fn forgiven(&self) -> usize {
         let skeleton = &self.subject.body.skeleton;
         let joints = skeleton.rest.iter().zip(&skeleton.parents);
         let bones = joints.filter_map(|(end, parent)| Some((end, skeleton.rest[(*parent)?])));

@@ -10,8 +10,6 @@ use crate::decoder::Decoder;
 use crate::decoder::parts::Parts;
 use crate::field::splats::{SOLID, opaque_area};
 use crate::host::read;
-use crate::motion::posed;
-use crate::motion::weights::strongest;
 use crate::train::TrainError;
 use crate::train::model::Model;
 use crate::train::people::{TrainFrame, TrainSubject};
@@ -24,7 +22,6 @@ use visibility::{SplatVisibility, splat_visibility};
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
 use yoto_ops::splat::{MIN_ALPHA, SplatRow, splat_rows};
-use yoto_ops::warp::inverse::solve::Skinning;
 use yoto_proto::correction::other_sides;
 
 /// Smallest share of the surface that is worth a note, percent.
@@ -84,15 +81,13 @@ fn guess(
     let rest = Pose::rest(skeleton.joints());
     let posed = avatar.pose(&subject.body, subject.slot, &rest, schedule_progress);
     let rows = read(avatar.posed_splats(&subject.body, &posed)?.rows())?;
-    let (weights, transforms) = (
-        read(posed.weights)?,
-        read(posed::transforms(&subject.body, &rest))?,
-    );
-    let skinning = Skinning::new(&weights, &transforms, &subject.body.grid);
+    let skinning = avatar.skinning_weights(&subject.body, &posed)?;
     let rows: Vec<SplatRow> = splat_rows(&rows).collect();
     let area = |row: &SplatRow| opaque_area(row.alpha(), row.deviations());
     let points: Vec<[f32; 3]> = rows.iter().map(|row| row.mean).collect();
-    let bones: Vec<usize> = points.iter().map(|at| strongest(&skinning, *at)).collect();
+    let bones: Vec<usize> = (0..points.len())
+        .map(|i| usize::from(skinning.largest(i)))
+        .collect();
     let other = other_sides(&subject.track.skeleton).ok();
     let mut surface = Surface {
         colours: rows.iter().map(|row| row.colour).collect(),

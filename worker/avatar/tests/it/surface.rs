@@ -1,0 +1,75 @@
+//! Splats on the surface of the shared body: they start on the person, and bones of the surface carry them wherever they are drawn.
+
+use super::splats::view_of;
+use crate::support::{options, people, run, tempdir, weights};
+use burn::tensor::Device;
+use yoto_avatar::config::{ModelConfig, Refine};
+use yoto_avatar::evaluate::metrics::psnr;
+use yoto_avatar::render::Renderer;
+use yoto_avatar::train::{TrainPerson, Trainer};
+
+const SIZE: u32 = 64;
+
+fn trainer(surface: bool, film: &TrainPerson, steps: u64) -> Trainer {
+    let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
+    let splats = config.appearance.splats_mut().expect("splats");
+    (splats.count, splats.surface) = (2000, surface);
+    config.refinement.who = Refine::Never;
+    Trainer::new(config, options(steps), vec![film.clone()], &Device::flex()).expect("starts")
+}
+
+/// PSNR of a training frame, dB.
+fn likeness(renderer: &Renderer, film: &TrainPerson, place: usize) -> f64 {
+    let frames = film.shard.cropped();
+    let truth = frames.image(place);
+    let seen = renderer.render(&view_of(film, 0, place)).expect("renders");
+    let wanted: Vec<f32> = truth.rgb.iter().map(|v| f32::from(*v) / 255.0).collect();
+    psnr(&seen.rgb, &wanted)
+}
+
+#[test]
+fn a_person_is_recognised_before_the_first_step() {
+    let film = &people(&[0], 12, SIZE)[0];
+    let started = trainer(true, film, 1).renderer();
+    for place in [0, 6] {
+        let found = likeness(&started, film, place);
+        assert!(found > 19.0, "frame {place}: {found:.1} dB");
+    }
+}
+
+#[test]
+fn a_checkpoint_has_the_bones_of_the_surface() {
+    let film = &people(&[0], 12, SIZE)[0];
+    let mut trained = trainer(true, film, 20);
+    run(&mut trained, 20);
+    let dir = tempdir();
+    trained.save(dir.path()).expect("saves");
+    let names: Vec<String> = weights(dir.path()).into_keys().collect();
+    for name in ["splats.0.bones", "splats.0.bone_weights"] {
+        assert!(names.iter().any(|known| known == name), "{name}: {names:?}");
+    }
+    let loaded = Renderer::load(dir.path(), &Device::flex()).expect("loads");
+    let view = view_of(film, 0, 6);
+    let [before, after] = [trained.renderer(), loaded].map(|it| it.render(&view).expect("renders"));
+    assert_eq!(before.rgb, after.rgb);
+    // Players carry splats by the same bones.
+    let splats = trained
+        .renderer()
+        .skinned_splats(0)
+        .expect("reads")
+        .expect("splats");
+    for splat in &splats.splats {
+        let sum: f32 = splat.bones.iter().map(|(_, share)| share).sum();
+        assert!((sum - 1.0).abs() < 1e-4, "{sum}");
+    }
+}
+
+#[test]
+fn training_goes_on_from_a_start_on_the_surface() {
+    let film = &people(&[0], 12, SIZE)[0];
+    let mut trained = trainer(true, film, 60);
+    let before = likeness(&trained.renderer(), film, 3);
+    run(&mut trained, 60);
+    let after = likeness(&trained.renderer(), film, 3);
+    assert!(after > before + 2.0, "{before:.1} dB, then {after:.1} dB");
+}
