@@ -118,7 +118,7 @@ mod tests {
             assert!((height - 0.03).abs() < 0.012, "{height}");
         }
         let feet = (0..body.mean.len()).filter(|i| body.mean[*i][1] < 0.1);
-        feet.for_each(|i| assert!(heights[i].abs() < 1e-3, "{}", heights[i]));
+        feet.for_each(|i| assert!(heights[i].abs() < 5e-3, "{}", heights[i]));
     }
 
     #[test]
