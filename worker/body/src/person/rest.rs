@@ -135,7 +135,7 @@ fn stretch(from: [f32; 3], to: [f32; 3], across: f32) -> [[f32; 3]; 3] {
     })
 }
 
-/// The shortest rotation of the unit vector `a` to the unit vector `b`: I + [v]× + [v]×² / (1 + a·b), v = a × b.
+/// The shortest rotation of the unit vector `a` to the unit vector `b`: I + V + V² / (1 + a·b), where V x = (a × b) × x.
 fn rotation(a: [f32; 3], b: [f32; 3]) -> [[f32; 3]; 3] {
     let cosine = dot(a, b);
     if cosine < -0.999 {
