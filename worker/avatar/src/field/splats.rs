@@ -139,6 +139,20 @@ impl Splats {
         self.bone_weights = Some(init.zeros(&weights, [count, BONES]));
     }
 
+    /// Whether each splat on a surface has bones of a skeleton with `joints` joints, and weights that sum to 1.
+    pub(crate) fn has_good_bones(&self, joints: usize) -> Result<bool, ReadError> {
+        let (Some(bones), Some(weights)) = (&self.bones, &self.bone_weights) else {
+            return Ok(true);
+        };
+        let (bones, weights) = (read(bones.val().detach())?, read(weights.val().detach())?);
+        let is_joint = |bone: &f32| bone.fract() == 0.0 && (0.0..joints as f32).contains(bone);
+        let is_mean = |own: &[f32]| {
+            let sum: f32 = own.iter().sum();
+            own.iter().all(|weight| *weight >= 0.0) && (sum - 1.0).abs() < 1e-3
+        };
+        Ok(bones.iter().all(is_joint) && weights.chunks_exact(BONES).all(is_mean))
+    }
+
     /// Whether none is hidden.
     pub(crate) fn shows_all(&self) -> Result<bool, ReadError> {
         let opacities = read(self.opacities.val().detach())?;

@@ -311,10 +311,20 @@ pub(crate) fn load_avatar(
     let absent = |slot: usize| slot >= state.slots.len() || state.erased.contains(&slot);
     let lacks = |name: &String| !own::owner(name).is_some_and(absent);
     let mut missing = found.missing.iter().map(|(name, _)| stored(name));
-    match missing.find(lacks) {
-        Some(name) => Err(failed(&path, format!("missing tensor: {name}"))),
-        None => Ok(avatar),
+    if let Some(name) = missing.find(lacks) {
+        return Err(failed(&path, format!("missing tensor: {name}")));
     }
+    for (slot, splats) in avatar.splats.iter().enumerate() {
+        let good = splats.has_good_bones(state.joints);
+        if !good.map_err(|e| failed(&path, e))? {
+            let [bones, weights] = skinning_paths(slot);
+            return Err(failed(
+                &path,
+                format!("{bones}, {weights}: not bones of the skeleton with weights that sum to 1"),
+            ));
+        }
+    }
+    Ok(avatar)
 }
 
 /// Makes room in `avatar` for what only some checkpoints have: flags of frozen colours late in a run and in finished models, and the bones
