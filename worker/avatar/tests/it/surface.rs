@@ -7,6 +7,7 @@ use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
 use yoto_avatar::render::Renderer;
 use yoto_avatar::train::{TrainPerson, Trainer};
+use yoto_proto::manifest::files;
 
 const SIZE: u32 = 64;
 
@@ -62,6 +63,26 @@ fn a_checkpoint_has_the_bones_of_the_surface() {
         let sum: f32 = splat.bones.iter().map(|(_, share)| share).sum();
         assert!((sum - 1.0).abs() < 1e-4, "{sum}");
     }
+}
+
+#[test]
+fn bones_that_the_skeleton_lacks_are_refused() {
+    let film = &people(&[0], 12, SIZE)[0];
+    let dir = tempdir();
+    trainer(true, film, 1).save(dir.path()).expect("saves");
+    let path = dir.path().join(files::WEIGHTS);
+    let mut bytes = std::fs::read(&path).expect("a file");
+    let (length, rest) = bytes.split_first_chunk::<8>().expect("a header");
+    let length = u64::from_le_bytes(*length) as usize;
+    let header: serde_json::Value = serde_json::from_slice(&rest[..length]).expect("JSON");
+    let start = header["splats.0.bones"]["data_offsets"][0].as_u64();
+    let start = 8 + length + start.expect("an offset") as usize;
+    bytes[start..start + 4].copy_from_slice(&99f32.to_le_bytes());
+    std::fs::write(&path, bytes).expect("writes");
+    let error = Renderer::load(dir.path(), &Device::flex())
+        .err()
+        .expect("a wrong bone");
+    assert!(error.to_string().contains("splats.0.bones"), "{error}");
 }
 
 #[test]
