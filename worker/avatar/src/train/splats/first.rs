@@ -23,7 +23,8 @@ const FACING: f32 = 0.3;
 const WHOLE: u8 = 250;
 /// Colour of splats that no frame faces.
 const UNSEEN: f32 = 0.4;
-
+/// Splats per area where no frame faces the surface, as a share of those elsewhere.
+const UNSEEN_DENSITY: f64 = 0.25;
 /// How far outside of the masks a point of the body may be, metres.
 const INSET: f32 = 0.008;
 
@@ -86,7 +87,7 @@ fn on_shell(shell: &Shell, count: usize) -> SurfacePoints {
     }
 }
 
-/// `count` points: those of the person's body that are inside of the masks, and those of the shell that no such point is near.
+/// `count` points: those of the person's body that the masks do not contradict, and those of the shell that no such point is near.
 fn on_body(
     hull: &HullFrames<'_>,
     person: &PersonSurface,
@@ -97,18 +98,25 @@ fn on_body(
     let inside: Vec<[f32; 3]> = (own.points.iter().zip(&own.normals))
         .map(|(at, normal)| std::array::from_fn(|a| at[a] - INSET * normal[a]))
         .collect();
-    let kept = hull.hold(&inside, &own.skinning);
+    let kept = hull.hold(&inside, &own.skinning, shell);
     let beside = layer::beside(&own, &kept, shell, &hull.frames);
     let held = kept.iter().filter(|kept| **kept).count();
-    // Each part has splats by its area.
-    let own_area = area * held as f64 / count.max(1) as f64;
+    // Each part has splats by its area, and fewer where no frame faces it.
+    let shown = colour_sums(hull, &own);
+    let density = |i: usize| match (kept[i], shown[i][3] > 0.0) {
+        (false, _) => 0.0,
+        (true, true) => 1.0,
+        (true, false) => UNSEEN_DENSITY,
+    };
+    let each = area / count.max(1) as f64;
+    let own_area = each * (0..own.points.len()).map(density).sum::<f64>();
     let area_beside = beside.points.len() as f64 * shell.spacing * shell.spacing;
     let share = area_beside / (own_area + area_beside).max(f64::MIN_POSITIVE);
     let others = ((share * count as f64) as usize).min(beside.points.len());
     debug!(held, beside = beside.points.len(), others, "surface");
-    let mut all = own.thinned(|i| kept[i], count - others, area / count.max(1) as f64);
+    let mut all = own.thinned(density, count - others, each);
     let cell = shell.spacing * shell.spacing;
-    all.append(beside.thinned(|_| true, others, cell));
+    all.append(beside.thinned(|_| 1.0, others, cell));
     all
 }
 
@@ -124,6 +132,16 @@ fn rotation_to([x, y, z]: [f32; 3]) -> [f32; 4] {
 
 /// The mean colour of each point in the frames that face it, by how much they do.
 fn colours(hull: &HullFrames<'_>, first: &SurfacePoints) -> Vec<f32> {
+    (colour_sums(hull, first).into_iter())
+        .flat_map(|[r, g, b, weight]| match weight > 0.0 {
+            true => [r, g, b].map(|sum| sum / weight),
+            false => [UNSEEN; 3],
+        })
+        .collect()
+}
+
+/// Σ f c and Σ f of the colours c of each point in the frames that face it, where f is the cosine to the view.
+fn colour_sums(hull: &HullFrames<'_>, first: &SurfacePoints) -> Vec<[f32; 4]> {
     let mut sums = vec![[0f32; 4]; first.points.len()];
     for frame in &hull.frames {
         let sightings = match first.skinning.as_slice() {
@@ -142,12 +160,7 @@ fn colours(hull: &HullFrames<'_>, first: &SurfacePoints) -> Vec<f32> {
             sum[3] += facing;
         }
     }
-    sums.iter()
-        .flat_map(|[r, g, b, weight]| match *weight > 0.0 {
-            true => [r, g, b].map(|sum| sum / weight),
-            false => [UNSEEN; 3],
-        })
-        .collect()
+    sums
 }
 
 /// The pixel of a point with a normal, and the cosine to the view, if the frame shows it from the front.

@@ -45,6 +45,10 @@ const MOST_FORGIVEN: f64 = 0.3;
 
 /// Share of the frames in which a point of a fitted surface may be beside the person, on top of those that the hull forgives.
 const BESIDE: f64 = 0.02;
+/// Share of the frames with a point of a fitted surface from which it is not on the person, whether or not anything is in its place.
+const MOSTLY_BESIDE: f64 = 0.1;
+/// Distance to the shell from which it has nothing in the place of a point, metres (docs/research/body.md).
+const REPLACED: f32 = 0.03;
 
 /// A frame, ready to be asked for canonical points.
 pub(crate) struct HullFrame {
@@ -184,8 +188,15 @@ impl<'a> HullFrames<'a> {
             .collect()
     }
 
-    /// Whether each of the `points`, which bones carry by the weights of a surface, is on the person in nearly every frame that has it.
-    pub(super) fn hold(&self, points: &[[f32; 3]], skinning: &[[(u8, f32); 4]]) -> Vec<bool> {
+    /// Whether each of the `points`, which bones carry by the weights of a surface, stays on that surface. A point that some frames show
+    /// beside the person goes if the `shell` has another one near it, or if those frames are many. Elsewhere it is the best
+    /// guess, and without it there is a hole.
+    pub(super) fn hold(
+        &self,
+        points: &[[f32; 3]],
+        skinning: &[[(u8, f32); 4]],
+        shell: &Shell,
+    ) -> Vec<bool> {
         let mut votes = vec![Votes::default(); points.len()];
         for frame in &self.frames {
             let sightings = self.sightings_on_surface(points, skinning, frame);
@@ -193,7 +204,12 @@ impl<'a> HullFrames<'a> {
             all.for_each(|(votes, sighting)| votes.add(frame, sighting));
         }
         let most = self.forgiven() + (BESIDE * self.frames.len() as f64) as usize;
-        votes.iter().map(|votes| votes.beside <= most).collect()
+        let holds = |(votes, point): (&Votes, &[f32; 3])| {
+            let shown = (votes.on + votes.beside) as f64;
+            votes.beside <= most
+                || ((votes.beside as f64) < MOSTLY_BESIDE * shown && !shell.is_near(*point))
+        };
+        votes.par_iter().zip(points).map(holds).collect()
     }
 
     /// The indices of those `points` that are beside the person in at most `most` frames, and
@@ -363,6 +379,12 @@ impl Shell {
             points: Vec::new(),
             normals: Vec::new(),
         }
+    }
+
+    /// Whether a point of the shell is within [`REPLACED`] of `at`.
+    fn is_near(&self, at: [f32; 3]) -> bool {
+        let square = |point: &[f32; 3]| (0..3).map(|a| (point[a] - at[a]).powi(2)).sum::<f32>();
+        (self.points.iter()).any(|point| square(point) <= REPLACED * REPLACED)
     }
 }
 

@@ -16,24 +16,32 @@ pub(in crate::train::splats) struct SurfacePoints {
 }
 
 impl SurfacePoints {
-    /// `count` of the points that are `wanted`, evenly in their order, of which each stands for `area`, square metres. Some are given twice if
-    /// there are fewer.
+    /// `count` of the points in their order, by the `density` of each relative to the others, of which each stands for `area`, square
+    /// metres. A point may be given twice.
     pub(in crate::train::splats) fn thinned(
         &self,
-        wanted: impl Fn(usize) -> bool,
+        density: impl Fn(usize) -> f64,
         count: usize,
         area: f64,
     ) -> Self {
-        let all: Vec<usize> = (0..self.points.len()).filter(|i| wanted(*i)).collect();
-        let count = if all.is_empty() { 0 } else { count };
-        let chosen = (0..count).map(|i| all[i * all.len() / count]);
-        let spacing = (area * all.len() as f64 / count.max(1) as f64).sqrt();
-        Self {
-            points: chosen.clone().map(|i| self.points[i]).collect(),
-            normals: chosen.clone().map(|i| self.normals[i]).collect(),
-            skinning: chosen.map(|i| self.skinning[i]).collect(),
-            spacing: vec![spacing; count],
+        let total: f64 = (0..self.points.len()).map(&density).sum();
+        let each = total / count.max(1) as f64;
+        let mut thinned = Self::default();
+        let mut before = 0.0;
+        for i in 0..self.points.len() {
+            let own = density(i);
+            before += own;
+            while own > 0.0
+                && thinned.points.len() < count
+                && (thinned.points.len() as f64 + 0.5) * each <= before
+            {
+                thinned.points.push(self.points[i]);
+                thinned.normals.push(self.normals[i]);
+                thinned.skinning.push(self.skinning[i]);
+                thinned.spacing.push((area * each / own).sqrt());
+            }
         }
+        thinned
     }
 
     pub(in crate::train::splats) fn append(&mut self, other: Self) {
@@ -50,5 +58,32 @@ impl SurfacePoints {
             bones: all.clone().map(|(bone, _)| f32::from(*bone)).collect(),
             weights: all.map(|(_, weight)| *weight).collect(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_of_a_quarter_of_the_density_are_twice_as_far_apart() {
+        let points = SurfacePoints {
+            points: (0..300).map(|i| [i as f32, 0.0, 0.0]).collect(),
+            normals: vec![[0.0, 1.0, 0.0]; 300],
+            spacing: Vec::new(),
+            skinning: vec![[(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]; 300],
+        };
+        let density = |i: usize| [0.0, 0.25, 1.0][i / 100];
+        let thinned = points.thinned(density, 50, 1e-4);
+        let sparse = |at: &&[f32; 3]| at[0] < 200.0;
+        assert_eq!(thinned.points.len(), 50);
+        assert_eq!(thinned.points.iter().filter(sparse).count(), 10);
+        assert!(thinned.points.iter().all(|at| at[0] >= 100.0));
+        // 125 points' worth of area is shared by 50.
+        let apart = |area: f64| (area * 2.5).sqrt();
+        assert!((thinned.spacing[0] - 2.0 * apart(1e-4)).abs() < 1e-9);
+        assert!((thinned.spacing[49] - apart(1e-4)).abs() < 1e-9);
+        let none = points.thinned(|_| 0.0, 50, 1e-4);
+        assert!(none.points.is_empty());
     }
 }
