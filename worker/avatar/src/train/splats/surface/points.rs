@@ -16,8 +16,8 @@ pub(in crate::train::splats) struct SurfacePoints {
 }
 
 impl SurfacePoints {
-    /// `count` of the points in their order, by the `density` of each relative to the others, of which each stands for `area`, square
-    /// metres. A point may be given twice.
+    /// `count` of the points in their order. Each point stands for `area`, square metres, and is chosen in proportion to its `density`. A
+    /// point may be given twice.
     pub(in crate::train::splats) fn thinned(
         &self,
         density: impl Fn(usize) -> f64,
