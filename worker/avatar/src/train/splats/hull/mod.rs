@@ -5,6 +5,7 @@
 
 mod body_depth;
 mod cells;
+mod shell;
 
 use crate::host::read;
 use crate::motion::posed;
@@ -15,10 +16,13 @@ use crate::train::people::{TrainFrame, TrainSubject};
 use body_depth::BodyDepth;
 use cells::Cells;
 use rayon::prelude::*;
+use shell::outward;
 use yoto_capture::FrameImage;
 use yoto_capture::camera::Pose;
 use yoto_ops::warp::inverse::solve::{apply, rigid_inverse};
 use yoto_ops::warp::skin::cpu::forward;
+
+pub(crate) use shell::Shell;
 
 /// Most frames that are looked at, evenly over the capture.
 const FRAMES: usize = 50;
@@ -45,10 +49,9 @@ const MOST_FORGIVEN: f64 = 0.3;
 
 /// Share of the frames in which a point of a fitted surface may be beside the person, on top of those that the hull forgives.
 const BESIDE: f64 = 0.02;
-/// Share of the frames with a point of a fitted surface from which it is not on the person, whether or not anything is in its place.
+/// Share of the frames with a point of a fitted surface from which it is not on the person, whether or not anything is in its place
+/// (docs/research/body.md).
 const MOSTLY_BESIDE: f64 = 0.1;
-/// Distance to the shell from which it has nothing in the place of a point, metres (docs/research/body.md).
-const REPLACED: f32 = 0.03;
 
 /// A frame, ready to be asked for canonical points.
 pub(crate) struct HullFrame {
@@ -204,11 +207,8 @@ impl<'a> HullFrames<'a> {
             all.for_each(|(votes, sighting)| votes.add(frame, sighting));
         }
         let most = self.forgiven() + (BESIDE * self.frames.len() as f64) as usize;
-        let holds = |(votes, point): (&Votes, &[f32; 3])| {
-            let shown = (votes.on + votes.beside) as f64;
-            votes.beside <= most
-                || ((votes.beside as f64) < MOSTLY_BESIDE * shown && !shell.is_near(*point))
-        };
+        let holds =
+            |(votes, point): (&Votes, &[f32; 3])| votes.hold(most, || shell.is_near(*point));
         votes.par_iter().zip(points).map(holds).collect()
     }
 
@@ -360,53 +360,25 @@ impl Votes {
             None => {}
         }
     }
-}
 
-/// Cells of a hull with a neighbour outside.
-pub(crate) struct Shell {
-    /// Their width, metres.
-    pub spacing: f64,
-    /// `[N]` middles, metres.
-    pub points: Vec<[f32; 3]>,
-    /// `[N]` unit normals, outward.
-    pub normals: Vec<[f32; 3]>,
-}
-
-impl Shell {
-    fn empty(spacing: f64) -> Self {
-        Self {
-            spacing,
-            points: Vec::new(),
-            normals: Vec::new(),
-        }
-    }
-
-    /// Whether a point of the shell is within [`REPLACED`] of `at`.
-    fn is_near(&self, at: [f32; 3]) -> bool {
-        let square = |point: &[f32; 3]| (0..3).map(|a| (point[a] - at[a]).powi(2)).sum::<f32>();
-        (self.points.iter()).any(|point| square(point) <= REPLACED * REPLACED)
+    /// Whether a point of a fitted surface with these votes stays, which `most` frames may show beside the person. It may be `replaced` by
+    /// another point.
+    fn hold(self, most: usize, replaced: impl FnOnce() -> bool) -> bool {
+        let shown = (self.on + self.beside) as f64;
+        self.beside <= most || ((self.beside as f64) < MOSTLY_BESIDE * shown && !replaced())
     }
 }
 
-/// The mean direction of the empty cells that are at most two cells away; upward if it has none, as
-/// for a cell alone.
-fn outward(full: impl Fn([isize; 3]) -> bool) -> [f32; 3] {
-    let mut sum = [0f32; 3];
-    for z in -2..=2isize {
-        for y in -2..=2isize {
-            for x in -2..=2isize {
-                if !full([x, y, z]) {
-                    for (sum, part) in sum.iter_mut().zip([x, y, z]) {
-                        *sum += part as f32;
-                    }
-                }
-            }
-        }
-    }
-    let length = sum.iter().map(|v| v * v).sum::<f32>().sqrt();
-    if length > 0.0 {
-        sum.map(|v| v / length)
-    } else {
-        [0.0, 1.0, 0.0]
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_doubtful_point_goes_only_if_another_is_in_its_place_or_most_frames_lack_it() {
+        let votes = |on, beside| Votes { on, beside };
+        assert!(votes(40, 1).hold(1, || true), "few frames");
+        assert!(!votes(40, 3).hold(1, || true), "replaced");
+        assert!(votes(40, 3).hold(1, || false), "nothing in its place");
+        assert!(!votes(30, 10).hold(1, || false), "not on the person");
     }
 }
