@@ -4,6 +4,7 @@
 //! - [`captures`], [`one_camera`]: films and their held-out pictures.
 //! - [`real`]: clips as people have them, through the whole path.
 //! - [`ablation`]: the paper's four variants on the same captures.
+//! - [`stress`]: people in poses that no film shows, beside their truth.
 //! - [`displacement`]: the error of learned motion of clothes.
 //! - [`tradeoff`]: quality over training time and over render time.
 //! - [`model_dir`]: figures of a trained model in a folder.
@@ -36,5 +37,6 @@ pub mod quality;
 pub mod real;
 pub mod report;
 pub mod split_regions;
+pub mod stress;
 pub mod tradeoff;
 mod training;

@@ -14,8 +14,10 @@ mod estimator;
 mod motion;
 mod outfit;
 mod raycast;
+mod stress;
 
 pub use estimator::{Estimate, Estimator, Mistake};
+pub use stress::{NamedPose, calm_motion, stress_poses};
 
 use body::PosedBody;
 use build::Capsule;

@@ -22,22 +22,28 @@ const TURNS: f64 = 2.0;
 const STRIDES: f64 = 7.0;
 
 /// Joint rotations under construction, axis-angle, radians.
-struct Stance(Vec<Vec3>);
+pub(crate) struct Stance(Vec<Vec3>);
 
 impl Stance {
-    fn set(&mut self, joint: usize, rotation: Vec3) {
+    /// All joints as at rest.
+    pub(crate) fn rest(skeleton: &Skeleton) -> Self {
+        Self(vec![[0.0; 3]; skeleton.joints()])
+    }
+
+    /// Sets a joint.
+    pub(crate) fn set(&mut self, joint: usize, rotation: Vec3) {
         self.0[joint] = rotation;
     }
 
     /// Sets the left joint, and the right one to the mirrored rotation.
-    fn set_both(&mut self, left: usize, rotation: Vec3) {
+    pub(crate) fn set_both(&mut self, left: usize, rotation: Vec3) {
         let [x, y, z] = rotation;
         self.set(left, rotation);
         self.set(left + 1, [x, -y, -z]);
     }
 
     /// The pose with the lowest foot on the floor, or `lift` metres above it in a jump.
-    fn stand(self, skeleton: &Skeleton, lift: f64) -> Pose {
+    pub(crate) fn stand(self, skeleton: &Skeleton, lift: f64) -> Pose {
         let mut pose = Pose {
             rotations: self.0.iter().map(|r| r.map(|v| v as f32)).collect(),
             translation: [0.0; 3],
@@ -67,7 +73,7 @@ impl Gait {
     fn walk(&self, skeleton: &Skeleton, time: f64) -> Pose {
         let step = TAU * STRIDES * time + self.phase;
         let swing = step.sin() * self.vigour;
-        let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
+        let mut stance = Stance::rest(skeleton);
         stance.set(
             joint::PELVIS,
             [0.0, wrapped(self.turn * TAU * TURNS * time), 0.0],
@@ -129,7 +135,7 @@ impl Gait {
 }
 
 fn jack(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
-    let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
+    let mut stance = Stance::rest(skeleton);
     stance.set(joint::PELVIS, [0.0, facing, 0.0]);
     stance.set_both(joint::L_HIP, [-0.1, 0.0, 0.4 * effort]);
     stance.set_both(joint::L_KNEE, [0.2, 0.0, 0.0]);
@@ -140,7 +146,7 @@ fn jack(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
 }
 
 fn squat(skeleton: &Skeleton, facing: f64, effort: f64) -> Pose {
-    let mut stance = Stance(vec![[0.0; 3]; skeleton.joints()]);
+    let mut stance = Stance::rest(skeleton);
     stance.set(joint::PELVIS, [0.0, facing, 0.0]);
     stance.set_both(joint::L_HIP, [-1.35 * effort, 0.0, 0.2]);
     stance.set_both(joint::L_KNEE, [1.9 * effort, 0.0, 0.0]);
@@ -161,6 +167,6 @@ fn bump(x: f64, from: f64, to: f64) -> f64 {
 }
 
 /// The angle between -π and π.
-fn wrapped(angle: f64) -> f64 {
+pub(crate) fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }

@@ -14,7 +14,7 @@ pub(crate) mod tests;
 mod triangles;
 
 pub use measure::Report;
-pub use read::{Bodies, ReadError};
+pub use read::{Bodies, BodyMesh, ReadError};
 
 use crate::body::Body;
 use thiserror::Error;
@@ -36,6 +36,9 @@ pub enum LearnError {
     /// An identity to be left out is unknown.
     #[error("there is no identity {0} among the bodies")]
     Identity(String),
+    /// A body is unknown.
+    #[error("there is no body {0} among the bodies; one of them is {1}")]
+    Body(String, String),
     /// Nobody is left.
     #[error("{bodies} bodies are left to learn from, which is too few for {components} components")]
     TooFew {

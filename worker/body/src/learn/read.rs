@@ -67,7 +67,48 @@ pub struct Bodies {
     pub(crate) topology: Topology,
 }
 
+/// One body at rest, and what carries it.
+#[derive(Clone, Debug)]
+pub struct BodyMesh {
+    /// The identity, `_`, and the outfit.
+    pub name: String,
+    /// `[V]`, metres.
+    pub vertices: Vec<[f32; 3]>,
+    /// `[V]`, 0 to 1, sRGB.
+    pub colours: Vec<[f32; 3]>,
+    /// `[K]`, metres.
+    pub joints: Vec<[f32; 3]>,
+    /// `[F]`.
+    pub faces: Vec<[u32; 3]>,
+    /// `[V]`, the joints that carry a vertex.
+    pub bones: Vec<[u8; 4]>,
+    /// `[V]`, their weights.
+    pub weights: Vec<[f32; 4]>,
+}
+
 impl Bodies {
+    /// The body called `name`.
+    ///
+    /// # Errors
+    /// If there is none. The error has some names that there are.
+    pub fn mesh(&self, name: &str) -> Result<BodyMesh, LearnError> {
+        let index = self
+            .names
+            .iter()
+            .position(|it| it.eq_ignore_ascii_case(name));
+        let index =
+            index.ok_or_else(|| LearnError::Body(name.to_owned(), self.names[0].clone()))?;
+        Ok(BodyMesh {
+            name: name.to_owned(),
+            vertices: self.vertices[index].clone(),
+            colours: self.colours[index].clone(),
+            joints: self.joints[index].clone(),
+            faces: self.topology.faces.clone(),
+            bones: self.topology.bones.clone(),
+            weights: self.topology.weights.clone(),
+        })
+    }
+
     /// Reads bodies from the bytes of two archives of numpy.
     ///
     /// `bodies.npz` has `names` `[N]`, `vertices` `[N, V, 3]` in tenths of a millimetre, `colours` `[N, V, 3]` from 0 to

@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use yoto_body::Body;
 use yoto_body::learn::{Bodies, Settings};
 use yoto_terminal::output;
@@ -37,15 +37,20 @@ pub(super) struct BodyCommand {
     out: PathBuf,
 }
 
+/// Reads the bodies in `folder`.
+pub(super) fn bodies(folder: &Path) -> anyhow::Result<Bodies> {
+    let read = |name: &str| {
+        let path = folder.join(name);
+        std::fs::read(&path).with_context(|| format!("reading {}", path.display()))
+    };
+    let bodies = Bodies::read(&read("bodies.npz")?, &read("topology.npz")?);
+    bodies.with_context(|| format!("the bodies {}", folder.display()))
+}
+
 impl BodyCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let read = |name: &str| {
-            let path = self.bodies.join(name);
-            std::fs::read(&path).with_context(|| format!("reading {}", path.display()))
-        };
         let folder = || format!("the bodies {}", self.bodies.display());
-        let bodies = Bodies::read(&read("bodies.npz")?, &read("topology.npz")?);
-        let bodies = bodies.with_context(folder)?;
+        let bodies = bodies(&self.bodies)?;
         let settings = Settings {
             shapes: self.shapes.into(),
             colours: self.colours.into(),

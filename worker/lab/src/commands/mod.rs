@@ -18,6 +18,7 @@ mod quality;
 mod real;
 mod render_frame;
 mod screen;
+mod stress;
 mod tradeoff;
 
 use clap::{Parser, Subcommand};
@@ -44,6 +45,7 @@ enum Command {
     Ablation(ablation::AblationCommand),
     Decoder(decoder::DecoderCommand),
     Body(body::BodyCommand),
+    Stress(stress::StressCommand),
     Tradeoff(tradeoff::TradeoffCommand),
     Evaluate(evaluate::Evaluate),
     Distill(distill::Distill),
@@ -78,6 +80,7 @@ impl Command {
             Self::Ablation(command) => command.run(),
             Self::Decoder(command) => command.run(),
             Self::Body(command) => command.run(),
+            Self::Stress(command) => command.run(),
             Self::Tradeoff(command) => command.run(),
             Self::Evaluate(command) => command.run(),
             Self::Distill(command) => command.run(),

@@ -35,6 +35,8 @@ fn documented_lines_parse() {
         "yoto-lab tradeoff --capture a b --tiers draft,fast --budgets 5,10.5 --size 64 --out o",
         "yoto-lab distill m --slot 1 --capture a --frames --seconds 90 --size 128 --out o",
         "yoto-lab frames m --slot 1 --size 512 --pictures 30",
+        "yoto-lab stress --people 3 --steps 400 --size 256 --out stress",
+        "yoto-lab stress --bodies bodies --body asian_f_1_casual white_m_1_busi --sector 45 --out stress",
         "yoto-lab body bodies --without Asian_F_1 Black_M_1 --shapes 20 --out body.safetensors",
     ] {
         assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");

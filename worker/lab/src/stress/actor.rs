@@ -1,0 +1,93 @@
+//! The people of a stress test: their truth is known in every pose.
+
+use super::mesh;
+use anyhow::Context;
+use std::sync::Arc;
+use yoto_avatar::train::TrainPerson;
+use yoto_body::learn::BodyMesh;
+use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::Skeleton;
+use yoto_capture::{FrameImage, ShardBuilder};
+use yoto_proto::pose_track::PoseTrack;
+use yoto_synthetic::{SyntheticPerson, calm_motion};
+
+/// Frames of a film.
+const FRAMES: usize = 60;
+/// Frames per second of a film.
+const FPS: f64 = 15.0;
+
+/// Somebody who can be rendered in any pose.
+pub(super) struct Actor {
+    pub name: String,
+    pub skeleton: Skeleton,
+    look: Look,
+}
+
+enum Look {
+    Synthetic(Box<SyntheticPerson>),
+    Mesh(Box<BodyMesh>),
+}
+
+impl Actor {
+    /// A synthetic person, in clothes that move.
+    pub(super) fn synthetic(person: SyntheticPerson) -> anyhow::Result<Self> {
+        Ok(Self {
+            name: person.name().to_owned(),
+            skeleton: Skeleton::from_track(&person.skeleton())
+                .context("the skeleton of a synthetic person")?,
+            look: Look::Synthetic(Box::new(person)),
+        })
+    }
+
+    /// A body, whose clothes its bones carry. `pattern` is a skeleton with its joints' names and parents.
+    pub(super) fn mesh(mesh: BodyMesh, pattern: &Skeleton) -> Self {
+        let rest = mesh.joints.iter().map(|joint| joint.map(f64::from));
+        Self {
+            name: mesh.name.clone(),
+            skeleton: Skeleton {
+                rest: rest.collect(),
+                ..pattern.clone()
+            },
+            look: Look::Mesh(Box::new(mesh)),
+        }
+    }
+
+    /// The person in `pose`, over black.
+    pub(super) fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
+        match &self.look {
+            Look::Synthetic(person) => person.render(pose, camera),
+            Look::Mesh(mesh) => mesh::render(mesh, &self.skeleton, pose, camera),
+        }
+    }
+
+    /// The calm film of the person, `size` pixels wide, in a whole turn or within `sector` radians to either side.
+    pub(super) fn film(
+        &self,
+        slot: usize,
+        size: u32,
+        sector: Option<f64>,
+    ) -> anyhow::Result<TrainPerson> {
+        let camera = SyntheticPerson::train_camera(size);
+        let poses = calm_motion(&self.skeleton, FRAMES, sector);
+        let track = PoseTrack {
+            skeleton: self.skeleton.to_track(),
+            image_size: [size, size],
+            fps: FPS,
+            distortion: [0.0; 5],
+            frames: (0..)
+                .zip(&poses)
+                .map(|(index, pose)| camera.to_frame(index, pose))
+                .collect(),
+        };
+        let mut shard = ShardBuilder::new(track);
+        for pose in &poses {
+            shard.push(&self.render(pose, &camera))?;
+        }
+        let shard = shard.finish();
+        Ok(TrainPerson {
+            slot,
+            name: self.name.clone(),
+            shard: Arc::new(shard.with_context(|| format!("packing the film of {}", self.name))?),
+        })
+    }
+}
