@@ -64,7 +64,7 @@ impl Default for SplatConfig {
             harmonic_rate: 4e-4,
             light_rate: 5e-3,
             guess_unseen: true,
-            surface: false,
+            surface: true,
             pose_shapes: PoseShapesConfig::default(),
         }
     }

@@ -155,13 +155,13 @@ impl Trainer {
                 Variant::NoIdentity => known.has_people(),
                 _ => known.has_person(person.slot),
             };
-            place_initial_splats(
+            notes.extend(place_initial_splats(
                 &mut state,
                 &saved.config,
                 saved.schedule_progress,
                 &subject,
                 placed,
-            )?;
+            )?);
             let poses = subject.frames.iter().map(|frame| &frame.pose);
             let avatar = state.avatar_mut();
             avatar.record_pose_range(subject.own_slot, poses)?;

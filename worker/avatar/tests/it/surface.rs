@@ -94,3 +94,18 @@ fn training_goes_on_from_a_start_on_the_surface() {
     let after = likeness(&trained.renderer(), film, 3);
     assert!(after > before + 2.0, "{before:.1} dB, then {after:.1} dB");
 }
+
+#[test]
+fn a_skeleton_that_the_body_lacks_starts_on_the_hull_and_says_so() {
+    let mut film = people(&[0], 12, SIZE).remove(0);
+    assert_eq!(trainer(true, &film, 1).notes(), [] as [String; 0]);
+    let mut shard = (*film.shard).clone();
+    shard.track.skeleton.names[15] = "skull".into();
+    film.shard = std::sync::Arc::new(shard);
+    let started = trainer(true, &film, 1);
+    let notes = started.notes().concat();
+    assert!(notes.contains("24 joints of SMPL"), "{notes}");
+    let found = likeness(&started.renderer(), &film, 6);
+    assert!(found > 15.0, "{found:.1} dB");
+    assert_eq!(trainer(false, &film, 1).notes(), [] as [String; 0]);
+}

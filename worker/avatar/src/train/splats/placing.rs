@@ -13,21 +13,23 @@ use crate::train::splats::error::errors;
 use crate::train::splats::first::initial_splats;
 use crate::train::splats::split::split;
 use tracing::trace_span;
+use yoto_capture::skeleton::smpl::has_joints;
 
 /// Places the splats of `subject` by the given poses, in a model after the completed fraction
 /// `progress` of its first run. A person who is `known` keeps their splats, unless an earlier training
-/// stopped before it placed all of them, and this one does not go on with it.
+/// stopped before it placed all of them, and this one does not go on with it. Returns a note if the shared body does not
+/// have the person's skeleton.
 pub(crate) fn place_initial_splats(
     state: &mut TrainState,
     config: &ModelConfig,
     progress: f64,
     subject: &TrainSubject,
     known: bool,
-) -> Result<(), TrainError> {
+) -> Result<Option<String>, TrainError> {
     let splats = match &config.appearance {
         Appearance::Splats(splats) => splats,
         // A field starts everywhere.
-        Appearance::Field(_) => return Ok(()),
+        Appearance::Field(_) => return Ok(None),
     };
     let own = subject.own_slot;
     let placing = match config.variant {
@@ -37,7 +39,7 @@ pub(crate) fn place_initial_splats(
             .is_some_and(PoseRefinement::has_placed),
     };
     if known && (placing || state.avatar().shows_all_splats(own)?) {
-        return Ok(());
+        return Ok(None);
     }
     let count = match &mut state.poses[subject.slot] {
         Some(poses) => poses.initial_splat_count(splats, progress, 0.0),
@@ -47,7 +49,14 @@ pub(crate) fn place_initial_splats(
     state
         .avatar_mut()
         .place_splats(own, &first.padded_to(splats.count));
-    Ok(())
+    let strange = splats.surface && !has_joints(&subject.body.skeleton);
+    Ok(strange.then(|| {
+        format!(
+            "{}: the skeleton does not have the 24 joints of SMPL, so splats start on what the masks enclose, not on the \
+             shared body",
+            subject.name
+        )
+    }))
 }
 
 /// Splits the splats of the `subject` where the error is until there are as many as are due. The halves know
