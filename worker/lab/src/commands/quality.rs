@@ -158,7 +158,7 @@ impl Quality {
 }
 
 /// The capture at `path`, read whole if it has no held-out pictures.
-fn capture_source(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<CaptureSource> {
+pub(super) fn capture_source(path: &Path, ffmpeg: Option<&Path>) -> anyhow::Result<CaptureSource> {
     let read = || -> anyhow::Result<CaptureSource> {
         if CaptureFolder::has_held_out(path)? {
             return Ok(CaptureSource::Studio(path.to_owned()));

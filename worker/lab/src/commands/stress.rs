@@ -2,6 +2,7 @@
 
 use super::args;
 use super::body::bodies;
+use super::quality::capture_source;
 use super::screen::Terminal;
 use crate::stress::{FILE, StressOptions, run};
 use anyhow::Context;
@@ -9,6 +10,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_avatar::config::Setting;
 use yoto_body::learn::BodyMesh;
+use yoto_import::FfmpegArg;
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -19,18 +21,21 @@ more than 3 cm outside of it, both as shares of the person's area.
 
 OUT/NAME.png has the poses, truth above render; OUT/NAME-sides.png the sides; OUT/stress.json all figures.
 
+Of the person of a --capture there are sheets alone, since nobody knows how they look then; each 20th frame of a film is left out, as in other measurements.
+
 DIR is a folder that `yoto-lab body` learns from. Measure on bodies that the model of bodies was learned without.
 
 Examples:
   yoto-lab stress --people 3 --out stress
-  yoto-lab stress --bodies bodies --body white_m_1_casual asian_f_1_busi --sector 45 --out front-only";
+  yoto-lab stress --bodies bodies --body white_m_1_casual asian_f_1_busi --sector 45 --out front-only
+  yoto-lab stress --capture captures/ada --size 512 --steps 1200 --out ada";
 
 /// Render people in poses that no film shows, beside the truth.
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct StressCommand {
     /// Number of synthetic people, in clothes that move.
-    #[arg(long, value_name = "N", default_value_t = 0, required_unless_present = "bodies", value_parser = clap::value_parser!(u8).range(0..=64))]
+    #[arg(long, value_name = "N", default_value_t = 0, required_unless_present_any = ["bodies", "captures"], value_parser = clap::value_parser!(u8).range(0..=64))]
     people: u8,
     /// Folder of bodies.
     #[arg(long, value_name = "DIR", requires = "names")]
@@ -38,6 +43,9 @@ pub(super) struct StressCommand {
     /// Body of that folder to film, IDENTITY_OUTFIT; may be repeated.
     #[arg(long = "body", id = "names", value_name = "NAME", requires = "bodies", num_args = 1..)]
     names: Vec<String>,
+    /// Capture of a person, laid out as `yoto-lab quality --help` says; may be repeated.
+    #[arg(long = "capture", value_name = "DIR", num_args = 1..)]
+    captures: Vec<PathBuf>,
     /// Film only what the camera sees within so many degrees to either side of the front [default: a whole turn].
     #[arg(long, value_name = "DEGREES", value_parser = clap::value_parser!(u8).range(0..=180))]
     sector: Option<u8>,
@@ -59,6 +67,8 @@ pub(super) struct StressCommand {
     /// Folder for the figures and the sheets.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    ffmpeg: FfmpegArg,
 }
 
 impl StressCommand {
@@ -67,11 +77,15 @@ impl StressCommand {
             Some(folder) => meshes(folder, &self.names)?,
             None => Vec::new(),
         };
+        let captures = self.captures.iter();
+        let captures = captures.map(|path| capture_source(path, self.ffmpeg.program()));
+        let captures = captures.collect::<anyhow::Result<_>>()?;
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
         let options = StressOptions {
             people: self.people.into(),
             bodies,
+            captures,
             sector: self.sector.map(|degrees| f64::from(degrees).to_radians()),
             size: self.size,
             steps: self.steps,

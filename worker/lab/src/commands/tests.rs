@@ -37,6 +37,7 @@ fn documented_lines_parse() {
         "yoto-lab frames m --slot 1 --size 512 --pictures 30",
         "yoto-lab stress --people 3 --steps 400 --size 256 --out stress",
         "yoto-lab stress --bodies bodies --body asian_f_1_casual white_m_1_busi --sector 45 --out stress",
+        "yoto-lab stress --capture a --capture b --size 512 --out stress",
         "yoto-lab body bodies --without Asian_F_1 Black_M_1 --shapes 20 --out body.safetensors",
     ] {
         assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");

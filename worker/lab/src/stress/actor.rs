@@ -1,12 +1,14 @@
-//! The people of a stress test: their truth is known in every pose.
+//! The people of a stress test: their truth is known in every pose, unless they come with a film.
 
 use super::mesh;
-use anyhow::Context;
+use crate::captures::Recording;
+use anyhow::{Context, ensure};
 use std::sync::Arc;
 use yoto_avatar::train::TrainPerson;
 use yoto_body::learn::BodyMesh;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::smpl::has_joints;
 use yoto_capture::{FrameImage, ShardBuilder};
 use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::{SyntheticPerson, calm_motion};
@@ -16,7 +18,7 @@ const FRAMES: usize = 60;
 /// Frames per second of a film.
 const FPS: f64 = 15.0;
 
-/// Somebody who can be rendered in any pose.
+/// Somebody to film.
 pub(super) struct Actor {
     pub name: String,
     pub skeleton: Skeleton,
@@ -26,6 +28,8 @@ pub(super) struct Actor {
 enum Look {
     Synthetic(Box<SyntheticPerson>),
     Mesh(Box<BodyMesh>),
+    /// A real person, whose film there is.
+    Filmed(Box<Recording>),
 }
 
 impl Actor {
@@ -52,21 +56,41 @@ impl Actor {
         }
     }
 
-    /// The person in `pose`, over black.
-    pub(super) fn render(&self, pose: &Pose, camera: &Camera) -> FrameImage {
+    /// The person of a capture.
+    pub(super) fn filmed(recording: Recording) -> anyhow::Result<Self> {
+        let name = recording.name.clone();
+        let skeleton = Skeleton::from_track(&recording.shard.track.skeleton)
+            .with_context(|| format!("the skeleton of {name}"))?;
+        ensure!(
+            has_joints(&skeleton),
+            "{name}: the poses are for the 24 joints of SMPL, which the capture's skeleton does not have"
+        );
+        Ok(Self {
+            name,
+            skeleton,
+            look: Look::Filmed(Box::new(recording)),
+        })
+    }
+
+    /// The person in `pose`, over black; `None` if nobody knows how they look then.
+    pub(super) fn render(&self, pose: &Pose, camera: &Camera) -> Option<FrameImage> {
         match &self.look {
-            Look::Synthetic(person) => person.render(pose, camera),
-            Look::Mesh(mesh) => mesh::render(mesh, &self.skeleton, pose, camera),
+            Look::Synthetic(person) => Some(person.render(pose, camera)),
+            Look::Mesh(mesh) => Some(mesh::render(mesh, &self.skeleton, pose, camera)),
+            Look::Filmed(_) => None,
         }
     }
 
-    /// The calm film of the person, `size` pixels wide, in a whole turn or within `sector` radians to either side.
+    /// The film of the person: their own, or a calm one, `size` pixels wide, in a whole turn or within `sector` radians to either side.
     pub(super) fn film(
         &self,
         slot: usize,
         size: u32,
         sector: Option<f64>,
     ) -> anyhow::Result<TrainPerson> {
+        if let Look::Filmed(recording) = &self.look {
+            return Ok(recording.person(slot));
+        }
         let camera = SyntheticPerson::train_camera(size);
         let poses = calm_motion(&self.skeleton, FRAMES, sector);
         let track = PoseTrack {
@@ -81,7 +105,11 @@ impl Actor {
         };
         let mut shard = ShardBuilder::new(track);
         for pose in &poses {
-            shard.push(&self.render(pose, &camera))?;
+            shard.push(
+                &self
+                    .render(pose, &camera)
+                    .context("a person without a film")?,
+            )?;
         }
         let shard = shard.finish();
         Ok(TrainPerson {

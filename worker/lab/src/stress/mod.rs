@@ -1,5 +1,6 @@
 //! People in poses that no film shows, beside their truth: each is filmed in a turn with arms down, a model learns from the films, and
-//! every pose of [`stress_poses`] is rendered from two sides. The same is done from eight sides in the pose of the first frame.
+//! every pose of [`stress_poses`] is rendered from two sides. The same is done from eight sides in the pose of the first frame. Of people
+//! who come with a film, there is only what the model makes of them.
 
 mod actor;
 mod mesh;
@@ -8,14 +9,16 @@ mod sheet;
 
 pub use outline::Outline;
 
+use crate::captures::{CaptureSource, read_sources};
 use crate::display::Screen;
+use crate::one_camera::HeldOut;
 use crate::training::{self, pick_device};
 use actor::Actor;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use yoto_avatar::config::{ModelConfig, Setting};
-use yoto_avatar::evaluate::compare;
+use yoto_avatar::evaluate::{Protocol, compare};
 use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::train::{Budget, Trainer};
 use yoto_body::learn::BodyMesh;
@@ -23,6 +26,7 @@ use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::dot;
 use yoto_media::picture_file;
+use yoto_proto::protocols::HELD_OUT;
 use yoto_proto::tiers::VARIANTS;
 use yoto_proto::v1::Progress;
 use yoto_synthetic::{SyntheticPerson, calm_motion, stress_poses};
@@ -35,10 +39,12 @@ const AROUND: [f64; 4] = [60.0, 150.0, 240.0, 330.0];
 const SIDES: usize = 8;
 /// Distance and height of the cameras, and height of the view at the person, metres: raised arms are in the picture.
 const DISTANCE: f64 = 3.2;
-const HEIGHT: f64 = 1.5;
+const HEIGHT: f64 = 1.47;
 const VIEW: f64 = 2.9;
-/// What the cameras look at, metres.
-const TARGET: [f64; 3] = [0.0, 0.95, 0.0];
+/// Height of what the cameras look at, metres.
+const TARGET: f64 = 0.92;
+/// Stride of a film's frames that are not learned, as in other measurements.
+const HELD_OUT_EVERY: usize = 20;
 /// The file with all figures.
 pub const FILE: &str = "stress.json";
 
@@ -49,6 +55,8 @@ pub struct StressOptions {
     pub people: usize,
     /// Bodies that are filmed as well.
     pub bodies: Vec<BodyMesh>,
+    /// Captures of people.
+    pub captures: Vec<CaptureSource>,
     /// Radians to either side of the camera that a film shows; all sides if absent.
     pub sector: Option<f64>,
     /// Longest side of the pictures, pixels.
@@ -77,7 +85,7 @@ pub struct Stress {
 pub struct Person {
     /// Their name.
     pub name: String,
-    /// Two pictures per pose.
+    /// Two pictures per pose; none of somebody who came with a film.
     pub poses: Vec<Figures>,
     /// Eight pictures of the first pose of the film, from the front to the left around the person.
     pub sides: Vec<Figures>,
@@ -101,8 +109,11 @@ pub struct Figures {
 /// # Errors
 /// The first failure: nobody to film, settings that are refused, training that diverges, a file that can't be written.
 pub fn run(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Stress> {
-    let actors = actors(options)?;
-    ensure!(!actors.is_empty(), "nobody to film: give people or bodies");
+    let actors = actors(options, screen)?;
+    ensure!(
+        !actors.is_empty(),
+        "nobody to film: give people, bodies or captures"
+    );
     let films = actors.iter().enumerate();
     let films = films.map(|(slot, it)| it.film(slot, options.size, options.sector));
     let films = films.collect::<anyhow::Result<Vec<_>>>()?;
@@ -132,22 +143,39 @@ pub fn run(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Stres
     Ok(stress)
 }
 
-fn actors(options: &StressOptions) -> anyhow::Result<Vec<Actor>> {
+fn actors(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Vec<Actor>> {
     let cast = SyntheticPerson::cast(options.people.max(1), CAST_SEED);
     let pattern = Skeleton::from_track(&cast[0].skeleton()).context("a synthetic skeleton")?;
     let people = cast.into_iter().take(options.people);
     let people = people.map(Actor::synthetic);
     let bodies = options.bodies.iter().cloned();
     let bodies = bodies.map(|body| Ok(Actor::mesh(body, &pattern)));
-    people.chain(bodies).collect()
+    let protocol = Protocol::named(HELD_OUT)?;
+    let films = read_sources(
+        &options.captures,
+        options.size,
+        HeldOut::Every(HELD_OUT_EVERY),
+        protocol,
+        screen,
+    )?;
+    let films = films.into_iter().map(Actor::filmed);
+    people.chain(bodies).chain(films).collect()
 }
 
-/// The camera that looks from `degrees` to the left of the front, with pictures of `size` x `size` pixels.
-fn camera(degrees: f64, size: u32) -> Camera {
+/// The height of the lowest joint at rest, metres.
+fn floor(skeleton: &Skeleton) -> f64 {
+    let heights = skeleton.rest.iter().map(|joint| joint[1]);
+    heights.fold(f64::INFINITY, f64::min)
+}
+
+/// The camera that looks from `degrees` to the left of the front at somebody on a `floor`, with pictures of `size` x `size` pixels.
+fn camera(degrees: f64, size: u32, floor: f64) -> Camera {
     let angle = degrees.to_radians();
-    let eye = [DISTANCE * angle.sin(), HEIGHT, DISTANCE * angle.cos()];
+    let above = |height: f64, [x, z]: [f64; 2]| [x, floor + height, z];
+    let eye = above(HEIGHT, [DISTANCE * angle.sin(), DISTANCE * angle.cos()]);
+    let target = above(TARGET, [0.0, 0.0]);
     let focal = f64::from(size) * DISTANCE / VIEW;
-    Camera::look_at(eye, TARGET, [0.0, 1.0, 0.0], focal, size, size)
+    Camera::look_at(eye, target, [0.0, 1.0, 0.0], focal, size, size)
 }
 
 fn person(
@@ -157,7 +185,7 @@ fn person(
     options: &StressOptions,
 ) -> anyhow::Result<Person> {
     let measure = |name: &str, pose: &Pose, degrees: f64| {
-        let camera = camera(degrees, options.size);
+        let camera = camera(degrees, options.size, floor(&actor.skeleton));
         picture(renderer, slot, actor, (name, pose), (degrees, &camera))
             .with_context(|| format!("{}, {name}", actor.name))
     };
@@ -165,7 +193,7 @@ fn person(
     for (index, it) in stress_poses(&actor.skeleton).iter().enumerate() {
         for around in [index, index + 2] {
             let (figures, cell) = measure(it.name, &it.pose, AROUND[around % AROUND.len()])?;
-            poses.push(figures);
+            poses.extend(figures);
             if around == index {
                 cells.push(cell);
             }
@@ -177,7 +205,7 @@ fn person(
     for side in 0..SIDES {
         let degrees = 360.0 * side as f64 / SIDES as f64;
         let (figures, cell) = measure("filmed", &film[0], degrees)?;
-        sides.push(figures);
+        sides.extend(figures);
         cells.push(cell);
     }
     let path = options.out.join(format!("{}-sides.png", actor.name));
@@ -196,8 +224,7 @@ fn picture(
     actor: &Actor,
     (name, pose): (&str, &Pose),
     (degrees, camera): (f64, &Camera),
-) -> anyhow::Result<(Figures, sheet::Cell)> {
-    let truth = actor.render(pose, camera);
+) -> anyhow::Result<(Option<Figures>, sheet::Cell)> {
     let rendered = renderer.render(&RenderView {
         slot,
         pose: pose.clone(),
@@ -206,10 +233,13 @@ fn picture(
     })?;
     let size = (rendered.width, rendered.height);
     let rgb = rendered.to_rgb8();
+    let shown = picture_file::rgb(name, size.0, size.1, &rgb)?;
+    let Some(truth) = actor.render(pose, camera) else {
+        return Ok((None, vec![shown]));
+    };
     let score = compare(&truth, &rgb, size)?;
-    let psnr = score
-        .psnr_mask_box
-        .context("the person is not in the picture")?;
+    let psnr = score.psnr_mask_box;
+    let psnr = psnr.context("the person is not in the picture")?;
     let root = actor.skeleton.posed_joints(pose)[0];
     let forward = [camera.e[2][0], camera.e[2][1], camera.e[2][2]];
     let depth = dot(forward, root) + camera.e[2][3];
@@ -219,9 +249,8 @@ fn picture(
         psnr,
         outline: Outline::of(&truth, &rendered.alpha, camera.k[0][0] / depth),
     };
-    let cell = [&truth.rgb, &rgb].map(|rgb| picture_file::rgb(name, size.0, size.1, rgb));
-    let [above, below] = cell;
-    Ok((figures, [above?, below?]))
+    let truth = picture_file::rgb(name, size.0, size.1, &truth.rgb)?;
+    Ok((Some(figures), vec![truth, shown]))
 }
 
 impl Stress {
@@ -246,15 +275,19 @@ impl Stress {
                 worst_poses(poses)
             )
         };
-        for person in &self.people {
+        let measured = || self.people.iter().filter(|it| !it.poses.is_empty());
+        for person in measured() {
             lines.push(row(&person.name, &person.poses, &person.sides));
         }
-        if self.people.len() > 1 {
-            let all = |of: fn(&Person) -> &Vec<Figures>| -> Vec<Figures> {
-                self.people.iter().flat_map(of).cloned().collect()
-            };
-            lines.push(row("mean", &all(|it| &it.poses), &all(|it| &it.sides)));
+        match measured().count() {
+            0 => return "sheets alone: nobody's truth is known".to_owned(),
+            1 => return lines.join("\n"),
+            _ => {}
         }
+        let all = |of: fn(&Person) -> &Vec<Figures>| -> Vec<Figures> {
+            measured().flat_map(of).cloned().collect()
+        };
+        lines.push(row("mean", &all(|it| &it.poses), &all(|it| &it.sides)));
         lines.join("\n")
     }
 }
