@@ -34,6 +34,20 @@ impl Drop for Browser {
     }
 }
 
+/// What Chromium says of a question to a page that is being replaced.
+const GONE: &str = "navigated or closed";
+
+/// The command that evaluates an expression in the page.
+fn evaluation(expression: &str) -> Value {
+    json!({"expression": expression, "returnByValue": true, "awaitPromise": true, "userGesture": true})
+}
+
+/// The value that an evaluation has found.
+fn value(expression: &str, mut found: Value) -> Value {
+    assert!(found["exceptionDetails"].is_null(), "{expression}: {found}");
+    found["result"]["value"].take()
+}
+
 impl Browser {
     /// The browser of this machine; `None` without one, unless `YOTO_TEST_BROWSER` is `required`.
     pub(crate) fn start() -> Option<Self> {
@@ -97,6 +111,12 @@ impl Browser {
 
     /// The result of a command of the protocol.
     pub(crate) fn call(&mut self, method: &str, params: Value) -> Value {
+        let answered = self.answer(method, params);
+        answered.unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// The result of a command of the protocol, or its error.
+    fn answer(&mut self, method: &str, params: Value) -> Result<Value, Value> {
         self.sent += 1;
         let mut message = json!({"id": self.sent, "method": method, "params": params});
         if let Some(session) = &self.session {
@@ -108,8 +128,10 @@ impl Browser {
             let answer = self.from.recv_timeout(PATIENCE);
             let mut answer = answer.unwrap_or_else(|_| panic!("no answer to {method}"));
             if answer["id"] == self.sent {
-                assert!(answer["error"].is_null(), "{method}: {answer}");
-                return answer["result"].take();
+                return match answer["error"].take() {
+                    Value::Null => Ok(answer["result"].take()),
+                    error => Err(error),
+                };
             }
             let request = &answer["params"]["request"];
             if answer["method"] == "Network.requestWillBeSent" && request["method"] == "PUT" {
@@ -123,10 +145,8 @@ impl Browser {
 
     /// What an expression is in the page.
     pub(crate) fn of(&mut self, expression: &str) -> Value {
-        let asked = json!({"expression": expression, "returnByValue": true, "awaitPromise": true, "userGesture": true});
-        let mut found = self.call("Runtime.evaluate", asked);
-        assert!(found["exceptionDetails"].is_null(), "{expression}: {found}");
-        found["result"]["value"].take()
+        let found = self.call("Runtime.evaluate", evaluation(expression));
+        value(expression, found)
     }
 
     /// The text of the page's first element at `selector`; empty without one.
@@ -136,13 +156,21 @@ impl Browser {
         )))
     }
 
-    /// Waits until the expression is true; `said` is shown if it never is.
+    /// Waits until the expression is true; the page's text is shown if it never is. A page that goes away while it is asked is asked again.
     pub(crate) fn until(&mut self, expression: &str) {
         let begun = Instant::now();
         let guarded = format!(
             "(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
         );
-        while self.of(&guarded) != true {
+        loop {
+            match self.answer("Runtime.evaluate", evaluation(&guarded)) {
+                Ok(found) => {
+                    if value(&guarded, found) == true {
+                        return;
+                    }
+                }
+                Err(error) => assert!(text_of(&error["message"]).contains(GONE), "{error}"),
+            }
             if begun.elapsed() > PATIENCE {
                 let page = self.text("main");
                 panic!("never {expression}: {page}");
