@@ -258,8 +258,8 @@ pub fn stress_poses(skeleton: &Skeleton) -> Vec<NamedPose> {
     POSES.iter().map(pose).collect()
 }
 
-/// `frames` poses of somebody with SMPL's joints who walks on the spot, arms down: in one whole turn, or, with a `sector`, within so
-/// many radians to either side of the camera.
+/// `frames` poses of somebody with SMPL's joints who walks on the spot, arms down: in one whole turn, or within `sector` radians to
+/// either side of the camera.
 pub fn calm_motion(skeleton: &Skeleton, frames: usize, sector: Option<f64>) -> Vec<Pose> {
     let pose = |frame: usize| {
         let time = frame as f64 / frames.max(1) as f64;

@@ -74,12 +74,16 @@ fn film(person: &SyntheticPerson, angles: &[f64]) -> TrainPerson {
 }
 
 fn started(film: &TrainPerson, leave_unseen: bool) -> Trainer {
+    started_as(config(), film, leave_unseen)
+}
+
+fn started_as(config: ModelConfig, film: &TrainPerson, leave_unseen: bool) -> Trainer {
     let options = TrainOptions {
         leave_unseen,
         ..options(STEPS)
     };
     let people = vec![film.clone()];
-    Trainer::new(config(), options, people, &Device::flex()).expect("starts")
+    Trainer::new(config, options, people, &Device::flex()).expect("starts")
 }
 
 fn trained(film: &TrainPerson, leave_unseen: bool) -> Trainer {
@@ -167,6 +171,21 @@ fn a_back_that_no_frame_shows_gets_colours_from_what_is_seen() {
         behind < before - 0.05,
         "guessed at {behind}, seen at {before}"
     );
+}
+
+/// Without the shared body, the guess is all that is known of a back.
+#[test]
+fn a_back_of_a_start_on_the_hull_gets_colours_from_what_is_seen() {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let film = film(person, &[-0.5, 0.0, 0.5]);
+    let [with, without] = [false, true].map(|leave_unseen| {
+        let mut config = config();
+        config.appearance.splats_mut().expect("splats").surface = false;
+        let mut trainer = started_as(config, &film, leave_unseen);
+        run(&mut trainer, STEPS as usize);
+        off(&trainer, person, std::f64::consts::PI)
+    });
+    assert!(with < 0.84 * without, "{with:.3}, {without:.3} without");
 }
 
 #[test]

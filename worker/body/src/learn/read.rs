@@ -90,7 +90,7 @@ impl Bodies {
     /// The body called `name`.
     ///
     /// # Errors
-    /// If there is none. The error has some names that there are.
+    /// If there is none. The error gives the name of one that exists.
     pub fn mesh(&self, name: &str) -> Result<BodyMesh, LearnError> {
         let index = self
             .names

@@ -46,7 +46,7 @@ pub(super) struct StressCommand {
     /// Capture of a person, laid out as `yoto-lab quality --help` says; may be repeated.
     #[arg(long = "capture", value_name = "DIR", num_args = 1..)]
     captures: Vec<PathBuf>,
-    /// Film only what the camera sees within so many degrees to either side of the front [default: a whole turn].
+    /// Film people within this angle to either side of their front, degrees [default: a whole turn].
     #[arg(long, value_name = "DEGREES", value_parser = clap::value_parser!(u8).range(0..=180))]
     sector: Option<u8>,
     /// Steps per person.

@@ -255,8 +255,13 @@ fn a_training_of_splats_goes_the_cpus_way_and_its_checkpoint_renders_the_same() 
         let mut config = ModelConfig::named("splat", "yoto").expect("a tier");
         let splats = config.appearance.splats_mut().expect("splats");
         (splats.count, splats.harmonics) = (600, 2);
+        splats.surface = false;
         // Whether a frame shows a splat is decided by thresholds, which the last bits of its place can cross.
         splats.guess_unseen = false;
+        let [ours, reference] = assert_trains_and_renders_alike(&config, 12, &vulkan);
+        assert_same_picture(&ours, &reference, 1e-4);
+        let splats = config.appearance.splats_mut().expect("splats");
+        splats.surface = true;
         let [ours, reference] = assert_trains_and_renders_alike(&config, 12, &vulkan);
         // Adam divides by the size of a gradient, and factors of bones that hardly carry a point have gradients of rounding errors.
         assert_same_picture(&ours, &reference, 2e-3);
