@@ -3,6 +3,7 @@
 mod error;
 mod first;
 mod hull;
+mod paint;
 pub(crate) mod placing;
 mod split;
 mod surface;
