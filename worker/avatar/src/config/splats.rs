@@ -57,7 +57,7 @@ impl Default for SplatConfig {
             grow_all: 0.5,
             mean_rate: 1e-3,
             rotation_rate: 1e-2,
-            scale_rate: 4e-2,
+            scale_rate: 1e-2,
             opacity_rate: 5e-2,
             colour_rate: 8e-3,
             harmonics: 0,

@@ -3,7 +3,6 @@
 mod error;
 mod first;
 mod hull;
-mod paint;
 pub(crate) mod placing;
 mod split;
 mod surface;

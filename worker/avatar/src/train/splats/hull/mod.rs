@@ -59,8 +59,6 @@ pub(crate) struct HullFrame {
     transforms: Vec<f32>,
     /// Body frame to homogeneous pixels.
     projection: [[f32; 4]; 3],
-    /// Pixels per metre at a depth of one metre.
-    focal: f32,
     /// Body frame to camera.
     pub camera: [[f32; 4]; 3],
     pub image: FrameImage,
@@ -71,26 +69,16 @@ impl HullFrame {
     fn sighting(&self, transform: [f32; 12], point: [f32; 3]) -> Sighting {
         let (width, height) = (self.image.width, self.image.height);
         let at = apply(&transform, point);
-        let [x, y, w] = self.project(at);
+        let [u, v, w] = self
+            .projection
+            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
+        let (x, y) = (u / w, v / w);
         // Comparisons are false for a NaN.
         let inside = w > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
         Sighting {
             pixel: inside.then(|| y as usize * width + x as usize),
             transform,
         }
-    }
-
-    /// A point of the posed body, metres, in pixels, and its depth, metres.
-    pub(super) fn project(&self, at: [f32; 3]) -> [f32; 3] {
-        let [u, v, w] = self
-            .projection
-            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
-        [u / w, v / w, w]
-    }
-
-    /// Pixels per metre at a depth of one metre.
-    pub(super) fn focal(&self) -> f32 {
-        self.focal
     }
 
     /// `[K, 12]` posed body to canonical.
@@ -100,8 +88,10 @@ impl HullFrame {
 
     /// Coverage of the pixel at a point of the posed body, metres, between pixels by distance, 0 to 255; `None` outside of the picture.
     pub(super) fn coverage(&self, at: [f32; 3]) -> Option<f32> {
-        let [u, v, w] = self.project(at);
-        let (x, y) = (u - 0.5, v - 0.5);
+        let [u, v, w] = self
+            .projection
+            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
+        let (x, y) = (u / w - 0.5, v / w - 0.5);
         let (width, height) = (self.image.width, self.image.height);
         let inside =
             w > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
@@ -149,7 +139,6 @@ impl<'a> HullFrames<'a> {
             };
             Ok(HullFrame {
                 transforms: read(posed::transforms(body, &pose).inner())?,
-                focal: across[0],
                 projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
                 camera: body_view.e,
                 image: subject.image(frame),

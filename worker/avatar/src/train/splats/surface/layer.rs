@@ -4,13 +4,11 @@
 
 use super::outline::{Search, blend, edge, forward};
 use super::points::SurfacePoints;
-use super::silhouette::Silhouette;
 use crate::train::splats::hull::{HullFrame, Shell};
 use rayon::prelude::*;
 use tracing::debug;
 use yoto_body::JOINTS;
 use yoto_body::person::sample::strongest;
-use yoto_ops::warp::inverse::solve::apply;
 
 /// Distance to the body's surface from which a point is beside it, metres.
 const STANDS_OFF: f32 = 0.02;
@@ -24,9 +22,6 @@ const LOOKED_FOR: Search = Search {
 /// touch, as a hand and a pocket.
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.15;
-/// Share of the frames in which a point is outside of the body's silhouette, at least. A point inside of it in nearly all frames is no
-/// part of the person that frames show. It is where the hull is too large.
-const OUTSIDE: f64 = 0.05;
 /// Joints of the arms, which touch the body in every frame of many films.
 const ARMS: std::ops::RangeInclusive<u8> = 16..=23;
 /// Distance that weights spread over a layer, metres.
@@ -63,11 +58,10 @@ pub(in crate::train::splats) fn beside(
         .map(|row| strongest((0..).zip(row)))
         .collect();
     let at_edges = at_edges(&points, &normals, &skinning, frames);
-    let outside = outside(&points, &skinning, (own, kept), frames);
     let chosen: Vec<usize> = (0..points.len())
         .filter(|i| {
             let body_is_wrong = !kept[nearest[off[*i]].index];
-            outside[*i] && (body_is_wrong || (at_edges[*i] && !ARMS.contains(&skinning[*i][0].0)))
+            body_is_wrong || (at_edges[*i] && !ARMS.contains(&skinning[*i][0].0))
         })
         .collect();
     debug!(off = off.len(), chosen = chosen.len(), "layer");
@@ -130,31 +124,6 @@ fn at_edges(
         at_edge >= FEWEST && at_edge as f64 >= MOSTLY * edge_on as f64
     };
     counts.into_iter().map(at_edges).collect()
-}
-
-/// Whether each point is outside of the silhouette of the body's surface in enough of the `frames`. `own` are points of that surface, of which
-/// only those that are `kept` are drawn.
-fn outside(
-    points: &[[f32; 3]],
-    skinning: &[[(u8, f32); 4]],
-    (own, kept): (&SurfacePoints, &[bool]),
-    frames: &[HullFrame],
-) -> Vec<bool> {
-    let mut counts = vec![[0usize; 2]; points.len()];
-    for frame in frames {
-        let forward = forward(frame);
-        let body = Silhouette::of(own, kept, frame, &forward);
-        counts.par_iter_mut().enumerate().for_each(|(i, count)| {
-            let posed = apply(&blend(&forward, skinning[i].into_iter()), points[i]);
-            if let Some(covered) = body.covers(frame.project(posed)) {
-                count[0] += 1;
-                count[1] += usize::from(!covered);
-            }
-        });
-    }
-    (counts.into_iter())
-        .map(|[all, outside]| outside as f64 > OUTSIDE * all as f64)
-        .collect()
 }
 
 /// The weights of a point, one per bone.

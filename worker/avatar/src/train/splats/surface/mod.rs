@@ -4,7 +4,6 @@
 pub(super) mod layer;
 mod outline;
 pub(super) mod points;
-mod silhouette;
 
 use crate::train::splats::hull::HullFrames;
 use outline::{RestSurface, Search, outlines};
@@ -110,12 +109,12 @@ fn seen(
 }
 
 impl PersonSurface {
-    /// `count` points, each with an equal share of the area that can be seen, and that area, square metres.
+    /// `count` points, each with an equal share of the area that can be seen, and that area, square metres. Their spacing is not given.
     pub(super) fn points(&self, count: usize) -> (SurfacePoints, f64) {
         let body = Body::people();
         let shown = visible_faces(body);
         let area = areas(body, &self.vertices).into_iter().zip(shown);
-        let area: f64 = area
+        let area = area
             .filter(|(_, shown)| **shown)
             .map(|(area, _)| f64::from(area))
             .sum();
@@ -127,7 +126,7 @@ impl PersonSurface {
                 .map(|it| unit(it.of(body, &self.normals)))
                 .collect(),
             skinning: own.iter().map(|it| it.skinning(body)).collect(),
-            spacing: vec![(area / count.max(1) as f64).sqrt(); own.len()],
+            spacing: Vec::new(),
         };
         (points, area)
     }

@@ -16,14 +16,32 @@ pub(in crate::train::splats) struct SurfacePoints {
 }
 
 impl SurfacePoints {
-    /// The points with these `indices`, `spacing` apart.
-    pub(in crate::train::splats) fn chosen(&self, indices: &[usize], spacing: Vec<f64>) -> Self {
-        Self {
-            points: indices.iter().map(|i| self.points[*i]).collect(),
-            normals: indices.iter().map(|i| self.normals[*i]).collect(),
-            skinning: indices.iter().map(|i| self.skinning[*i]).collect(),
-            spacing,
+    /// `count` of the points in their order. Each point stands for `area`, square metres, and is chosen in proportion to its `density`. A
+    /// point may be given twice.
+    pub(in crate::train::splats) fn thinned(
+        &self,
+        density: impl Fn(usize) -> f64,
+        count: usize,
+        area: f64,
+    ) -> Self {
+        let total: f64 = (0..self.points.len()).map(&density).sum();
+        let each = total / count.max(1) as f64;
+        let mut thinned = Self::default();
+        let mut before = 0.0;
+        for i in 0..self.points.len() {
+            let own = density(i);
+            before += own;
+            while own > 0.0
+                && thinned.points.len() < count
+                && (thinned.points.len() as f64 + 0.5) * each <= before
+            {
+                thinned.points.push(self.points[i]);
+                thinned.normals.push(self.normals[i]);
+                thinned.skinning.push(self.skinning[i]);
+                thinned.spacing.push((area * each / own).sqrt());
+            }
         }
+        thinned
     }
 
     pub(in crate::train::splats) fn append(&mut self, other: Self) {
@@ -43,45 +61,29 @@ impl SurfacePoints {
     }
 }
 
-/// `count` of `points` points in their order, and the distance of each to the next, metres. Each point stands for `area`, square metres, and
-/// is chosen in proportion to its `density`. A point may be given twice.
-pub(in crate::train::splats) fn thinned(
-    points: usize,
-    density: impl Fn(usize) -> f64,
-    count: usize,
-    area: f64,
-) -> (Vec<usize>, Vec<f64>) {
-    let total: f64 = (0..points).map(&density).sum();
-    let each = total / count.max(1) as f64;
-    let (mut chosen, mut spacing) = (Vec::new(), Vec::new());
-    let mut before = 0.0;
-    for i in 0..points {
-        let own = density(i);
-        before += own;
-        while own > 0.0 && chosen.len() < count && (chosen.len() as f64 + 0.5) * each <= before {
-            chosen.push(i);
-            spacing.push((area * each / own).sqrt());
-        }
-    }
-    (chosen, spacing)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn points_of_a_quarter_of_the_density_are_twice_as_far_apart() {
+        let points = SurfacePoints {
+            points: (0..300).map(|i| [i as f32, 0.0, 0.0]).collect(),
+            normals: vec![[0.0, 1.0, 0.0]; 300],
+            spacing: Vec::new(),
+            skinning: vec![[(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]; 300],
+        };
         let density = |i: usize| [0.0, 0.25, 1.0][i / 100];
-        let (chosen, spacing) = thinned(300, density, 50, 1e-4);
-        assert_eq!(chosen.len(), 50);
-        assert_eq!(chosen.iter().filter(|i| **i < 200).count(), 10);
-        assert!(chosen.iter().all(|i| *i >= 100));
+        let thinned = points.thinned(density, 50, 1e-4);
+        let sparse = |at: &&[f32; 3]| at[0] < 200.0;
+        assert_eq!(thinned.points.len(), 50);
+        assert_eq!(thinned.points.iter().filter(sparse).count(), 10);
+        assert!(thinned.points.iter().all(|at| at[0] >= 100.0));
         // 125 points' worth of area is shared by 50.
         let apart = |area: f64| (area * 2.5).sqrt();
-        assert!((spacing[0] - 2.0 * apart(1e-4)).abs() < 1e-9);
-        assert!((spacing[49] - apart(1e-4)).abs() < 1e-9);
-        let (none, _) = thinned(300, |_| 0.0, 50, 1e-4);
-        assert!(none.is_empty());
+        assert!((thinned.spacing[0] - 2.0 * apart(1e-4)).abs() < 1e-9);
+        assert!((thinned.spacing[49] - apart(1e-4)).abs() < 1e-9);
+        let none = points.thinned(|_| 0.0, 50, 1e-4);
+        assert!(none.points.is_empty());
     }
 }
