@@ -90,7 +90,7 @@ impl Bodies {
     /// The body called `name`.
     ///
     /// # Errors
-    /// If there is none. The error gives the name of one that exists.
+    /// If no body has this name. The error gives the name of one that exists.
     pub fn mesh(&self, name: &str) -> Result<BodyMesh, LearnError> {
         let index = self
             .names
