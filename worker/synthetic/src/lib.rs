@@ -100,8 +100,12 @@ impl SyntheticPerson {
 
     /// A film of [`SyntheticPerson::motion`] by [`SyntheticPerson::train_camera`].
     pub fn capture(&self, frames: usize, size: u32) -> (PoseTrack, Vec<FrameImage>) {
+        self.film(&self.motion(frames), size)
+    }
+
+    /// A film of `poses` by [`SyntheticPerson::train_camera`].
+    pub fn film(&self, poses: &[Pose], size: u32) -> (PoseTrack, Vec<FrameImage>) {
         let camera = Self::train_camera(size);
-        let poses = self.motion(frames);
         let images = poses
             .iter()
             .map(|pose| self.render(pose, &camera))
@@ -112,7 +116,7 @@ impl SyntheticPerson {
             fps: FPS,
             distortion: [0.0; 5],
             frames: (0..)
-                .zip(&poses)
+                .zip(poses)
                 .map(|(index, pose)| camera.to_frame(index, pose))
                 .collect(),
         };

@@ -167,8 +167,8 @@ const SPLATS: Quality = Quality {
     poses: 26.55,
 };
 const REFINED: Quality = Quality {
-    views: 26.10,
-    poses: 22.96,
+    views: 26.42,
+    poses: 23.35,
 };
 const EXPOSED: Quality = Quality {
     views: 34.79,

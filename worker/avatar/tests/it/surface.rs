@@ -1,13 +1,16 @@
 //! Splats on the surface of the shared body: they start on the person, and bones of the surface carry them wherever they are drawn.
 
 use super::splats::view_of;
-use crate::support::{options, people, run, tempdir, weights};
+use crate::support::{options, packed, people, run, tempdir, weights};
 use burn::tensor::Device;
+use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Refine};
 use yoto_avatar::evaluate::metrics::psnr;
-use yoto_avatar::render::Renderer;
+use yoto_avatar::render::{RenderView, Renderer};
 use yoto_avatar::train::{TrainPerson, Trainer};
+use yoto_capture::skeleton::Skeleton;
 use yoto_proto::manifest::files;
+use yoto_synthetic::{SyntheticPerson, calm_motion, stress_poses};
 
 const SIZE: u32 = 64;
 
@@ -36,6 +39,44 @@ fn a_person_is_recognised_before_the_first_step() {
         let found = likeness(&started, film, place);
         assert!(found > 19.0, "frame {place}: {found:.1} dB");
     }
+}
+
+/// The share of a person in the middle of the picture that `renderer` shows, with legs apart.
+fn covered_between_legs(renderer: &Renderer, person: &SyntheticPerson) -> f64 {
+    let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
+    let mut poses = stress_poses(&skeleton).into_iter();
+    let wide = poses.find(|it| it.name == "legs-wide").expect("a pose");
+    let view = RenderView {
+        slot: 0,
+        pose: wide.pose,
+        camera: SyntheticPerson::train_camera(SIZE),
+        background: [0.0; 3],
+    };
+    let seen = renderer.render(&view).expect("renders");
+    let truth = person.render(&view.pose, &view.camera);
+    let middle = 7 * seen.width / 16..9 * seen.width / 16;
+    let lower_half = seen.height / 2 * seen.width..truth.mask.len();
+    let of_person: Vec<usize> = lower_half
+        .filter(|i| truth.mask[*i] > 250 && middle.contains(&(i % seen.width)))
+        .collect();
+    let shown = of_person.iter().filter(|i| seen.alpha[**i] > 0.5).count();
+    shown as f64 / of_person.len() as f64
+}
+
+#[test]
+fn a_skirt_stays_whole_between_legs_that_no_frame_shows_apart() {
+    let person = &SyntheticPerson::cast(1, 7)[0];
+    let skeleton = Skeleton::from_track(&person.skeleton()).expect("a skeleton");
+    let film = person.film(&calm_motion(&skeleton, 24, None), SIZE);
+    let film = TrainPerson {
+        slot: 0,
+        name: person.name().into(),
+        shard: Arc::new(packed(film)),
+    };
+    let mut trained = trainer(true, &film, 30);
+    run(&mut trained, 30);
+    let covered = covered_between_legs(&trained.renderer(), person);
+    assert!(covered > 0.92, "{covered:.2}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::train::TrainError;
 use crate::train::people::{TrainFrame, TrainSubject};
 use crate::train::splats::hull::{HullFrame, HullFrames, Shell, Sighting};
 use crate::train::splats::surface::points::SurfacePoints;
-use crate::train::splats::surface::{PersonSurface, layer};
+use crate::train::splats::surface::{PersonSurface, Skirt, layer};
 use tracing::debug;
 use yoto_body::Body;
 use yoto_capture::camera::Pose;
@@ -94,29 +94,44 @@ fn on_body(
     shell: &Shell,
     count: usize,
 ) -> SurfacePoints {
-    let (own, area) = person.points(count);
+    let (mut own, area) = person.points(count);
     let inside: Vec<[f32; 3]> = (own.points.iter().zip(&own.normals))
         .map(|(at, normal)| std::array::from_fn(|a| at[a] - INSET * normal[a]))
         .collect();
     let kept = hull.hold(&inside, &own.skinning, shell);
-    let beside = layer::beside(&own, &kept, shell, &hull.frames);
+    let mut beside = layer::beside(&own, &kept, shell, &hull.frames);
+    if let Some(skirt) = person.skirt {
+        skirt.hang([&mut own, &mut beside]);
+    }
+    // Cloth between legs is stretched when they are apart.
+    let stretch = |points: &SurfacePoints, i: usize| match person.skirt {
+        Some(_) => Skirt::density(&points.skinning[i], count),
+        None => 1.0,
+    };
     let held = kept.iter().filter(|kept| **kept).count();
     // Each part has splats by its area, and fewer where no frame faces it.
     let shown = colour_sums(hull, &own);
-    let density = |i: usize| match (kept[i], shown[i][3] > 0.0) {
-        (false, _) => 0.0,
-        (true, true) => 1.0,
-        (true, false) => UNSEEN_DENSITY,
+    let density = |i: usize| {
+        let share = match (kept[i], shown[i][3] > 0.0) {
+            (false, _) => 0.0,
+            (true, true) => 1.0,
+            (true, false) => UNSEEN_DENSITY,
+        };
+        share * stretch(&own, i)
     };
+    let density_beside = |i: usize| stretch(&beside, i);
     let each = area / count.max(1) as f64;
     let own_area = each * (0..own.points.len()).map(density).sum::<f64>();
-    let area_beside = beside.points.len() as f64 * shell.spacing * shell.spacing;
+    let cell = shell.spacing * shell.spacing;
+    let area_beside = cell * (0..beside.points.len()).map(density_beside).sum::<f64>();
     let share = area_beside / (own_area + area_beside).max(f64::MIN_POSITIVE);
     let others = ((share * count as f64) as usize).min(beside.points.len());
     debug!(held, beside = beside.points.len(), others, "surface");
     let mut all = own.thinned(density, count - others, each);
-    let cell = shell.spacing * shell.spacing;
-    all.append(beside.thinned(|_| 1.0, others, cell));
+    all.append(beside.thinned(density_beside, others, cell));
+    for i in 0..all.points.len() {
+        all.spacing[i] *= stretch(&all, i).sqrt();
+    }
     all
 }
 

@@ -7,13 +7,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use yoto_avatar::train::{Budget, TrainOptions, TrainPerson, Trainer};
-use yoto_capture::{Shard, ShardBuilder};
+use yoto_capture::{FrameImage, Shard, ShardBuilder};
 use yoto_proto::manifest::files;
+use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::SyntheticPerson;
 
 /// `made_up`, filmed for `frames` frames of `size` pixels.
 pub(crate) fn shard(made_up: &SyntheticPerson, frames: usize, size: u32) -> Shard {
-    let (track, images) = made_up.capture(frames, size);
+    packed(made_up.capture(frames, size))
+}
+
+/// A film, packed.
+pub(crate) fn packed((track, images): (PoseTrack, Vec<FrameImage>)) -> Shard {
     let mut builder = ShardBuilder::new(track);
     for image in &images {
         builder.push(image).expect("a synthetic frame is valid");

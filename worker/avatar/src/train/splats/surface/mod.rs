@@ -1,13 +1,16 @@
 //! The start of a person's splats on a body's surface: the shared body in the person's shape, by their bones and outlines, and
 //! what outlines tell beyond the space of shapes.
 
+mod between_legs;
 pub(super) mod layer;
 mod outline;
 pub(super) mod points;
+mod skirt;
 
 use crate::train::splats::hull::HullFrames;
 use outline::{RestSurface, Search, outlines};
 use points::SurfacePoints;
+pub(super) use skirt::Skirt;
 use tracing::{debug, trace_span};
 use yoto_body::Body;
 use yoto_body::person::mesh::{areas, normals};
@@ -36,6 +39,8 @@ pub(super) struct PersonSurface {
     pub vertices: Vec<[f32; 3]>,
     /// `[V, 3]`, unit vectors, outward.
     pub normals: Vec<[f32; 3]>,
+    /// What hangs over both legs, if the film shows that.
+    pub skirt: Option<Skirt>,
 }
 
 impl PersonSurface {
@@ -47,8 +52,9 @@ impl PersonSurface {
             .collect();
         let shape = fitted_shape(body, &joints, hull);
         let (_, bare) = in_rest_pose(body, &shape, &joints);
-        let vertices = with_clothes(body, &bare, hull);
+        let (vertices, heights) = with_clothes(body, &bare, hull);
         Self {
+            skirt: Skirt::find(body, &joints, &bare, &heights, hull),
             normals: normals(body, &vertices),
             vertices,
         }
@@ -70,8 +76,12 @@ fn fitted_shape(body: &Body, joints: &[[f32; 3]], hull: &HullFrames<'_>) -> Vec<
     shape
 }
 
-/// The vertices of the body, moved along its normals from where they are `bare` to what outlines tell.
-fn with_clothes(body: &Body, bare: &[[f32; 3]], hull: &HullFrames<'_>) -> Vec<[f32; 3]> {
+/// The vertices of the body, moved along its normals from where they are `bare` to what outlines tell, and by how much, metres.
+fn with_clothes(
+    body: &Body,
+    bare: &[[f32; 3]],
+    hull: &HullFrames<'_>,
+) -> (Vec<[f32; 3]>, Vec<f32>) {
     let directions = normals(body, bare);
     let mut heights = vec![0f32; bare.len()];
     let mut vertices = bare.to_vec();
@@ -83,7 +93,7 @@ fn with_clothes(body: &Body, bare: &[[f32; 3]], hull: &HullFrames<'_>) -> Vec<[f
             .map(|((at, normal), height)| std::array::from_fn(|a| at[a] + height * normal[a]))
             .collect();
     }
-    vertices
+    (vertices, heights)
 }
 
 /// The outlines of a surface in the frames of `hull`.
