@@ -1,5 +1,6 @@
 //! One person's body: the body's surface in their rest pose, in their shape, and their offset from it.
 
+pub mod fit;
 pub mod mesh;
 pub mod offset;
 pub mod rest;

@@ -1,7 +1,8 @@
-//! A person as a skinned mesh: a closed surface, a texture, and skinning weights.
+//! A person as a skinned mesh: a surface, a texture, and skinning weights.
 
 mod cloud;
 pub mod glb;
+mod hands;
 pub mod obj;
 pub mod ply;
 mod reduce;
@@ -14,6 +15,7 @@ use cloud::{Cloud, unit};
 use yoto_avatar::render::SkinnedSplats;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::SkeletonError;
+use yoto_capture::skeleton::smpl::has_joints;
 
 /// Limits of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +85,11 @@ pub fn mesh(
     if surface.triangles.is_empty() {
         return Err(MeshError::Nothing);
     }
-    let surface = reduce::reduced(reduce::smooth(surface), options.triangles)?;
+    let mut surface = reduce::smooth(surface);
+    if has_joints(&person.skeleton) {
+        surface = hands::with_hands(&cloud, &person.skeleton, surface);
+    }
+    let surface = reduce::reduced(surface, options.triangles)?;
     let normals = reduce::normals(&surface);
     let settings = uvunwrap::Options {
         density: uvunwrap::Density::Auto {

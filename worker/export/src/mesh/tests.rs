@@ -3,7 +3,11 @@ use crate::clip::Clip;
 use std::collections::HashMap;
 use std::f32::consts::{PI, TAU};
 use yoto_avatar::render::SkinnedSplat;
+use yoto_body::Body;
+use yoto_body::person::mesh::normals;
+use yoto_body::person::sample::{SurfacePoint, spread};
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::smpl::JOINTS;
 
 const RADIUS: f32 = 0.2;
 /// Standard deviation of a splat across the ball, metres.
@@ -200,6 +204,86 @@ fn vertices_have_the_colours_and_the_bones_of_their_place() {
             assert!(shares[0].1 > 0.95);
         }
     }
+}
+
+/// Splats on the mean body where `wanted`, each with the skeleton's nearest bone.
+fn on_body(wanted: impl Fn([f32; 3]) -> bool) -> SkinnedSplats {
+    let body = Body::people();
+    let normals = normals(body, &body.mean);
+    let points = spread(body, &body.mean, |_| true, 30_000);
+    let splat = |point: &SurfacePoint| {
+        let [x, y, z] = unit(point.of(body, &normals));
+        // The rotation from z to the normal.
+        let w = ((1.0 + z) / 2.0).sqrt().max(1e-3);
+        SkinnedSplat {
+            mean: point.of(body, &body.mean),
+            rotation: [w, -y / (2.0 * w), x / (2.0 * w), 0.0],
+            deviations: [0.005, 0.005, THICKNESS],
+            opacity: 0.9,
+            colour: [0.5; 3],
+            harmonics: [[0.0; 3]; 8],
+            bones: point
+                .skinning(body)
+                .map(|(bone, share)| (u16::from(bone), share)),
+            guessed: false,
+        }
+    };
+    let rest = body.joints_of(&body.mean).into_iter();
+    SkinnedSplats {
+        skeleton: Skeleton {
+            names: JOINTS.iter().map(|(name, _)| (*name).to_owned()).collect(),
+            parents: JOINTS.iter().map(|(_, parent)| *parent).collect(),
+            rest: rest.map(|joint| joint.map(f64::from)).collect(),
+        },
+        splats: (points.iter())
+            .filter(|point| wanted(point.of(body, &body.mean)))
+            .map(splat)
+            .collect(),
+        shapes: None,
+        degree: 0,
+        light: [[0.0; 8]; 3],
+    }
+}
+
+/// Where hands begin, from the middle of the body, metres.
+fn wrists() -> f32 {
+    let joints = Body::people().joints_of(&Body::people().mean);
+    joints[20][0].abs().max(joints[21][0].abs())
+}
+
+#[test]
+fn hands_have_the_fingers_of_the_body() {
+    let body = Body::people();
+    let mesh = mesh(&on_body(|_| true), &[], &MeshOptions::default()).expect("a mesh");
+    let beyond = |distance: f32| move |at: &&[f32; 3]| at[0].abs() > wrists() + distance;
+    let off = |from: &[f32; 3], to: &[[f32; 3]]| {
+        let square = |at: &[f32; 3]| (0..3).map(|a| (at[a] - from[a]).powi(2)).sum::<f32>();
+        to.iter().map(square).fold(f32::INFINITY, f32::min).sqrt()
+    };
+    let hands: Vec<&[f32; 3]> = mesh.positions.iter().filter(beyond(0.03)).collect();
+    assert!(hands.len() > 300, "{}", hands.len());
+    for at in hands {
+        assert!(
+            off(at, &body.mean) < 0.008,
+            "{at:?}: {}",
+            off(at, &body.mean)
+        );
+    }
+    for at in body.mean.iter().filter(beyond(0.1)) {
+        assert!(off(at, &mesh.positions) < 0.012, "{at:?}");
+    }
+}
+
+#[test]
+fn hands_that_splats_do_not_show_are_left_out() {
+    let left_alone = on_body(|at| at[0] > -wrists() + 0.02);
+    let mesh = mesh(&left_alone, &[], &MeshOptions::default()).expect("a mesh");
+    let reach = |side: f32| {
+        let all = mesh.positions.iter().map(|at| side * at[0]);
+        all.fold(0.0, f32::max)
+    };
+    assert!(reach(1.0) > wrists() + 0.12, "{}", reach(1.0));
+    assert!(reach(-1.0) < wrists() + 0.02, "{}", reach(-1.0));
 }
 
 #[test]

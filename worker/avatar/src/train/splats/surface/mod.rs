@@ -13,16 +13,13 @@ use points::SurfacePoints;
 pub(super) use skirt::Skirt;
 use tracing::{debug, trace_span};
 use yoto_body::Body;
-use yoto_body::person::mesh::{areas, normals};
-use yoto_body::person::offset::offsets;
-use yoto_body::person::rest::RestPose;
+use yoto_body::person::fit::{Stage, fit};
+use yoto_body::person::mesh::areas;
 use yoto_body::person::sample::spread;
-use yoto_body::person::shape::{Outline, solve};
+use yoto_body::person::shape::Outline;
 use yoto_body::person::visible::visible_faces;
 use yoto_capture::skeleton::Skeleton;
 
-/// Rounds of the fit of the shape: outlines are looked for again where the last shape has them.
-const ROUNDS: usize = 4;
 /// How far from the body an outline is looked for while its shape is found, and after it, metres.
 const SHAPE: Search = Search {
     inward: 0.08,
@@ -50,50 +47,19 @@ impl PersonSurface {
         let joints: Vec<[f32; 3]> = (skeleton.rest.iter())
             .map(|at| at.map(|v| v as f32))
             .collect();
-        let shape = fitted_shape(body, &joints, hull);
-        let (_, bare) = in_rest_pose(body, &shape, &joints);
-        let (vertices, heights) = with_clothes(body, &bare, hull);
+        let fitted = fit(body, &joints, |vertices, normals, stage| {
+            let search = match stage {
+                Stage::Shape => SHAPE,
+                Stage::Clothes => CLOTHES,
+            };
+            seen(body, vertices, normals, hull, search)
+        });
         Self {
-            skirt: Skirt::find(body, &joints, &bare, &heights, hull),
-            normals: normals(body, &vertices),
-            vertices,
+            skirt: Skirt::find(body, &joints, &fitted, hull),
+            normals: fitted.normals,
+            vertices: fitted.vertices,
         }
     }
-}
-
-/// The shape of the person with these `joints` in the rest pose. The first round has bones alone.
-fn fitted_shape(body: &Body, joints: &[[f32; 3]], hull: &HullFrames<'_>) -> Vec<f32> {
-    let mut shape = vec![0.0; body.shape_components()];
-    for round in 0..=ROUNDS {
-        let (rest, vertices) = in_rest_pose(body, &shape, joints);
-        let normals = normals(body, &vertices);
-        let found = match round {
-            0 => Vec::new(),
-            _ => seen(body, &vertices, &normals, hull, SHAPE),
-        };
-        shape = solve(body, &shape, joints, &rest, &normals, &found);
-    }
-    shape
-}
-
-/// The vertices of the body, moved along its normals from where they are `bare` to what outlines tell, and by how much, metres.
-fn with_clothes(
-    body: &Body,
-    bare: &[[f32; 3]],
-    hull: &HullFrames<'_>,
-) -> (Vec<[f32; 3]>, Vec<f32>) {
-    let directions = normals(body, bare);
-    let mut heights = vec![0f32; bare.len()];
-    let mut vertices = bare.to_vec();
-    for _ in 0..ROUNDS {
-        let mut found = seen(body, &vertices, &normals(body, &vertices), hull, CLOTHES);
-        (found.iter_mut()).for_each(|it| it.distance += heights[it.vertex]);
-        heights = offsets(body, &found);
-        vertices = (bare.iter().zip(&directions).zip(&heights))
-            .map(|((at, normal), height)| std::array::from_fn(|a| at[a] + height * normal[a]))
-            .collect();
-    }
-    (vertices, heights)
 }
 
 /// The outlines of a surface in the frames of `hull`.
@@ -145,12 +111,4 @@ impl PersonSurface {
 fn unit(v: [f32; 3]) -> [f32; 3] {
     let length = v.iter().map(|v| v * v).sum::<f32>().sqrt().max(1e-6);
     v.map(|v| v / length)
-}
-
-/// The body of the `shape` in the rest pose of joints `to`, without a person's offsets.
-fn in_rest_pose(body: &Body, shape: &[f32], to: &[[f32; 3]]) -> (RestPose, Vec<[f32; 3]>) {
-    let vertices = body.vertices(shape);
-    let rest = RestPose::new(&body.joints_of(&vertices), to);
-    let vertices = rest.apply(body, &vertices);
-    (rest, vertices)
 }

@@ -6,6 +6,7 @@ use super::points::SurfacePoints;
 use crate::train::splats::hull::HullFrames;
 use rayon::prelude::*;
 use tracing::debug;
+use yoto_body::person::fit::FittedBody;
 use yoto_body::person::sample::strongest;
 use yoto_body::{Body, JOINTS};
 
@@ -36,34 +37,36 @@ pub(in crate::train::splats) struct Skirt {
 }
 
 impl Skirt {
-    /// The skirt of the person of `hull`, whose `joints` in the rest pose are SMPL's. Their surface is `heights` `[V]`, metres, above the
-    /// `bare` body `[V, 3]`. `None` of people in trousers, and if the film does not tell.
+    /// The skirt of the person of `hull`, whose `joints` in the rest pose are SMPL's, and whom the body is `fitted` to. `None` of people in
+    /// trousers, and if the film does not tell.
     pub(super) fn find(
         body: &Body,
         joints: &[[f32; 3]],
-        bare: &[[f32; 3]],
-        heights: &[f32],
+        fitted: &FittedBody,
         hull: &HullFrames<'_>,
     ) -> Option<Self> {
         let legs = Legs::new(joints);
         let skirt = Self {
-            hem: legs.closed_above(body, bare, hull)?,
+            hem: legs.closed_above(body, &fitted.bare, hull)?,
             hips: legs.hips(),
         };
-        let thickness = skirt.thickness(body, bare, heights);
+        let thickness = skirt.thickness(body, fitted);
         debug!(?skirt, thickness, "between the legs");
         let long = skirt.hips - skirt.hem >= SHORTEST;
         (long && thickness >= STANDS_OFF).then_some(skirt)
     }
 
     /// The mean height of the surface above the bare legs in the upper half, metres.
-    fn thickness(self, body: &Body, bare: &[[f32; 3]], heights: &[f32]) -> f32 {
+    fn thickness(self, body: &Body, fitted: &FittedBody) -> f32 {
         let middle = 0.5 * (self.hips + self.hem);
-        let own = (0..bare.len()).filter(|i| {
-            LEGS.as_flattened().contains(&body.bones[*i][0])
-                && (middle..self.hips).contains(&bare[*i][1])
-        });
-        let (sum, count) = own.fold((0.0, 0), |(sum, count), i| (sum + heights[i], count + 1));
+        let all = fitted.heights.iter().zip(&fitted.bare).zip(&body.bones);
+        let (mut sum, mut count) = (0.0, 0);
+        for ((height, at), bones) in all {
+            if LEGS.as_flattened().contains(&bones[0]) && (middle..self.hips).contains(&at[1]) {
+                sum += height;
+                count += 1;
+            }
+        }
         sum / count.max(1) as f32
     }
 
