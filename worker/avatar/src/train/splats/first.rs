@@ -111,13 +111,10 @@ fn on_body(
     let held = kept.iter().filter(|kept| **kept).count();
     // Each part has splats by its area, and fewer where no frame faces it.
     let shown = colour_sums(hull, &own);
-    let density = |i: usize| {
-        let share = match (kept[i], shown[i][3] > 0.0) {
-            (false, _) => 0.0,
-            (true, true) => 1.0,
-            (true, false) => UNSEEN_DENSITY,
-        };
-        share * stretch(&own, i)
+    let density = |i: usize| match (kept[i], shown[i][3] > 0.0) {
+        (false, _) => 0.0,
+        (true, true) => stretch(&own, i),
+        (true, false) => UNSEEN_DENSITY,
     };
     let density_beside = |i: usize| stretch(&beside, i);
     let each = area / count.max(1) as f64;
@@ -129,9 +126,6 @@ fn on_body(
     debug!(held, beside = beside.points.len(), others, "surface");
     let mut all = own.thinned(density, count - others, each);
     all.append(beside.thinned(density_beside, others, cell));
-    for i in 0..all.points.len() {
-        all.spacing[i] *= stretch(&all, i).sqrt();
-    }
     all
 }
 

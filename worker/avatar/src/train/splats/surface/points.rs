@@ -17,7 +17,7 @@ pub(in crate::train::splats) struct SurfacePoints {
 
 impl SurfacePoints {
     /// `count` of the points in their order. Each point stands for `area`, square metres, and is chosen in proportion to its `density`. A
-    /// point may be given twice.
+    /// point may be given twice. Points that are denser than 1 have the spacing of those that are not: their splats overlap.
     pub(in crate::train::splats) fn thinned(
         &self,
         density: impl Fn(usize) -> f64,
@@ -38,7 +38,7 @@ impl SurfacePoints {
                 thinned.points.push(self.points[i]);
                 thinned.normals.push(self.normals[i]);
                 thinned.skinning.push(self.skinning[i]);
-                thinned.spacing.push((area * each / own).sqrt());
+                thinned.spacing.push((area * each / own.min(1.0)).sqrt());
             }
         }
         thinned
@@ -83,6 +83,9 @@ mod tests {
         let apart = |area: f64| (area * 2.5).sqrt();
         assert!((thinned.spacing[0] - 2.0 * apart(1e-4)).abs() < 1e-9);
         assert!((thinned.spacing[49] - apart(1e-4)).abs() < 1e-9);
+        let doubled = points.thinned(|i| [2.0, 1.0, 0.0][i / 100], 30, 1e-4);
+        assert_eq!(doubled.points.iter().filter(|at| at[0] < 100.0).count(), 20);
+        assert!((doubled.spacing[0] - doubled.spacing[29]).abs() < 1e-9);
         let none = points.thinned(|_| 0.0, 50, 1e-4);
         assert!(none.points.is_empty());
     }
