@@ -2,7 +2,7 @@
 //! freezes those colours, and everybody who gets the model can tell which they are.
 
 use super::Avatar;
-use crate::field::splats::Splats;
+use crate::field::splats::{Splats, opaque_area};
 use crate::host::{ReadError, read};
 use burn::module::Module;
 use burn::tensor::activation::sigmoid;
@@ -35,20 +35,24 @@ impl Avatar {
         Ok(flags.map(|flags| flags.into_iter().map(|flag| flag > 0.5).collect()))
     }
 
-    /// Share of the splats of the identity in `slot` whose colour is guessed, of those that are drawn, 0 to 1.
+    /// Share of the area of the splats of the identity in `slot` whose colour is guessed, 0 to 1.
     pub(crate) fn guessed_share(&self, slot: usize) -> Result<f64, ReadError> {
         let (Some(frozen), Some(splats)) = (self.frozen_colours(slot)?, self.splats.get(slot))
         else {
             return Ok(0.0);
         };
         let opacities = read(sigmoid(splats.opacities.val().detach()))?;
-        let drawn = frozen
-            .iter()
-            .zip(opacities)
-            .filter(|(_, opacity)| *opacity > MIN_ALPHA);
-        let flags: Vec<bool> = drawn.map(|(frozen, _)| *frozen).collect();
-        let guessed = flags.iter().filter(|frozen| **frozen).count();
-        Ok(guessed as f64 / flags.len().max(1) as f64)
+        let scales = read(splats.scales.val().detach().exp())?;
+        let scales = scales.as_chunks::<3>().0;
+        let (mut all, mut guessed) = (0.0, 0.0);
+        for ((frozen, opacity), scales) in frozen.iter().zip(opacities).zip(scales) {
+            if opacity > MIN_ALPHA {
+                let area = f64::from(opaque_area(opacity, *scales));
+                all += area;
+                guessed += if *frozen { area } else { 0.0 };
+            }
+        }
+        Ok(guessed / all.max(f64::MIN_POSITIVE))
     }
 
     /// Number of parameters, without what is never trained: flags of guessed colours, and bones of a surface.

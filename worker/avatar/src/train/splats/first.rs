@@ -6,27 +6,30 @@ use crate::config::SplatConfig;
 use crate::field::splats::SplatValues;
 use crate::train::TrainError;
 use crate::train::people::{TrainFrame, TrainSubject};
-use crate::train::splats::hull::{HullFrame, HullFrames, Shell, Sighting};
+use crate::train::splats::hull::{HullFrames, Shell};
+use crate::train::splats::shown::{colour_sums, shown};
 use crate::train::splats::surface::points::SurfacePoints;
 use crate::train::splats::surface::{PersonSurface, Skirt, layer};
 use tracing::debug;
 use yoto_body::Body;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::smpl::has_joints;
-use yoto_ops::warp::inverse::solve::apply;
 
 /// Standard deviations along the surface and across it, as shares of the distance between splats.
 const FLAT: [f64; 3] = [0.6, 0.6, 0.25];
-/// Cosine between normal and view above which a splat's pixel has its colour.
-const FACING: f32 = 0.3;
-/// Coverage of pixels that have no background in them.
-const WHOLE: u8 = 250;
 /// Colour of splats that no frame faces.
 const UNSEEN: f32 = 0.4;
 /// Splats per area where no frame faces the surface, as a share of those elsewhere.
 const UNSEEN_DENSITY: f64 = 0.25;
 /// How far outside of the masks a point of the body may be, metres.
 const INSET: f32 = 0.008;
+
+/// The initial splats of a person, and what their frames tell about the person.
+pub(crate) struct InitialSplats {
+    pub values: SplatValues,
+    /// Whether the person's clothes are taken for a skirt or a coat.
+    pub in_skirt: bool,
+}
 
 /// `count` splats for `subject`, from the frames that have a `pose`.
 ///
@@ -37,7 +40,7 @@ pub(crate) fn initial_splats(
     config: &SplatConfig,
     pose: impl Fn(&TrainFrame) -> Option<Pose>,
     count: usize,
-) -> Result<SplatValues, TrainError> {
+) -> Result<InitialSplats, TrainError> {
     let hull = HullFrames::new(subject, pose)?;
     let shell = hull.shell_of(count)?;
     if shell.normals.is_empty() {
@@ -48,15 +51,14 @@ pub(crate) fn initial_splats(
         )));
     }
     let skeleton = &subject.body.skeleton;
-    let first = match config.surface && has_joints(skeleton) {
-        true => {
-            let person = PersonSurface::new(Body::people(), skeleton, &hull);
-            on_body(&hull, &person, &shell, count)
-        }
-        false => on_shell(&shell, count),
+    let person = (config.surface && has_joints(skeleton))
+        .then(|| PersonSurface::new(Body::people(), skeleton, &hull));
+    let first = match &person {
+        Some(person) => on_body(&hull, person, &shell, count),
+        None => on_shell(&shell, count),
     };
     let scales = first.spacing.iter();
-    Ok(SplatValues {
+    let values = SplatValues {
         rotations: first
             .normals
             .iter()
@@ -70,6 +72,10 @@ pub(crate) fn initial_splats(
         colours: colours(&hull, &first),
         skinning: first.skinning(),
         means: first.points.into_flattened(),
+    };
+    Ok(InitialSplats {
+        values,
+        in_skirt: person.is_some_and(|person| person.skirt.is_some()),
     })
 }
 
@@ -103,21 +109,20 @@ fn on_body(
     if let Some(skirt) = person.skirt {
         skirt.hang([&mut own, &mut beside]);
     }
-    // Cloth between legs is stretched when they are apart.
-    let stretch = |points: &SurfacePoints, i: usize| match person.skirt {
-        Some(_) => Skirt::density(&points.skinning[i], count),
-        None => 1.0,
+    let each = area / count.max(1) as f64;
+    let [own_stretch, beside_stretch] = match person.skirt {
+        Some(_) => stretch(hull, [&own, &beside], &kept, each.sqrt(), count),
+        None => [&own, &beside].map(|part| vec![1.0; part.points.len()]),
     };
     let held = kept.iter().filter(|kept| **kept).count();
     // Each part has splats by its area, and fewer where no frame faces it.
-    let shown = colour_sums(hull, &own);
-    let density = |i: usize| match (kept[i], shown[i][3] > 0.0) {
+    let faced = colour_sums(hull, &own);
+    let density = |i: usize| match (kept[i], faced[i][3] > 0.0) {
         (false, _) => 0.0,
-        (true, true) => stretch(&own, i),
+        (true, true) => own_stretch[i],
         (true, false) => UNSEEN_DENSITY,
     };
-    let density_beside = |i: usize| stretch(&beside, i);
-    let each = area / count.max(1) as f64;
+    let density_beside = |i: usize| beside_stretch[i];
     let own_area = each * (0..own.points.len()).map(density).sum::<f64>();
     let cell = shell.spacing * shell.spacing;
     let area_beside = cell * (0..beside.points.len()).map(density_beside).sum::<f64>();
@@ -127,6 +132,26 @@ fn on_body(
     let mut all = own.thinned(density, count - others, each);
     all.append(beside.thinned(density_beside, others, cell));
     all
+}
+
+/// How many times as dense splats are at each point of the two parts of a surface with a skirt, since cloth between legs is stretched when
+/// they are apart. Where no frame shows the point, as inside of the cloth, they are as dense as elsewhere.
+fn stretch(
+    hull: &HullFrames<'_>,
+    parts: [&SurfacePoints; 2],
+    kept: &[bool],
+    apart: f64,
+    count: usize,
+) -> [Vec<f64>; 2] {
+    let shown = shown(hull, parts, kept, apart);
+    std::array::from_fn(|part| {
+        (parts[part].skinning.iter().zip(&shown[part]))
+            .map(|(skinning, shown)| match shown {
+                true => Skirt::density(skinning, count),
+                false => 1.0,
+            })
+            .collect()
+    })
 }
 
 /// The quaternion of the shortest rotation of the third axis to the unit vector `n`.
@@ -147,51 +172,4 @@ fn colours(hull: &HullFrames<'_>, first: &SurfacePoints) -> Vec<f32> {
             false => [UNSEEN; 3],
         })
         .collect()
-}
-
-/// Σ f c and Σ f of the colours c of each point in the frames that face it, where f is the cosine to the view.
-fn colour_sums(hull: &HullFrames<'_>, first: &SurfacePoints) -> Vec<[f32; 4]> {
-    let mut sums = vec![[0f32; 4]; first.points.len()];
-    for frame in &hull.frames {
-        let sightings = match first.skinning.as_slice() {
-            [] => hull.sightings(&first.points, frame),
-            skinning => hull.sightings_on_surface(&first.points, skinning, frame),
-        };
-        let points = first.points.iter().zip(&first.normals);
-        for ((sum, sighting), (point, normal)) in sums.iter_mut().zip(sightings).zip(points) {
-            let Some((pixel, facing)) = faces(frame, sighting, [*point, *normal]) else {
-                continue;
-            };
-            let colour = &frame.image.rgb[3 * pixel..3 * pixel + 3];
-            for (sum, value) in sum.iter_mut().zip(colour) {
-                *sum += facing * f32::from(*value) / 255.0;
-            }
-            sum[3] += facing;
-        }
-    }
-    sums
-}
-
-/// The pixel of a point with a normal, and the cosine to the view, if the frame shows it from the front.
-fn faces(
-    frame: &HullFrame,
-    sighting: Sighting,
-    [point, normal]: [[f32; 3]; 2],
-) -> Option<(usize, f32)> {
-    let pixel = sighting
-        .pixel
-        .filter(|pixel| frame.image.mask[*pixel] >= WHOLE)?;
-    let t = &sighting.transform;
-    let position = apply(t, point);
-    let rotated: [f32; 3] = std::array::from_fn(|r| (0..3).map(|c| t[4 * r + c] * normal[c]).sum());
-    let in_camera: [f32; 3] = std::array::from_fn(|r| {
-        let row = frame.camera[r];
-        row[0] * position[0] + row[1] * position[1] + row[2] * position[2] + row[3]
-    });
-    let normal: [f32; 3] =
-        std::array::from_fn(|r| (0..3).map(|c| frame.camera[r][c] * rotated[c]).sum());
-    let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt().max(1e-6);
-    let along: f32 = (0..3).map(|a| in_camera[a] * normal[a]).sum();
-    let facing = -along / (length(in_camera) * length(normal));
-    (facing > FACING).then_some((pixel, facing))
 }

@@ -4,6 +4,7 @@ mod error;
 mod first;
 mod hull;
 pub(crate) mod placing;
+mod shown;
 mod split;
 mod surface;
 pub(crate) mod unseen;

@@ -18,7 +18,7 @@ use yoto_capture::skeleton::smpl::has_joints;
 /// Places the splats of `subject` by the given poses, in a model after the completed fraction
 /// `progress` of its first run. A person who is `known` keeps their splats, unless an earlier training
 /// stopped before it placed all of them, and this one does not go on with it. Returns a note if the shared body does not
-/// have the person's skeleton.
+/// have the person's skeleton, or if the person seems to wear a skirt.
 pub(crate) fn place_initial_splats(
     state: &mut TrainState,
     config: &ModelConfig,
@@ -46,17 +46,23 @@ pub(crate) fn place_initial_splats(
         None => splats.count,
     };
     let first = initial_splats(subject, splats, |frame| Some(frame.pose.clone()), count)?;
+    let name = &subject.name;
+    let strange = splats.surface && !has_joints(&subject.body.skeleton);
+    let note = match (strange, first.in_skirt) {
+        (true, _) => Some(format!(
+            "{name}: the skeleton does not have the 24 joints of SMPL, so splats start on what the masks enclose, not on the \
+             shared body"
+        )),
+        (false, true) => Some(format!(
+            "{name}: something closes the gap between the legs in the frames that show them apart, so it moves with both legs, as a \
+             skirt or a coat does"
+        )),
+        (false, false) => None,
+    };
     state
         .avatar_mut()
-        .place_splats(own, &first.padded_to(splats.count));
-    let strange = splats.surface && !has_joints(&subject.body.skeleton);
-    Ok(strange.then(|| {
-        format!(
-            "{}: the skeleton does not have the 24 joints of SMPL, so splats start on what the masks enclose, not on the \
-             shared body",
-            subject.name
-        )
-    }))
+        .place_splats(own, &first.values.padded_to(splats.count));
+    Ok(note)
 }
 
 /// Splits the splats of the `subject` where the error is until there are as many as are due. The halves know
