@@ -7,7 +7,7 @@ use crate::field::splats::SplatValues;
 use crate::train::TrainError;
 use crate::train::people::{TrainFrame, TrainSubject};
 use crate::train::splats::hull::{HullFrames, Shell};
-use crate::train::splats::shown::{colour_sums, shown};
+use crate::train::splats::shown::{colour_sums, faced, shown};
 use crate::train::splats::surface::points::SurfacePoints;
 use crate::train::splats::surface::{PersonSurface, Skirt, layer};
 use tracing::debug;
@@ -104,25 +104,33 @@ fn on_body(
     let inside: Vec<[f32; 3]> = (own.points.iter().zip(&own.normals))
         .map(|(at, normal)| std::array::from_fn(|a| at[a] - INSET * normal[a]))
         .collect();
+    let each = area / count.max(1) as f64;
     let kept = hull.hold(&inside, &own.skinning, shell);
-    let mut beside = layer::beside(&own, &kept, shell, &hull.frames);
+    let mut beside = layer::beside(&own, &kept, each.sqrt(), shell, &hull.frames);
     if let Some(skirt) = person.skirt {
         skirt.hang([&mut own, &mut beside]);
     }
-    let each = area / count.max(1) as f64;
     let [own_stretch, beside_stretch] = match person.skirt {
         Some(_) => stretch(hull, [&own, &beside], &kept, each.sqrt(), count),
         None => [&own, &beside].map(|part| vec![1.0; part.points.len()]),
     };
     let held = kept.iter().filter(|kept| **kept).count();
     // Each part has splats by its area, and fewer where no frame faces it.
-    let faced = colour_sums(hull, &own);
-    let density = |i: usize| match (kept[i], faced[i][3] > 0.0) {
+    let own_faced = colour_sums(hull, &own);
+    let density = |i: usize| match (kept[i], own_faced[i][3] > 0.0) {
         (false, _) => 0.0,
         (true, true) => own_stretch[i],
         (true, false) => UNSEEN_DENSITY,
     };
-    let density_beside = |i: usize| beside_stretch[i];
+    // Where no frame tells how deep the person is, hulls reach far behind them, with wings beside the neck.
+    let faced_beside = match shell.depth_unseen {
+        true => faced(hull, &beside),
+        false => vec![true; beside.points.len()],
+    };
+    let density_beside = |i: usize| match faced_beside[i] {
+        true => beside_stretch[i],
+        false => 0.0,
+    };
     let own_area = each * (0..own.points.len()).map(density).sum::<f64>();
     let cell = shell.spacing * shell.spacing;
     let area_beside = cell * (0..beside.points.len()).map(density_beside).sum::<f64>();

@@ -7,10 +7,25 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use yoto_ops::warp::inverse::solve::apply;
 
-/// Cosine between normal and view above which a pixel has the colour of a point.
-const FACING: f32 = 0.3;
-/// Coverage of pixels that have no background in them.
-const WHOLE: u8 = 250;
+/// What it takes for a frame to show a point.
+#[derive(Clone, Copy)]
+struct Shown {
+    /// Least cosine between normal and view.
+    facing: f32,
+    /// Least coverage of the pixel.
+    coverage: u8,
+}
+
+/// The pixel has the colour of the point, without background.
+const COLOUR: Shown = Shown {
+    facing: 0.3,
+    coverage: 250,
+};
+/// The point is on the side of the person that faces the camera, or at the outline.
+const OUTLINE: Shown = Shown {
+    facing: 0.15,
+    coverage: 100,
+};
 /// Width of a cell of a depth map, as a multiple of the distance between points, so that a surface has no holes in it.
 const CELL: f64 = 2.5;
 /// How far behind the surface a point counts as on it, metres, on top of what the surface's slope makes of a cell.
@@ -30,7 +45,7 @@ struct View {
 pub(super) fn colour_sums(hull: &HullFrames<'_>, points: &SurfacePoints) -> Vec<[f32; 4]> {
     let mut sums = vec![[0f32; 4]; points.points.len()];
     for frame in &hull.frames {
-        let views = views(hull, frame, points);
+        let views = views(hull, frame, points, COLOUR);
         for (sum, view) in sums.iter_mut().zip(views) {
             let Some(view) = view else {
                 continue;
@@ -45,6 +60,16 @@ pub(super) fn colour_sums(hull: &HullFrames<'_>, points: &SurfacePoints) -> Vec<
     sums
 }
 
+/// Whether a frame shows each of the `points` from the front or at the outline, unless something hides it.
+pub(super) fn faced(hull: &HullFrames<'_>, points: &SurfacePoints) -> Vec<bool> {
+    let mut faced = vec![false; points.points.len()];
+    for frame in &hull.frames {
+        let views = views(hull, frame, points, OUTLINE);
+        (faced.iter_mut().zip(views)).for_each(|(faced, view)| *faced |= view.is_some());
+    }
+    faced
+}
+
 /// Whether a frame shows each point of the two parts of a surface, which hide each other. Points are `apart` metres from each other.
 /// Those of the first part that are not `kept` hide nothing.
 pub(super) fn shown(
@@ -56,7 +81,7 @@ pub(super) fn shown(
     let cell = (CELL * apart) as f32;
     let mut shown = parts.map(|part| vec![false; part.points.len()]);
     for frame in &hull.frames {
-        let views = parts.map(|part| views(hull, frame, part));
+        let views = parts.map(|part| views(hull, frame, part, COLOUR));
         let [own, beside] = &views;
         let kept = own.iter().zip(kept).filter(|(_, kept)| **kept);
         let all = kept.map(|(view, _)| view).chain(beside).flatten();
@@ -71,22 +96,33 @@ pub(super) fn shown(
 }
 
 /// Each of the `points` in a frame, if it shows it from the front.
-fn views(hull: &HullFrames<'_>, frame: &HullFrame, points: &SurfacePoints) -> Vec<Option<View>> {
+fn views(
+    hull: &HullFrames<'_>,
+    frame: &HullFrame,
+    points: &SurfacePoints,
+    bounds: Shown,
+) -> Vec<Option<View>> {
     let sightings = match points.skinning.as_slice() {
         [] => hull.sightings(&points.points, frame),
         skinning => hull.sightings_on_surface(&points.points, skinning, frame),
     };
     (points.points.par_iter().zip(&points.normals))
         .zip(sightings)
-        .map(|((point, normal), sighting)| view(frame, sighting, *point, *normal))
+        .map(|((point, normal), sighting)| view(frame, sighting, *point, *normal, bounds))
         .collect()
 }
 
 /// A `point` with a `normal` in a frame, if it shows it from the front.
-fn view(frame: &HullFrame, sighting: Sighting, point: [f32; 3], normal: [f32; 3]) -> Option<View> {
+fn view(
+    frame: &HullFrame,
+    sighting: Sighting,
+    point: [f32; 3],
+    normal: [f32; 3],
+    bounds: Shown,
+) -> Option<View> {
     let pixel = sighting
         .pixel
-        .filter(|pixel| frame.image.mask[*pixel] >= WHOLE)?;
+        .filter(|pixel| frame.image.mask[*pixel] >= bounds.coverage)?;
     let t = &sighting.transform;
     let position = apply(t, point);
     let rotated: [f32; 3] = std::array::from_fn(|r| (0..3).map(|c| t[4 * r + c] * normal[c]).sum());
@@ -99,7 +135,7 @@ fn view(frame: &HullFrame, sighting: Sighting, point: [f32; 3], normal: [f32; 3]
     let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt().max(1e-6);
     let along: f32 = (0..3).map(|a| at[a] * normal[a]).sum();
     let facing = -along / (length(at) * length(normal));
-    (facing > FACING).then_some(View { pixel, facing, at })
+    (facing > bounds.facing).then_some(View { pixel, facing, at })
 }
 
 /// The least depth of a surface along lines of sight.

@@ -59,26 +59,51 @@ pub(crate) struct HullFrame {
     transforms: Vec<f32>,
     /// Body frame to homogeneous pixels.
     projection: [[f32; 4]; 3],
+    /// Pixels per metre at a depth of one metre.
+    pub focal: f32,
     /// Body frame to camera.
     pub camera: [[f32; 4]; 3],
     pub image: FrameImage,
 }
 
 impl HullFrame {
+    /// A frame of one bone in the rest pose, from the origin along the third axis. All of its pixels show the person.
+    #[cfg(test)]
+    pub(super) fn along_z(size: usize, focal: f32) -> Self {
+        let row = |axis: usize| std::array::from_fn(|c| f32::from(u8::from(c == axis)));
+        let middle = 0.5 * size as f32;
+        Self {
+            transforms: [row(0), row(1), row(2)].concat(),
+            projection: [[focal, 0.0, middle, 0.0], [0.0, focal, middle, 0.0], row(2)],
+            focal,
+            camera: [row(0), row(1), row(2)],
+            image: FrameImage {
+                width: size,
+                height: size,
+                rgb: vec![0; 3 * size * size],
+                mask: vec![255; size * size],
+            },
+        }
+    }
+
     /// Where a canonical point is that `transform` carries.
     fn sighting(&self, transform: [f32; 12], point: [f32; 3]) -> Sighting {
         let (width, height) = (self.image.width, self.image.height);
-        let at = apply(&transform, point);
-        let [u, v, w] = self
-            .projection
-            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
-        let (x, y) = (u / w, v / w);
+        let [x, y, w] = self.project(apply(&transform, point));
         // Comparisons are false for a NaN.
         let inside = w > 0.0 && x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
         Sighting {
             pixel: inside.then(|| y as usize * width + x as usize),
             transform,
         }
+    }
+
+    /// A point of the posed body, metres, in pixels, and its depth, metres.
+    pub(super) fn project(&self, at: [f32; 3]) -> [f32; 3] {
+        let [u, v, w] = self
+            .projection
+            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
+        [u / w, v / w, w]
     }
 
     /// `[K, 12]` posed body to canonical.
@@ -88,10 +113,8 @@ impl HullFrame {
 
     /// Coverage of the pixel at a point of the posed body, metres, between pixels by distance, 0 to 255; `None` outside of the picture.
     pub(super) fn coverage(&self, at: [f32; 3]) -> Option<f32> {
-        let [u, v, w] = self
-            .projection
-            .map(|[a, b, c, d]| a * at[0] + b * at[1] + c * at[2] + d);
-        let (x, y) = (u / w - 0.5, v / w - 0.5);
+        let [x, y, w] = self.project(at);
+        let (x, y) = (x - 0.5, y - 0.5);
         let (width, height) = (self.image.width, self.image.height);
         let inside =
             w > 0.0 && x >= 0.0 && y >= 0.0 && x < (width - 1) as f32 && y < (height - 1) as f32;
@@ -139,6 +162,7 @@ impl<'a> HullFrames<'a> {
             };
             Ok(HullFrame {
                 transforms: read(posed::transforms(body, &pose).inner())?,
+                focal: across[0],
                 projection: [row(across), row(down), row([0.0, 0.0, 1.0])],
                 camera: body_view.e,
                 image: subject.image(frame),
@@ -281,6 +305,7 @@ impl<'a> HullFrames<'a> {
             inside[*index] = true;
         }
         let mut shell = Shell::empty(spacing);
+        shell.depth_unseen = body.bounds();
         for index in left {
             let cell = cells.coordinates(index);
             let full = |offset: [isize; 3]| {

@@ -7,6 +7,8 @@ const REPLACED: f32 = 0.03;
 pub(crate) struct Shell {
     /// Their width, metres.
     pub spacing: f64,
+    /// Whether no frame shows how deep the trunk or the head is: bodies' measures bound it.
+    pub depth_unseen: bool,
     /// `[N]` middles, metres.
     pub points: Vec<[f32; 3]>,
     /// `[N]` unit normals, outward.
@@ -17,6 +19,7 @@ impl Shell {
     pub(super) fn empty(spacing: f64) -> Self {
         Self {
             spacing,
+            depth_unseen: false,
             points: Vec::new(),
             normals: Vec::new(),
         }
@@ -60,6 +63,7 @@ mod tests {
     fn a_point_is_near_within_three_centimetres() {
         let shell = Shell {
             spacing: 0.01,
+            depth_unseen: false,
             points: vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             normals: vec![[0.0, 1.0, 0.0]; 2],
         };

@@ -4,6 +4,7 @@
 
 use super::outline::{Search, blend, edge, forward};
 use super::points::SurfacePoints;
+use super::silhouette::outside;
 use crate::train::splats::hull::{HullFrame, Shell};
 use rayon::prelude::*;
 use tracing::debug;
@@ -34,10 +35,11 @@ const MOST_ROUNDS: f64 = 400.0;
 const NEAR: f64 = 2.5;
 
 /// The points of the `shell` that no point of the body's surface is near, with the bones that carry them. `own` are points of that
-/// surface, of which those that are not `kept` are beside the masks. The spacing is the shell's.
+/// surface, `apart` metres from each other, of which those that are not `kept` are beside the masks. The spacing is the shell's.
 pub(in crate::train::splats) fn beside(
     own: &SurfacePoints,
     kept: &[bool],
+    apart: f64,
     shell: &Shell,
     frames: &[HullFrame],
 ) -> SurfacePoints {
@@ -58,10 +60,16 @@ pub(in crate::train::splats) fn beside(
         .map(|row| strongest((0..).zip(row)))
         .collect();
     let at_edges = at_edges(&points, &normals, &skinning, frames);
+    // Where no frame tells how deep the person is, hulls reach far before them.
+    let outside = match shell.depth_unseen {
+        true => outside(&points, &skinning, (own, kept), apart, frames),
+        false => vec![true; points.len()],
+    };
     let chosen: Vec<usize> = (0..points.len())
         .filter(|i| {
             let body_is_wrong = !kept[nearest[off[*i]].index];
-            body_is_wrong || (at_edges[*i] && !ARMS.contains(&skinning[*i][0].0))
+            let stands_off = at_edges[*i] && outside[*i];
+            body_is_wrong || (stands_off && !ARMS.contains(&skinning[*i][0].0))
         })
         .collect();
     debug!(off = off.len(), chosen = chosen.len(), "layer");

@@ -5,6 +5,7 @@ mod between_legs;
 pub(super) mod layer;
 mod outline;
 pub(super) mod points;
+mod silhouette;
 mod skirt;
 
 use crate::train::splats::hull::HullFrames;
