@@ -5,6 +5,7 @@
 //! - [`real`]: clips as people have them, through the whole path.
 //! - [`ablation`]: the paper's four variants on the same captures.
 //! - [`stress`]: people in poses that no film shows, beside their truth.
+//! - [`poses`]: poses that are found in films of people whose poses are known.
 //! - [`displacement`]: the error of learned motion of clothes.
 //! - [`tradeoff`]: quality over training time and over render time.
 //! - [`model_dir`]: figures of a trained model in a folder.
@@ -18,6 +19,7 @@
 extern crate yoto_terminal;
 
 pub mod ablation;
+mod actor;
 mod alignment;
 pub mod bench;
 pub mod captures;
@@ -33,6 +35,7 @@ mod npz;
 pub mod one_camera;
 mod other_poses;
 pub mod pose_error;
+pub mod poses;
 pub mod quality;
 pub mod real;
 pub mod report;

@@ -4,7 +4,7 @@ use anyhow::Context;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use yoto_body::Body;
-use yoto_body::learn::{Bodies, Settings};
+use yoto_body::learn::{Bodies, BodyMesh, Settings};
 use yoto_terminal::output;
 
 const AFTER_HELP: &str = "\
@@ -38,13 +38,21 @@ pub(super) struct BodyCommand {
 }
 
 /// Reads the bodies in `folder`.
-pub(super) fn bodies(folder: &Path) -> anyhow::Result<Bodies> {
+fn bodies(folder: &Path) -> anyhow::Result<Bodies> {
     let read = |name: &str| {
         let path = folder.join(name);
         std::fs::read(&path).with_context(|| format!("reading {}", path.display()))
     };
     let bodies = Bodies::read(&read("bodies.npz")?, &read("topology.npz")?);
     bodies.with_context(|| format!("the bodies {}", folder.display()))
+}
+
+/// Reads those bodies in `folder` that have these `names`.
+pub(super) fn meshes(folder: &Path, names: &[String]) -> anyhow::Result<Vec<BodyMesh>> {
+    let read = bodies(folder)?;
+    let meshes = names.iter().map(|name| read.mesh(name));
+    let meshes = meshes.collect::<Result<_, _>>();
+    meshes.with_context(|| format!("the bodies {}", folder.display()))
 }
 
 impl BodyCommand {

@@ -14,6 +14,7 @@ mod frames;
 mod import_humannerf;
 mod import_progress;
 mod info;
+mod poses;
 mod quality;
 mod real;
 mod render_frame;
@@ -46,6 +47,7 @@ enum Command {
     Decoder(decoder::DecoderCommand),
     Body(body::BodyCommand),
     Stress(stress::StressCommand),
+    Poses(poses::PosesCommand),
     Tradeoff(tradeoff::TradeoffCommand),
     Evaluate(evaluate::Evaluate),
     Distill(distill::Distill),
@@ -81,6 +83,7 @@ impl Command {
             Self::Decoder(command) => command.run(),
             Self::Body(command) => command.run(),
             Self::Stress(command) => command.run(),
+            Self::Poses(command) => command.run(),
             Self::Tradeoff(command) => command.run(),
             Self::Evaluate(command) => command.run(),
             Self::Distill(command) => command.run(),

@@ -1,15 +1,14 @@
 //! `yoto-lab stress`: people in poses that no film shows.
 
 use super::args;
-use super::body::bodies;
+use super::body::meshes;
 use super::quality::capture_source;
 use super::screen::Terminal;
 use crate::stress::{FILE, StressOptions, run};
 use anyhow::Context;
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use yoto_avatar::config::Setting;
-use yoto_body::learn::BodyMesh;
 use yoto_import::FfmpegArg;
 use yoto_terminal::output;
 
@@ -101,11 +100,4 @@ impl StressCommand {
         output::put("files", output::paths(&[&path]));
         Ok(())
     }
-}
-
-fn meshes(folder: &Path, names: &[String]) -> anyhow::Result<Vec<BodyMesh>> {
-    let read = bodies(folder)?;
-    let meshes = names.iter().map(|name| read.mesh(name));
-    let meshes = meshes.collect::<Result<_, _>>();
-    meshes.with_context(|| format!("the bodies {}", folder.display()))
 }

@@ -38,6 +38,8 @@ fn documented_lines_parse() {
         "yoto-lab stress --people 3 --steps 400 --size 256 --out stress",
         "yoto-lab stress --bodies bodies --body asian_f_1_casual white_m_1_busi --sector 45 --out stress",
         "yoto-lab stress --capture a --capture b --size 512 --out stress",
+        "yoto-lab poses --bodies bodies --body asian_f_1_casual --pose-model m --out poses",
+        "yoto-lab poses --capture a b --people 2 --size 768 --out poses",
         "yoto-lab body bodies --without Asian_F_1 Black_M_1 --shapes 20 --out body.safetensors",
     ] {
         assert!(Cli::try_parse_from(line.split(' ')).is_ok(), "{line}");
@@ -58,6 +60,8 @@ fn contradictions_are_refused() {
         "yoto-lab bench --step fastest",
         "yoto-lab ablation --out o",
         "yoto-lab ablation --capture a --out o --seconds 5 --steps 5",
+        "yoto-lab poses --out o",
+        "yoto-lab poses --bodies bodies --out o",
         "yoto-lab tradeoff --out o",
         "yoto-lab tradeoff --capture a --budgets 5,-1 --out o",
         "yoto-lab tradeoff --capture a --tiers draft,ultra --out o",

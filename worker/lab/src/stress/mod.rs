@@ -2,19 +2,17 @@
 //! every pose of [`stress_poses`] is rendered from two sides. The same is done from eight sides in the pose of the first frame. Of people
 //! who come with a film, there is only what the model makes of them.
 
-mod actor;
-mod mesh;
 mod outline;
 mod sheet;
 mod table;
 
 pub use outline::Outline;
 
+use crate::actor::Actor;
 use crate::captures::{CaptureSource, read_sources};
 use crate::display::Screen;
 use crate::one_camera::HeldOut;
 use crate::training::{self, pick_device};
-use actor::Actor;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;

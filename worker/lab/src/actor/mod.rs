@@ -1,6 +1,7 @@
-//! The people of a stress test: their truth is known in every pose, unless they come with a film.
+//! People to film: their truth is known in every pose, unless they come with a film.
 
-use super::mesh;
+mod mesh;
+
 use crate::captures::Recording;
 use anyhow::{Context, ensure};
 use std::sync::Arc;
@@ -19,7 +20,7 @@ const FRAMES: usize = 60;
 const FPS: f64 = 15.0;
 
 /// Somebody to film.
-pub(super) struct Actor {
+pub(crate) struct Actor {
     pub name: String,
     pub skeleton: Skeleton,
     look: Look,
@@ -34,7 +35,7 @@ enum Look {
 
 impl Actor {
     /// A synthetic person, in clothes that move.
-    pub(super) fn synthetic(person: SyntheticPerson) -> anyhow::Result<Self> {
+    pub(crate) fn synthetic(person: SyntheticPerson) -> anyhow::Result<Self> {
         Ok(Self {
             name: person.name().to_owned(),
             skeleton: Skeleton::from_track(&person.skeleton())
@@ -44,7 +45,7 @@ impl Actor {
     }
 
     /// A body, whose clothes its bones carry. `pattern` is a skeleton with its joints' names and parents.
-    pub(super) fn mesh(mesh: BodyMesh, pattern: &Skeleton) -> Self {
+    pub(crate) fn mesh(mesh: BodyMesh, pattern: &Skeleton) -> Self {
         let rest = mesh.joints.iter().map(|joint| joint.map(f64::from));
         Self {
             name: mesh.name.clone(),
@@ -57,7 +58,7 @@ impl Actor {
     }
 
     /// The person of a capture.
-    pub(super) fn filmed(recording: Recording) -> anyhow::Result<Self> {
+    pub(crate) fn filmed(recording: Recording) -> anyhow::Result<Self> {
         let name = recording.name.clone();
         let skeleton = Skeleton::from_track(&recording.shard.track.skeleton)
             .with_context(|| format!("the skeleton of {name}"))?;
@@ -73,7 +74,7 @@ impl Actor {
     }
 
     /// The person in `pose`, over black; `None` if nobody knows how they look then.
-    pub(super) fn render(&self, pose: &Pose, camera: &Camera) -> Option<FrameImage> {
+    pub(crate) fn render(&self, pose: &Pose, camera: &Camera) -> Option<FrameImage> {
         match &self.look {
             Look::Synthetic(person) => Some(person.render(pose, camera)),
             Look::Mesh(mesh) => Some(mesh::render(mesh, &self.skeleton, pose, camera)),
@@ -82,7 +83,7 @@ impl Actor {
     }
 
     /// The film of the person: their own, or a calm one, `size` pixels wide, in a whole turn or within `sector` radians to either side.
-    pub(super) fn film(
+    pub(crate) fn film(
         &self,
         slot: usize,
         size: u32,

@@ -1,0 +1,86 @@
+//! `yoto-lab poses`: what a film alone tells of poses.
+
+use super::body::meshes;
+use super::import_progress;
+use super::screen::Terminal;
+use crate::poses::{FILE, PosesOptions, run};
+use anyhow::Context;
+use clap::Args;
+use std::path::{Path, PathBuf};
+use yoto_import::{FfmpegArg, Options};
+use yoto_terminal::output;
+
+const AFTER_HELP: &str = "\
+Each person is filmed before a wall as a phone films: in a whole turn, facing the camera, and in sport, from the height
+of the chest; and in the turn from 0.5 and from 2.1 m. The light drifts, the lens blurs, and pictures have noise. People
+of a --capture move as it says. The pose model and the fit then look at the pictures alone.
+
+Columns are errors against the truth: of 13 joints in space, across the line of sight and along it, of the wrists along
+it, and of all joints once each frame is rotated and scaled to the truth; of the rotations of wrists and head; of bones'
+lengths. 'mistaken' are frames in which left is taken for right. Hips are at the same place in both, and one factor per
+film brings both bodies to one size. OUT/poses.json has all figures, OUT/FILM the pictures.
+
+DIR is a folder that `yoto-lab body` learns from.
+
+Examples:
+  yoto-lab poses --bodies bodies --body white_m_1_casual asian_f_1_busi --pose-model models --out poses
+  yoto-lab poses --capture captures/ada captures/bruno --pose-model models --out poses";
+
+/// Measure the poses that are found in films of people whose poses are known.
+#[derive(Debug, Args)]
+#[command(after_help = AFTER_HELP)]
+pub(super) struct PosesCommand {
+    /// Number of synthetic people.
+    #[arg(long, value_name = "N", default_value_t = 0, required_unless_present_any = ["bodies", "captures"], value_parser = clap::value_parser!(u8).range(0..=64))]
+    people: u8,
+    /// Folder of bodies.
+    #[arg(long, value_name = "DIR", requires = "names")]
+    bodies: Option<PathBuf>,
+    /// Body of that folder to film, IDENTITY_OUTFIT; may be repeated.
+    #[arg(long = "body", id = "names", value_name = "NAME", requires = "bodies", num_args = 1..)]
+    names: Vec<String>,
+    /// Folder of a capture with exact poses and masks; may be repeated.
+    #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
+    captures: Vec<PathBuf>,
+    /// Height of the pictures of people and bodies, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..=2048))]
+    size: u32,
+    /// The pose model: a file, or the folder that deploy/models/get.sh filled.
+    #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
+    pose_model: Option<PathBuf>,
+    /// Folder for the figures and the films.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    ffmpeg: FfmpegArg,
+}
+
+impl PosesCommand {
+    pub(super) fn run(self) -> anyhow::Result<()> {
+        let bodies = match &self.bodies {
+            Some(folder) => meshes(folder, &self.names)?,
+            None => Vec::new(),
+        };
+        std::fs::create_dir_all(&self.out)
+            .with_context(|| format!("making {}", self.out.display()))?;
+        let options = PosesOptions {
+            bodies,
+            people: self.people.into(),
+            captures: self.captures,
+            size: self.size,
+            import: Options {
+                pose_model: self.pose_model,
+                ffmpeg: self.ffmpeg.program().map(Path::to_owned),
+                progress: import_progress::on_terminal(),
+                ..Options::default()
+            },
+            out: self.out.clone(),
+        };
+        let poses = run(&options, &Terminal)?;
+        let path = self.out.join(FILE);
+        say!("{}", poses.table());
+        say!("figures: {}", path.display());
+        output::put("files", output::paths(&[&path]));
+        Ok(())
+    }
+}

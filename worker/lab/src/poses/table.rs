@@ -1,0 +1,55 @@
+//! The figures as a table for people.
+
+use super::{FilmErrors, Poses};
+
+impl Poses {
+    /// Errors by film, and their means.
+    pub fn table(&self) -> String {
+        let mut lines = vec![format!(
+            "{:<34} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7}",
+            "mm, degrees, %",
+            "joints",
+            "across",
+            "depth",
+            "wrists",
+            "aligned",
+            "wrist",
+            "head",
+            "bones",
+            "mistaken",
+            "found"
+        )];
+        lines.extend(
+            self.films
+                .iter()
+                .map(|it| row(&it.film, std::slice::from_ref(it))),
+        );
+        if self.films.len() > 1 {
+            lines.push(row("mean", &self.films));
+        }
+        lines.push(format!(
+            "{:.2} s per frame for search and fit",
+            self.seconds_per_frame
+        ));
+        lines.join("\n")
+    }
+}
+
+/// The means over `films`.
+fn row(name: &str, films: &[FilmErrors]) -> String {
+    let mean =
+        |of: fn(&FilmErrors) -> f64| films.iter().map(of).sum::<f64>() / films.len().max(1) as f64;
+    format!(
+        "{name:<34} {:>7.0} {:>7.0} {:>7.0} {:>7.0} {:>7.0} {:>6.0}° {:>6.0}° {:>6.1}% {:>7.0}% {:>6.0}%",
+        mean(|it| it.joints_mm),
+        mean(|it| it.across_mm),
+        mean(|it| it.depth_mm),
+        mean(|it| it.wrist_depth_mm),
+        mean(|it| it.aligned_mm),
+        mean(|it| it.wrist_degrees),
+        mean(|it| it.head_degrees),
+        100.0 * mean(|it| it.bones),
+        100.0 * mean(|it| it.mistaken),
+        100.0 * mean(|it| it.found as f64 / it.frames.max(1) as f64),
+    )
+}
