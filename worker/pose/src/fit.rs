@@ -2,9 +2,10 @@
 
 use crate::check::check;
 use crate::options::FitOptions;
-use crate::parameters::{Shared, Stance};
+use crate::parameters::{FLOOR, Shared, Stance};
 use crate::problem::Problem;
 use crate::report::Fitted;
+use crate::residuals::floor;
 use crate::solve::{Guess, improve};
 use crate::{KeyPoints, PoseError, colours, hands, initial, report};
 
@@ -28,8 +29,10 @@ pub fn fit(
     let all = GUESS + STEPS;
     progress(0, all);
     let mut problem = Problem::new(points, options);
-    let shared = Shared::average(&problem.markers, problem.focal);
+    let mut shared = Shared::average(&problem.markers, problem.focal);
     let (stances, relabelled) = initial::stances(&mut problem, &shared);
+    problem.floor = floor::height(&problem, &stances, &shared);
+    shared.values[FLOOR] = problem.floor.unwrap_or_default();
     progress(GUESS, all);
     let guess = Guess::new(&problem, stances, shared);
     if !guess.cost.is_finite() {

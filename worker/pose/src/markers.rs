@@ -32,6 +32,8 @@ pub(crate) struct Markers {
     pub bones: Vec<[usize; 2]>,
     /// Each point's counterpart on the other side; a point in the middle is its own.
     pub mirror: Vec<usize>,
+    /// The points of the soles; empty in sets that have none.
+    pub soles: Vec<usize>,
     /// The points for the first guess.
     pub figure: FirstGuessPoints,
 }
@@ -205,6 +207,7 @@ impl Markers {
             attachments,
             bones: bones(&table),
             mirror: mirror(&table),
+            soles: soles(&table),
             figure: figure(&table),
         }
     }
@@ -241,6 +244,13 @@ fn mirror(table: &[(MarkerKind, i8)]) -> Vec<usize> {
         .enumerate()
         .map(|(at, point)| other(point).unwrap_or(at))
         .collect()
+}
+
+fn soles(table: &[(MarkerKind, i8)]) -> Vec<usize> {
+    let points = table.iter().enumerate();
+    let soles =
+        points.filter(|(_, (kind, _))| matches!(kind, Heel | BigToe | SmallToe | FootIndex));
+    soles.map(|(point, _)| point).collect()
 }
 
 fn figure(table: &[(MarkerKind, i8)]) -> FirstGuessPoints {

@@ -15,8 +15,10 @@ pub(crate) const LEAN: usize = GROUPS + 1;
 pub(crate) const DOWN: usize = GROUPS + 2;
 /// Index of the camera's roll about its optical axis, radians.
 pub(crate) const ROLL: usize = GROUPS + 3;
+/// Index of the floor's height above the camera, metres.
+pub(crate) const FLOOR: usize = GROUPS + 4;
 /// Index of the first marker offset; three values per attachment.
-pub(crate) const ATTACHMENTS: usize = GROUPS + 4;
+pub(crate) const ATTACHMENTS: usize = GROUPS + 5;
 
 /// One frame's unknowns.
 #[derive(Clone, Debug)]

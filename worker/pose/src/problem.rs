@@ -12,6 +12,13 @@ const USUAL_FOCAL: f64 = 1.2;
 /// Error of a key point, as a share of the body's extent in the picture.
 const PIXEL_SHARE: f64 = 0.006;
 
+/// Confidence from which a point tells whether it stands still.
+const SURELY: f64 = 0.5;
+/// Largest speed of a point that stands still, extents of the body per second, and the least and largest time over which it is
+/// measured, seconds.
+const STILL: f64 = 0.12;
+const MOMENT: [f64; 2] = [0.06, 0.25];
+
 /// A key point that was seen in a picture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Detection {
@@ -42,6 +49,8 @@ pub(crate) struct Observed {
     pub directions: Vec<Direction>,
     /// Points in space, `[N]`, of all markers; empty without a guess of depth.
     pub space: Vec<Vec3>,
+    /// Whether each point stands still in the picture, `[N]`.
+    pub still: Vec<bool>,
 }
 
 /// A fit's observations and settings.
@@ -61,6 +70,8 @@ pub(crate) struct Problem {
     pub longer: f64,
     /// Whether the person is assumed to stand upright on average.
     pub upright: bool,
+    /// Height of the floor above the camera by the first guess, metres; `None` before it, and where nothing tells.
+    pub floor: Option<f64>,
 }
 
 impl Problem {
@@ -70,7 +81,8 @@ impl Problem {
         let [width, height] = points.image_size.map(f64::from);
         let (centre, longer) = ([0.5 * width, 0.5 * height], width.max(height));
         let observe = |frame| observe(frame, &markers, centre, points.fps);
-        let frames: Vec<Observed> = points.frames.iter().map(observe).collect();
+        let mut frames: Vec<Observed> = points.frames.iter().map(observe).collect();
+        mark_still(&mut frames, markers.markers.len());
         let mut extents: Vec<f64> = frames.iter().map(|frame| frame.extent).collect();
         Self {
             pixels: PIXEL_SHARE * quantile(&mut extents, 0.8),
@@ -81,6 +93,7 @@ impl Problem {
             focal_known: options.focal.is_some(),
             longer,
             upright: options.upright,
+            floor: None,
         }
     }
 
@@ -105,6 +118,8 @@ impl Observed {
             direction.markers = direction.markers.map(other);
         }
         relabelled.space = (0..self.space.len()).filter_map(space).collect();
+        let still = |point: usize| self.still.get(other(point)).copied();
+        relabelled.still = (0..self.still.len()).filter_map(still).collect();
         relabelled
     }
 
@@ -149,6 +164,45 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
             .collect(),
         directions: markers.bones.iter().filter_map(direction).collect(),
         space: frame.space.clone(),
+        still: Vec::new(),
+    }
+}
+
+/// Marks the points of each frame that stand still: those that are where they were a moment before, and where they are a moment after.
+fn mark_still(frames: &mut [Observed], points: usize) {
+    let places: Vec<(f64, Vec<Option<[f64; 2]>>)> = (frames.iter())
+        .map(|frame| {
+            let mut places = vec![None; points];
+            for detection in frame.detections.iter().filter(|it| it.confidence >= SURELY) {
+                places[detection.marker] = Some(detection.pixel);
+            }
+            (frame.time, places)
+        })
+        .collect();
+    let moments = MOMENT[0]..MOMENT[1];
+    for (at, frame) in frames.iter_mut().enumerate() {
+        let (now, own) = &places[at];
+        let before = places[..at]
+            .iter()
+            .rev()
+            .find(|it| moments.contains(&(now - it.0)));
+        let after = places[at + 1..]
+            .iter()
+            .find(|it| moments.contains(&(it.0 - now)));
+        let still = |point: usize, other: &(f64, Vec<Option<[f64; 2]>>)| -> Option<bool> {
+            let ([x, y], [u, v]) = (own[point]?, other.1[point]?);
+            let speed = (x - u).hypot(y - v) / (now - other.0).abs();
+            Some(speed < STILL * frame.extent)
+        };
+        frame.still = (0..points)
+            .map(|point| match (before, after) {
+                (Some(before), Some(after)) => {
+                    still(point, before) == Some(true) && still(point, after) == Some(true)
+                }
+                (Some(other), None) | (None, Some(other)) => still(point, other) == Some(true),
+                (None, None) => false,
+            })
+            .collect();
     }
 }
 

@@ -7,11 +7,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 use std::path::Path;
-use yoto_capture::FrameImage;
-use yoto_capture::Shard;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::readings::interpolate;
+use yoto_capture::{FrameImage, Shard};
 use yoto_synthetic::{calm_motion, stress_poses};
 
 /// Frames of a film, and frames per second.

@@ -4,6 +4,7 @@
 //! There is one file per kind. The residuals of one frame fill a table of [`Rows`]. [`smooth`] couples three
 //! frames, and [`shared`] has the priors of the unknowns that all frames share.
 
+pub(crate) mod floor;
 pub(crate) mod habit;
 pub(crate) mod picture;
 pub(crate) mod shared;
@@ -112,6 +113,7 @@ pub(crate) fn frame(
     habit::add(&mut rows, stance);
     if problem.upright {
         upright::add(&mut rows, &posed, shared);
+        floor::add(&mut rows, problem, observed, &posed, shared);
     }
     rows
 }

@@ -1,6 +1,6 @@
 //! Priors of body, camera and detector.
 
-use crate::parameters::{ATTACHMENTS, DOWN, FOCAL, LEAN, ROLL, Shared};
+use crate::parameters::{ATTACHMENTS, DOWN, FLOOR, FOCAL, LEAN, ROLL, Shared};
 use crate::problem::Problem;
 use crate::skeleton::{GROUP_SPREAD, GROUPS};
 
@@ -15,10 +15,14 @@ const LEAN_SPREAD: f64 = 0.2;
 /// Standard deviation of the camera's pitch, radians.
 const DOWN_SPREAD: f64 = 0.14;
 /// Weight of the pitch's prior. Foreshortening shows the pitch only as far as the body's proportions are
-/// average, and this error is the same in every frame, so many frames don't make it more certain.
-const TILT: f64 = 16.0;
+/// average, and this error is the same in every frame, so many frames don't make it more certain
+/// (docs/research/poses.md).
+const TILT: f64 = 2.0;
 /// Standard deviation of the camera's roll, radians.
 const ROLL_SPREAD: f64 = 0.05;
+
+/// Standard deviation of the floor's height, metres.
+const FLOOR_SPREAD: f64 = 0.5;
 
 /// Weight of the prior of markers' offsets. A detector's errors are similar in all frames and poses, so many
 /// frames are not independent observations.
@@ -41,6 +45,9 @@ pub(crate) fn rows(problem: &Problem, shared: &Shared) -> Vec<SharedRow> {
     add(LEAN, 0.0, LEAN_SPREAD);
     add(DOWN, 0.0, DOWN_SPREAD / TILT);
     add(ROLL, 0.0, ROLL_SPREAD);
+    if let Some(floor) = problem.floor {
+        add(FLOOR, floor, FLOOR_SPREAD);
+    }
     for (attachment, known) in problem.markers.attachments.iter().enumerate() {
         for axis in 0..3 {
             if known.spread[axis] > 0.0 {
@@ -64,6 +71,7 @@ pub(crate) fn rows(problem: &Problem, shared: &Shared) -> Vec<SharedRow> {
 pub(crate) fn held(problem: &Problem, unknowns: usize) -> Vec<bool> {
     let mut held = vec![false; unknowns];
     held[FOCAL] = problem.focal_known;
+    held[FLOOR] = problem.floor.is_none();
     let spreads = problem
         .markers
         .attachments

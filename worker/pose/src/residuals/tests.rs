@@ -1,9 +1,9 @@
 //! Derivatives compared with finite differences.
 
-use super::{Columns, frame, smooth};
+use super::{Columns, floor, frame, smooth};
 use crate::joints::UNKNOWNS;
 use crate::options::FitOptions;
-use crate::parameters::{ATTACHMENTS, Shared, Stance};
+use crate::parameters::{ATTACHMENTS, FLOOR, Shared, Stance};
 use crate::problem::Problem;
 use crate::rotation::IDENTITY_ROTATION;
 use crate::skeleton::COUNT;
@@ -51,12 +51,17 @@ fn problem() -> Problem {
 /// The gradient of the cost is 2 Jᵀ r, for robust residuals too.
 #[test]
 fn slopes_of_the_cost_agree_with_differences() {
-    let problem = problem();
+    let mut problem = problem();
+    // Soles are near the floor: one stands still, and those below it count as well.
+    problem.floor = Some(0.9);
+    problem.frames[0].still = vec![true; 33];
     let mut shared = Shared::average(&problem.markers, 700.0);
     for (at, value) in shared.values.iter_mut().enumerate().take(ATTACHMENTS) {
         *value += 0.05 * wave(at);
     }
     let stance = stance(0);
+    shared.values[FLOOR] =
+        floor::height(&problem, std::slice::from_ref(&stance), &shared).expect("soles");
     let count = shared.values.len();
     let of = |stance: &Stance, shared: &Shared, columns| {
         frame(&problem, &problem.frames[0], stance, shared, columns)

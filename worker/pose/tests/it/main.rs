@@ -2,5 +2,6 @@
 
 mod fit;
 mod flips;
+mod floor;
 mod people;
 mod wrists;
