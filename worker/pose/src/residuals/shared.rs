@@ -15,7 +15,7 @@ const LEAN_SPREAD: f64 = 0.2;
 /// Standard deviation of the camera's pitch, radians.
 const DOWN_SPREAD: f64 = 0.14;
 /// Weight of the pitch's prior. Foreshortening shows the pitch only as far as the body's proportions are
-/// average, and this error is the same in every frame, so many frames don't make it more certain
+/// average, and this error is the same in every frame, and more frames don't make it more certain
 /// (docs/research/poses.md).
 const TILT: f64 = 2.0;
 /// Standard deviation of the camera's roll, radians.
