@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fetches the pose model, BlazePose of MediaPipe (Apache-2.0), from a package registry.
+# Fetches the pose model, BlazePose of MediaPipe (Apache-2.0), and its hand model from a package registry.
 #
 #   deploy/models/get.sh [DIR]     DIR is models/ unless given
 #
@@ -32,8 +32,12 @@ npm)
     # The detector is the only file among the package's packed assets.
     cp "$work/package/pose_solution_packed_assets.data" "$work/files/pose_detection.tflite"
     cp "$work/package/pose_landmark_heavy.tflite" "$work/files/"
+    (cd "$work" && rm -r package && npm pack --silent "@mediapipe/hands@0.4.1675469240" >/dev/null)
+    tar -xzf "$work"/mediapipe-hands-*.tgz -C "$work"
+    cp "$work/package/hand_landmark_full.tflite" "$work/files/"
     sums="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85  pose_detection.tflite
-59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe  pose_landmark_heavy.tflite"
+59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe  pose_landmark_heavy.tflite
+8c026882c9ec059ce0f8e75266bee5a9a23c341a40e0000df755374d3d1b9b68  hand_landmark_full.tflite"
     ;;
 pip)
     # Only the files of one wheel are wanted, whatever machine this is.
@@ -44,8 +48,10 @@ pip)
     modules="$work/wheel/mediapipe/modules"
     cp "$modules/pose_detection/pose_detection.tflite" "$work/files/"
     cp "$modules/pose_landmark/pose_landmark_full.tflite" "$work/files/"
+    cp "$modules/hand_landmark/hand_landmark_full.tflite" "$work/files/"
     sums="9ba9dd3d42efaaba86b4ff0122b06f29c4122e756b329d89dca1e297fd8f866c  pose_detection.tflite
-e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f  pose_landmark_full.tflite"
+e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f  pose_landmark_full.tflite
+11c272b891e1a99ab034208e23937a8008388cf11ed2a9d776ed3d01d0ba00e3  hand_landmark_full.tflite"
     ;;
 *)
     echo "get.sh: YOTO_MODELS_FROM is '$from'; npm and pip are known" >&2

@@ -6,6 +6,7 @@
 //! - [`ablation`]: the paper's four variants on the same captures.
 //! - [`stress`]: people in poses that no film shows, beside their truth.
 //! - [`poses`]: poses that are found in films of people whose poses are known.
+//! - [`lift`]: the network that finds the depth of key points.
 //! - [`displacement`]: the error of learned motion of clothes.
 //! - [`tradeoff`]: quality over training time and over render time.
 //! - [`model_dir`]: figures of a trained model in a folder.
@@ -27,6 +28,7 @@ mod cast;
 pub mod commands;
 pub mod displacement;
 pub mod display;
+pub mod lift;
 mod limits;
 mod measure;
 mod memory;

@@ -14,6 +14,7 @@
 pub mod colours;
 mod detector;
 mod error;
+mod hand;
 mod landmarks;
 mod mask;
 mod model;
@@ -24,6 +25,7 @@ mod tflite;
 mod watcher;
 
 pub use error::LandmarkError;
+pub use hand::{HAND_POINTS, HandLandmarks, HandModel};
 pub use mask::{Outline, PERSON, clean, parts};
 pub use model::PoseModel;
 pub use people::{BodySquare, PersonTrack, Sighting, Target, people};

@@ -123,6 +123,35 @@ impl PoseModel {
     }
 }
 
+/// Reads a network with a square input picture of `side` pixels and exactly the outputs of the `shapes`, in this order.
+pub(crate) fn open_network<const N: usize>(
+    path: &Path,
+    side: usize,
+    shapes: [&[usize]; N],
+) -> Result<Network, LandmarkError> {
+    let network = with_side(path, side)?;
+    if network.shapes().eq(shapes) {
+        return Ok(network);
+    }
+    Err(LandmarkError::Model {
+        path: PathBuf::from(path),
+        message: format!("does not have outputs of the shapes {shapes:?}"),
+    })
+}
+
+/// Reads a network with a square input picture of `side` pixels.
+fn with_side(path: &Path, side: usize) -> Result<Network, LandmarkError> {
+    let bad = |message: String| LandmarkError::Model {
+        path: PathBuf::from(path),
+        message,
+    };
+    let network = Network::read(&read(path)?).map_err(bad)?;
+    if network.input_len() != side * side * 3 {
+        return Err(bad(format!("does not take pictures of {side}x{side}")));
+    }
+    Ok(network)
+}
+
 /// Reads a network with a square input picture of `side` pixels and outputs of the `shapes`. Returns the network and the
 /// indices of the outputs.
 fn open<const N: usize>(
@@ -134,10 +163,7 @@ fn open<const N: usize>(
         path: PathBuf::from(path),
         message,
     };
-    let network = Network::read(&read(path)?).map_err(bad)?;
-    if network.input_len() != side * side * 3 {
-        return Err(bad(format!("does not take pictures of {side}x{side}")));
-    }
+    let network = with_side(path, side)?;
     let mut indices = [0; N];
     for (index, shape) in indices.iter_mut().zip(shapes) {
         let found = network.output(shape);

@@ -51,8 +51,21 @@ pub struct FrameKeyPoints {
     /// `[N, 3]`, metres from any origin, in the camera's axes (x right, y down, z forward), if the
     /// detector guesses depth. Empty otherwise.
     pub space: Vec<[f64; 3]>,
+    /// Left and right hand, as a detector of hands sees them, if it does.
+    pub hands: [Option<HandPoints>; 2],
     /// Colours of the body's patches ([`patches`](crate::patches)), 0 to 1; empty without the pictures.
     pub colours: Vec<[f64; 3]>,
+}
+
+/// Points of one hand: the wrist, then four from the palm to the tip of thumb, index, middle, ring and little finger.
+#[derive(Clone, Debug)]
+pub struct HandPoints {
+    /// x and y in pixels from the picture's corner.
+    pub picture: [[f64; 2]; 21],
+    /// Metres from any origin, in the camera's axes.
+    pub space: [[f64; 3]; 21],
+    /// From 0 to 1.
+    pub confidence: f64,
 }
 
 /// Key points of one person in a clip.

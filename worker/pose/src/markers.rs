@@ -1,6 +1,7 @@
 //! The positions of key points on the body: a joint for each, and an offset that the fit learns.
 
 use crate::KeyPointSet;
+use crate::lift::COUNT as PLACES;
 use yoto_capture::skeleton::Vec3;
 
 /// The attachment of a kind of key point to the body, shared by both sides.
@@ -34,6 +35,10 @@ pub(crate) struct Markers {
     pub mirror: Vec<usize>,
     /// The points of the soles; empty in sets that have none.
     pub soles: Vec<usize>,
+    /// Wrist, thumb, index and little finger of the left and of the right hand; `None` in sets without fingers.
+    pub hands: [Option<[usize; 4]>; 2],
+    /// The points whose depth the network finds, in its order.
+    pub places: [Option<usize>; PLACES],
     /// The points for the first guess.
     pub figure: FirstGuessPoints,
 }
@@ -208,6 +213,8 @@ impl Markers {
             bones: bones(&table),
             mirror: mirror(&table),
             soles: soles(&table),
+            hands: hands(&table),
+            places: places(&table),
             figure: figure(&table),
         }
     }
@@ -251,6 +258,44 @@ fn soles(table: &[(MarkerKind, i8)]) -> Vec<usize> {
     let soles =
         points.filter(|(_, (kind, _))| matches!(kind, Heel | BigToe | SmallToe | FootIndex));
     soles.map(|(point, _)| point).collect()
+}
+
+fn hands(table: &[(MarkerKind, i8)]) -> [Option<[usize; 4]>; 2] {
+    let find = |kind: MarkerKind, side: i8| table.iter().position(|&point| point == (kind, side));
+    [1, -1].map(|side| {
+        let [wrist, thumb, index, pinky] =
+            [Wrist, Thumb, Index, Pinky].map(|kind| find(kind, side));
+        Some([wrist?, thumb?, index?, pinky?])
+    })
+}
+
+fn places(table: &[(MarkerKind, i8)]) -> [Option<usize>; PLACES] {
+    let find = |kind: MarkerKind, joint: Option<usize>, side: i8| {
+        let joint = joint.map(|left| MarkerKind::Joint(left + usize::from(side < 0)));
+        let is_it = |point: &(MarkerKind, i8)| *point == (kind, side) || Some(point.0) == joint;
+        table.iter().position(is_it)
+    };
+    let toe = |side| find(FootIndex, None, side).or_else(|| find(BigToe, None, side));
+    let mut places = [None; PLACES];
+    places[0] = find(Nose, None, 0);
+    let pairs = [
+        (Ear, None),
+        (Shoulder, Some(16)),
+        (Elbow, Some(18)),
+        (Wrist, Some(20)),
+        (Index, None),
+        (Hip, Some(1)),
+        (Knee, Some(4)),
+        (Ankle, Some(7)),
+        (Heel, None),
+    ];
+    for (at, (kind, joint)) in pairs.into_iter().enumerate() {
+        places[2 * at + 1] = find(kind, joint, 1);
+        places[2 * at + 2] = find(kind, joint, -1);
+    }
+    places[19] = toe(1);
+    places[20] = toe(-1);
+    places
 }
 
 fn figure(table: &[(MarkerKind, i8)]) -> FirstGuessPoints {
@@ -305,6 +350,10 @@ mod tests {
             }
         }
         let blaze = Markers::of(KeyPointSet::BlazePose33);
+        assert_eq!(blaze.places, crate::lift::POINTS.map(Some));
+        let coco = Markers::of(KeyPointSet::Coco17).places;
+        assert_eq!(coco[..5], [Some(0), Some(3), Some(4), Some(5), Some(6)]);
+        assert_eq!(coco[15..], [Some(15), Some(16), None, None, None, None]);
         assert_eq!(blaze.figure.shoulders, [11, 12]);
         assert_eq!(blaze.figure.ankles, [27, 28]);
         assert_eq!(blaze.figure.toes, Some([31, 32]));

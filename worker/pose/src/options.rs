@@ -11,6 +11,9 @@ pub struct FitOptions {
     pub focal: Option<f64>,
     /// Height of the person, metres, which one camera can't measure; 1.72 if unknown.
     pub height: Option<f64>,
+    /// Whether depths in space are BlazePose's own. Then a network finds better ones ([`lift`](crate::lift)), which has learned from
+    /// BlazePose's errors.
+    pub lift: bool,
     /// Whether the person stands upright on average. Then gravity is estimated from the poses.
     pub upright: bool,
 }
@@ -20,6 +23,7 @@ impl Default for FitOptions {
         Self {
             focal: None,
             height: None,
+            lift: false,
             upright: true,
         }
     }

@@ -3,7 +3,7 @@
 use crate::check::{SEEN, extent};
 use crate::markers::Markers;
 use crate::options::FitOptions;
-use crate::{FrameKeyPoints, KeyPoints};
+use crate::{FrameKeyPoints, HandPoints, KeyPoints};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{length, scale, sub};
 
@@ -36,6 +36,25 @@ pub(crate) struct Direction {
     pub towards: Vec3,
     /// Distance between the two points by the detector, metres.
     pub length: f64,
+    /// Error of a point perpendicular to the direction, metres.
+    pub error: f64,
+}
+
+/// Error of the body's points in space, metres.
+pub(crate) const BODY_ERROR: f64 = 0.07;
+/// Error of a hand's points in space, metres, by a detector of hands.
+pub(crate) const HAND_ERROR: f64 = 0.02;
+/// First knuckles of thumb, index and little finger among a hand's points.
+const KNUCKLES: [usize; 3] = [2, 5, 17];
+
+/// The depth of a bone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Depth {
+    pub markers: [usize; 2],
+    /// Depth of the second marker behind the first, metres.
+    pub depth: f64,
+    /// Standard deviation, metres.
+    pub spread: f64,
 }
 
 /// The observations of one frame.
@@ -47,6 +66,8 @@ pub(crate) struct Observed {
     pub extent: f64,
     pub detections: Vec<Detection>,
     pub directions: Vec<Direction>,
+    /// Depths of bones; empty before [`deepen`](crate::lift::deepen()).
+    pub depths: Vec<Depth>,
     /// Points in space, `[N]`, of all markers; empty without a guess of depth.
     pub space: Vec<Vec3>,
     /// Whether each point stands still in the picture, `[N]`.
@@ -68,6 +89,8 @@ pub(crate) struct Problem {
     pub focal_known: bool,
     /// Longer side of the pictures, pixels.
     pub longer: f64,
+    /// Whether a network finds the depths of the points.
+    pub lift: bool,
     /// Whether the person is assumed to stand upright on average.
     pub upright: bool,
     /// Height of the floor above the camera by the first guess, metres; `None` before it, and where nothing tells.
@@ -92,6 +115,7 @@ impl Problem {
             focal: options.focal.unwrap_or(USUAL_FOCAL * longer),
             focal_known: options.focal.is_some(),
             longer,
+            lift: options.lift,
             upright: options.upright,
             floor: None,
         }
@@ -117,10 +141,48 @@ impl Observed {
         for direction in &mut relabelled.directions {
             direction.markers = direction.markers.map(other);
         }
+        for depth in &mut relabelled.depths {
+            depth.markers = depth.markers.map(other);
+        }
         relabelled.space = (0..self.space.len()).filter_map(space).collect();
         let still = |point: usize| self.still.get(other(point)).copied();
         relabelled.still = (0..self.still.len()).filter_map(still).collect();
         relabelled
+    }
+
+    /// Takes wrist, thumb, index and little finger, at `points`, from a detector of hands. The wrist stays where the body's detector
+    /// has it.
+    fn see_hand(&mut self, points: [usize; 4], hand: &HandPoints, centre: [f64; 2]) {
+        let [wrist, knuckles @ ..] = points;
+        self.detections.retain(|it| !knuckles.contains(&it.marker));
+        for (marker, knuckle) in knuckles.into_iter().zip(KNUCKLES) {
+            let [x, y] = hand.picture[knuckle];
+            self.detections.push(Detection {
+                marker,
+                pixel: [x - centre[0], y - centre[1]],
+                confidence: hand.confidence,
+            });
+        }
+        let [_, index, little] = knuckles;
+        let [at_index, at_little] = [KNUCKLES[1], KNUCKLES[2]];
+        let is_of_hand = |ends: [usize; 2]| ends.iter().all(|end| points.contains(end));
+        self.directions.retain(|it| !is_of_hand(it.markers));
+        for (markers, [from, to]) in [
+            ([wrist, index], [0, at_index]),
+            ([wrist, little], [0, at_little]),
+            ([little, index], [at_little, at_index]),
+        ] {
+            let way = sub(hand.space[to], hand.space[from]);
+            let length = length(way);
+            if length > 0.01 {
+                self.directions.push(Direction {
+                    markers,
+                    towards: scale(way, 1.0 / length),
+                    length,
+                    error: HAND_ERROR,
+                });
+            }
+        }
     }
 
     /// The body with the same picture that faces the other way: left and right are exchanged, and depths
@@ -129,6 +191,9 @@ impl Observed {
         let mut round = self.relabelled(mirror);
         for direction in &mut round.directions {
             direction.towards[2] = -direction.towards[2];
+        }
+        for depth in &mut round.depths {
+            depth.depth = -depth.depth;
         }
         round
             .space
@@ -150,9 +215,10 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
             markers: [from, to],
             towards: scale(way, 1.0 / length),
             length,
+            error: BODY_ERROR,
         })
     };
-    Observed {
+    let mut observed = Observed {
         time: f64::from(frame.index) / fps,
         extent: extent(frame),
         detections: seen
@@ -162,10 +228,17 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
                 confidence,
             })
             .collect(),
+        depths: Vec::new(),
         directions: markers.bones.iter().filter_map(direction).collect(),
         space: frame.space.clone(),
         still: Vec::new(),
+    };
+    for (points, hand) in markers.hands.iter().zip(&frame.hands) {
+        if let (Some(points), Some(hand)) = (points, hand) {
+            observed.see_hand(*points, hand, centre);
+        }
     }
+    observed
 }
 
 /// Marks the points of each frame that stand still: those that are where they were a moment before, and where they are a moment after.

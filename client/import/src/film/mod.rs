@@ -21,7 +21,7 @@ use crate::{Findings, ImportError, Imported, Options, PoseFit, Stage};
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
-use yoto_landmarks::{PoseModel, Watcher};
+use yoto_landmarks::{HandModel, PoseModel, Watcher};
 use yoto_pose::{FitOptions, KeyPointSet, KeyPoints, fit};
 use yoto_proto::text::count;
 
@@ -37,7 +37,8 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
     let started = Instant::now();
     let name = model.name().to_owned();
     let mut watcher = Watcher::new(model);
-    let followed = people::follow(&mut watcher, &clip, &wanted, options)?;
+    let mut hands = open_hands(source, options)?;
+    let followed = people::follow(&mut watcher, &mut hands, &clip, &wanted, options)?;
     let watched = followed.watched;
     let absence = match followed.is_one_of_several {
         true => "the person was not found, or could not be told from others,",
@@ -67,6 +68,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
     let fit_options = FitOptions {
         focal: options.focal,
         height: options.height,
+        lift: true,
         ..FitOptions::default()
     };
     let running = options.progress.start(Stage::Poses);
@@ -104,6 +106,20 @@ fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ImportError
         return Err(fault(source, "POSE_MODEL", message));
     };
     PoseModel::open(path).map_err(|error| fault(path, "POSE_MODEL", error.to_string()))
+}
+
+/// The model of hands beside the pose model, if it is there.
+fn open_hands(source: &Path, options: &Options) -> Result<Option<HandModel>, ImportError> {
+    let Some(path) = options.pose_model.as_deref() else {
+        return Ok(None);
+    };
+    let folder = if path.is_dir() {
+        Some(path)
+    } else {
+        path.parent()
+    };
+    let model = HandModel::open(folder.unwrap_or(Path::new("")));
+    model.map_err(|error| fault(source, "HAND_MODEL", error.to_string()))
 }
 
 /// The frames to look at: the selected ones, or, of too many, an evenly spaced part.

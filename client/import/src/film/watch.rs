@@ -7,8 +7,8 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use yoto_landmarks::{BodySquare, PersonLandmarks, Watcher};
-use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
+use yoto_landmarks::{BodySquare, HandLandmarks, HandModel, PersonLandmarks, Watcher};
+use yoto_pose::{FrameKeyPoints, HandPoints, KeyPointSet, patches};
 
 /// Least visibility of a seen point.
 const VISIBLE: f32 = 0.5;
@@ -71,15 +71,16 @@ enum Sighting {
     Again(usize),
 }
 
-/// Searches the frames `wanted` for the person that `watcher` follows.
+/// Searches the frames `wanted` for the person that `watcher` follows, and for their `hands`.
 pub(super) fn watch(
     watcher: &mut Watcher,
+    hands: &mut Option<HandModel>,
     clip: &Clip,
     wanted: &[usize],
     progress: &Progress,
 ) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
-    watch_with(clip, wanted, progress, |frame, rgb| {
+    watch_with(clip, wanted, progress, hands, |frame, rgb| {
         let seen = watcher.look(frame, rgb, size);
         seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
     })
@@ -91,6 +92,7 @@ fn watch_with(
     clip: &Clip,
     wanted: &[usize],
     progress: &Progress,
+    hands: &mut Option<HandModel>,
     look: impl FnMut(usize, &[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
 ) -> Result<Vec<Watched>, ImportError> {
     let running = progress.start(Stage::People);
@@ -98,7 +100,7 @@ fn watch_with(
     let (found, unfinished) = sync_channel(AHEAD);
     thread::scope(|scope| {
         let decoding = scope.spawn(move || decode(clip, wanted, &decoded));
-        let finishing = scope.spawn(move || finish(clip, &unfinished));
+        let finishing = scope.spawn(move || finish(clip, hands, &unfinished));
         let done = |done| running.count(done, wanted.len());
         let looked = look_at(frames, &found, look, done);
         drop(found);
@@ -162,13 +164,21 @@ fn look_at(
 }
 
 /// Masks and colours of the frames with the person.
-fn finish(clip: &Clip, found: &Receiver<Sighting>) -> Result<Vec<Watched>, ImportError> {
+fn finish(
+    clip: &Clip,
+    hands: &mut Option<HandModel>,
+    found: &Receiver<Sighting>,
+) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
     let mut watched: Vec<Watched> = Vec::new();
     for found in found {
         let next = match found {
             Sighting::New(Decoded { index, rgb }, seen) => {
                 let mut points = key_points(index as u32, &seen);
+                if let Some(model) = hands {
+                    let seen = model.look(&rgb, size, &seen);
+                    points.hands = seen.map(|hand| hand.as_ref().map(hand_points));
+                }
                 points.colours = patches(KeyPointSet::BlazePose33, &points, &rgb, size);
                 let mask = png(&seen.outline.coverage(), clip)?;
                 Some(Watched {
@@ -218,7 +228,16 @@ fn key_points(index: u32, seen: &PersonLandmarks) -> FrameKeyPoints {
         space: space
             .map(|&[x, y, z, _]| [x, y, z].map(f64::from))
             .collect(),
+        hands: [None, None],
         colours: Vec::new(),
+    }
+}
+
+fn hand_points(hand: &HandLandmarks) -> HandPoints {
+    HandPoints {
+        picture: hand.picture.map(|[x, y, _]| [x, y].map(f64::from)),
+        space: hand.space.map(|point| point.map(f64::from)),
+        confidence: f64::from(hand.score),
     }
 }
 
@@ -275,7 +294,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(&clip, &wanted, &Progress::default(), |_, rgb| {
+        let watched = watch_with(&clip, &wanted, &Progress::default(), &mut None, |_, rgb| {
             looked.push(rgb[0]);
             let mut seen = seen(33);
             seen.picture[0][0] = f32::from(rgb[0]);
@@ -311,7 +330,7 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(&clip, &wanted, &Progress::default(), |_, _| {
+        let failed = watch_with(&clip, &wanted, &Progress::default(), &mut None, |_, _| {
             looked += 1;
             Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
         });
@@ -320,7 +339,7 @@ mod tests {
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(&clip, &[3, 99], &Progress::default(), |_, _| {
+        let absent = watch_with(&clip, &[3, 99], &Progress::default(), &mut None, |_, _| {
             Ok(Some(seen(33)))
         });
         let error = absent.err().expect("a fault").to_string();

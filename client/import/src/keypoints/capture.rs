@@ -7,7 +7,7 @@ use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
 use crate::{Findings, ImportError, Imported, Options, PoseFit};
 use std::path::Path;
-use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
+use yoto_pose::{FitOptions, FrameKeyPoints, KeyPointSet, KeyPoints, fit};
 
 /// The capture of a person in `found`, whose files are at `at`.
 ///
@@ -75,6 +75,7 @@ pub(super) fn read(
             let options = FitOptions {
                 focal: options.focal.or(found.focal),
                 height: options.height,
+                lift: found.set == KeyPointSet::BlazePose33,
                 upright: true,
             };
             let fitted = fit(&points, &options, &mut |_, _| ());
@@ -152,7 +153,7 @@ fn key_points(
         index: *frame as u32,
         picture: detection.picture.clone(),
         space: detection.space.clone(),
-        colours: Vec::new(),
+        ..FrameKeyPoints::default()
     });
     KeyPoints {
         set: found.set,

@@ -36,7 +36,7 @@ pub(super) struct DecoderCommand {
     out: PathBuf,
 }
 
-fn note(text: &str) -> Result<(String, String), String> {
+pub(super) fn note(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("a name, =, and a text")?;
     Ok((name.to_owned(), value.to_owned()))
 }

@@ -4,16 +4,19 @@
 //! failure.
 
 mod ablation;
+mod actors;
 mod args;
 mod bench;
 mod body;
 mod decoder;
+mod detector;
 mod distill;
 mod evaluate;
 mod frames;
 mod import_humannerf;
 mod import_progress;
 mod info;
+mod lift;
 mod poses;
 mod quality;
 mod real;
@@ -48,6 +51,8 @@ enum Command {
     Body(body::BodyCommand),
     Stress(stress::StressCommand),
     Poses(poses::PosesCommand),
+    Detector(detector::DetectorCommand),
+    Lift(lift::LiftCommand),
     Tradeoff(tradeoff::TradeoffCommand),
     Evaluate(evaluate::Evaluate),
     Distill(distill::Distill),
@@ -84,6 +89,8 @@ impl Command {
             Self::Body(command) => command.run(),
             Self::Stress(command) => command.run(),
             Self::Poses(command) => command.run(),
+            Self::Detector(command) => command.run(),
+            Self::Lift(command) => command.run(),
             Self::Tradeoff(command) => command.run(),
             Self::Evaluate(command) => command.run(),
             Self::Distill(command) => command.run(),

@@ -1,8 +1,9 @@
 //! `yoto-lab poses`: what a film alone tells of poses.
 
-use super::body::meshes;
+use super::actors::ActorArgs;
 use super::import_progress;
 use super::screen::Terminal;
+use crate::lift::read_motions;
 use crate::poses::{FILE, PosesOptions, run};
 use anyhow::Context;
 use clap::Args;
@@ -30,18 +31,15 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct PosesCommand {
-    /// Number of synthetic people.
-    #[arg(long, value_name = "N", default_value_t = 0, required_unless_present_any = ["bodies", "captures"], value_parser = clap::value_parser!(u8).range(0..=64))]
-    people: u8,
-    /// Folder of bodies.
-    #[arg(long, value_name = "DIR", requires = "names")]
-    bodies: Option<PathBuf>,
-    /// Body of that folder to film, IDENTITY_OUTFIT; may be repeated.
-    #[arg(long = "body", id = "names", value_name = "NAME", requires = "bodies", num_args = 1..)]
-    names: Vec<String>,
+    #[command(flatten)]
+    actors: ActorArgs,
     /// Folder of a capture with exact poses and masks; may be repeated.
     #[arg(long = "capture", id = "captures", value_name = "DIR", num_args = 1..)]
     captures: Vec<PathBuf>,
+    /// Folder of motions (BVH or AMASS-style .npz) that people and bodies do, one each in turn, in place of the usual films; may be
+    /// repeated.
+    #[arg(long = "motion", id = "motions", value_name = "DIR", num_args = 1..)]
+    motions: Vec<PathBuf>,
     /// Height of the pictures of people and bodies, pixels.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..=2048))]
     size: u32,
@@ -57,16 +55,13 @@ pub(super) struct PosesCommand {
 
 impl PosesCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let bodies = match &self.bodies {
-            Some(folder) => meshes(folder, &self.names)?,
-            None => Vec::new(),
-        };
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
         let options = PosesOptions {
-            bodies,
-            people: self.people.into(),
+            bodies: self.actors.bodies.meshes()?,
+            people: self.actors.people.into(),
             captures: self.captures,
+            motions: read_motions(&self.motions)?,
             size: self.size,
             import: Options {
                 pose_model: self.pose_model,

@@ -1,7 +1,7 @@
 //! `yoto-lab stress`: people in poses that no film shows.
 
+use super::actors::ActorArgs;
 use super::args;
-use super::body::meshes;
 use super::quality::capture_source;
 use super::screen::Terminal;
 use crate::stress::{FILE, StressOptions, run};
@@ -33,15 +33,8 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = AFTER_HELP)]
 pub(super) struct StressCommand {
-    /// Number of synthetic people, in clothes that move.
-    #[arg(long, value_name = "N", default_value_t = 0, required_unless_present_any = ["bodies", "captures"], value_parser = clap::value_parser!(u8).range(0..=64))]
-    people: u8,
-    /// Folder of bodies.
-    #[arg(long, value_name = "DIR", requires = "names")]
-    bodies: Option<PathBuf>,
-    /// Body of that folder to film, IDENTITY_OUTFIT; may be repeated.
-    #[arg(long = "body", id = "names", value_name = "NAME", requires = "bodies", num_args = 1..)]
-    names: Vec<String>,
+    #[command(flatten)]
+    actors: ActorArgs,
     /// Capture of a person, laid out as `yoto-lab quality --help` says; may be repeated.
     #[arg(long = "capture", value_name = "DIR", num_args = 1..)]
     captures: Vec<PathBuf>,
@@ -72,18 +65,14 @@ pub(super) struct StressCommand {
 
 impl StressCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
-        let bodies = match &self.bodies {
-            Some(folder) => meshes(folder, &self.names)?,
-            None => Vec::new(),
-        };
         let captures = self.captures.iter();
         let captures = captures.map(|path| capture_source(path, self.ffmpeg.program()));
         let captures = captures.collect::<anyhow::Result<_>>()?;
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
         let options = StressOptions {
-            people: self.people.into(),
-            bodies,
+            people: self.actors.people.into(),
+            bodies: self.actors.bodies.meshes()?,
             captures,
             sector: self.sector.map(|degrees| f64::from(degrees).to_radians()),
             size: self.size,

@@ -10,12 +10,14 @@ use std::path::Path;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::readings::interpolate;
+use yoto_capture::skeleton::transform::log_map;
 use yoto_capture::{FrameImage, Shard};
+use yoto_pose::lift::learn::{ClipFrame, MotionClip};
 use yoto_synthetic::{calm_motion, stress_poses};
 
 /// Frames of a film, and frames per second.
 const FRAMES: usize = 60;
-const FPS: f64 = 15.0;
+pub(super) const FPS: f64 = 15.0;
 /// Distance of the camera, and height of the view at the person, metres.
 const DISTANCE: f64 = 3.5;
 const VIEW: f64 = 2.6;
@@ -23,6 +25,8 @@ const VIEW: f64 = 2.6;
 const TARGET: f64 = 0.95;
 /// Width of a picture as a share of its height: phones are held upright.
 const UPRIGHT: f64 = 0.75;
+/// Heights of the camera above the floor in films of motions, metres.
+const HEIGHTS: [f64; 3] = [1.3, 0.5, 2.1];
 /// Radians to either side of the camera in a film from the front.
 const SECTOR: f64 = 0.5;
 /// Frames from one pose of a sport to the next.
@@ -141,10 +145,32 @@ pub(super) fn of_actor(
         [0.0, floor + TARGET, 0.0],
     );
     let camera = Camera::look_at(eye, target, [0.0, 1.0, 0.0], focal, width, size);
+    let name = format!(
+        "{}, {} from {} m",
+        actor.name,
+        shot.motion.name(),
+        shot.height
+    );
+    filmed(
+        actor,
+        shot.motion.poses(&actor.skeleton),
+        &camera,
+        name,
+        folder,
+    )
+}
+
+fn filmed(
+    actor: &Actor,
+    poses: Vec<Pose>,
+    camera: &Camera,
+    name: String,
+    folder: &Path,
+) -> anyhow::Result<KnownFilm> {
     let mut frames = Vec::new();
-    for (position, pose) in shot.motion.poses(&actor.skeleton).into_iter().enumerate() {
+    for (position, pose) in poses.into_iter().enumerate() {
         let person = actor
-            .render(&pose, &camera)
+            .render(&pose, camera)
             .context("a person without a truth")?;
         save(&person, position, folder)?;
         frames.push(KnownFrame {
@@ -153,16 +179,71 @@ pub(super) fn of_actor(
         });
     }
     Ok(KnownFilm {
-        name: format!(
-            "{}, {} from {} m",
-            actor.name,
-            shot.motion.name(),
-            shot.height
-        ),
+        name,
         skeleton: actor.skeleton.clone(),
         fps: FPS,
         frames,
     })
+}
+
+/// Films `actor` moving as `clip` does, the `position`-th of several, with pictures `size` pixels high into `folder`. Cameras differ in
+/// height and direction, and stand as far away as they must to see the whole motion.
+pub(super) fn of_motion(
+    actor: &Actor,
+    clip: &MotionClip,
+    position: usize,
+    size: u32,
+    folder: &Path,
+) -> anyhow::Result<KnownFilm> {
+    let (poses, camera) = staged(actor, clip, position, size);
+    let name = format!("{}, motion {position}", actor.name);
+    filmed(actor, poses, &camera, name, folder)
+}
+
+/// The poses of [`of_motion`], and its camera.
+pub(super) fn staged(
+    actor: &Actor,
+    clip: &MotionClip,
+    position: usize,
+    size: u32,
+) -> (Vec<Pose>, Camera) {
+    let step = ((clip.fps / FPS).round() as usize).max(1);
+    let first = clip.frames.len().saturating_sub(FRAMES * step) / 2;
+    let frames = clip.frames.iter().skip(first).step_by(step).take(FRAMES);
+    let poses: Vec<Pose> = frames.map(|frame| moved(&actor.skeleton, frame)).collect();
+    let joints = |pose: &Pose| actor.skeleton.posed_joints(pose);
+    let all: Vec<[f64; 3]> = poses.iter().flat_map(joints).collect();
+    let range = |axis: usize| {
+        let values = || all.iter().map(move |joint| joint[axis]);
+        let least = values().fold(f64::INFINITY, f64::min);
+        [least, values().fold(f64::NEG_INFINITY, f64::max)]
+    };
+    let [x, y, z] = [range(0), range(1), range(2)];
+    let middle = [x, y, z].map(|[least, most]| 0.5 * (least + most));
+    let width = (x[1] - x[0]).max(z[1] - z[0]) / UPRIGHT;
+    let view = (width + 0.7).max(y[1] - y[0] + 0.9);
+    let distance = DISTANCE * (view / VIEW).max(1.0);
+    let height = HEIGHTS[position % HEIGHTS.len()];
+    let yaw = TAU * (position as f64 * 0.381_966).fract();
+    let eye = [
+        middle[0] + distance * yaw.sin(),
+        y[0] + height,
+        middle[2] + distance * yaw.cos(),
+    ];
+    let focal = f64::from(size) * distance / view;
+    let wide = (f64::from(size) * UPRIGHT).round() as u32;
+    let camera = Camera::look_at(eye, middle, [0.0, 1.0, 0.0], focal, wide, size);
+    (poses, camera)
+}
+
+/// The pose of a motion's frame on another body.
+fn moved(skeleton: &Skeleton, frame: &ClipFrame) -> Pose {
+    let rotations = frame.rotations.iter();
+    let root = skeleton.rest.first().copied().unwrap_or_default();
+    Pose {
+        rotations: rotations.map(|it| log_map(it).map(|v| v as f32)).collect(),
+        translation: std::array::from_fn(|axis| (frame.root[axis] - root[axis]) as f32),
+    }
 }
 
 /// Puts the person of a capture before a wall, and writes the pictures into `folder`.
@@ -186,6 +267,14 @@ pub(super) fn of_capture(name: &str, shard: &Shard, folder: &Path) -> anyhow::Re
 
 /// Writes the picture of a `person` before a wall.
 fn save(person: &FrameImage, position: usize, folder: &Path) -> anyhow::Result<()> {
+    let path = folder.join(format!("{position:06}.png"));
+    photo(person, position)
+        .save(&path)
+        .with_context(|| format!("writing {}", path.display()))
+}
+
+/// The picture of a `person` before a wall.
+pub(super) fn photo(person: &FrameImage, position: usize) -> RgbImage {
     let (width, height) = (person.width, person.height);
     let exposure = 1.0 + DRIFT * (TAU * position as f64 / 37.0).sin();
     let mut picture = RgbImage::new(width as u32, height as u32);
@@ -206,10 +295,7 @@ fn save(person: &FrameImage, position: usize, folder: &Path) -> anyhow::Result<(
         let noisy = f64::from(*value) + 255.0 * NOISE * normal(&mut random);
         *value = noisy.round().clamp(0.0, 255.0) as u8;
     }
-    let path = folder.join(format!("{position:06}.png"));
     picture
-        .save(&path)
-        .with_context(|| format!("writing {}", path.display()))
 }
 
 /// The colour of what is behind the person, at a place in shares of the picture's height.

@@ -1,16 +1,18 @@
 //! What a film alone tells of poses: people whose poses are known are filmed as a phone films, the pose model and the fit look at the
 //! pictures, and what they find is compared with the truth.
 
+mod detector;
 mod error;
 mod film;
 mod table;
 
+pub use detector::{DetectorOptions, MeasuredErrors, measure};
 pub use error::FilmErrors;
 
 use crate::actor::Actor;
 use crate::display::Screen;
 use anyhow::{Context, ensure};
-use film::{KnownFilm, SHOTS, of_actor, of_capture};
+use film::{KnownFilm, SHOTS, of_actor, of_capture, of_motion};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -19,6 +21,7 @@ use yoto_capture::CaptureFolder;
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::smpl::has_joints;
 use yoto_import::{Format, Options, read};
+use yoto_pose::lift::learn::MotionClip;
 use yoto_synthetic::SyntheticPerson;
 
 /// Seed of the synthetic people.
@@ -35,6 +38,8 @@ pub struct PosesOptions {
     pub people: usize,
     /// Captures with exact poses and masks, whose people are put before a wall.
     pub captures: Vec<PathBuf>,
+    /// Motions, each of which every person does in turn, in place of the usual films.
+    pub motions: Vec<MotionClip>,
     /// Height of the pictures of films that are made, pixels.
     pub size: u32,
     /// Settings by which the films are read.
@@ -65,8 +70,21 @@ pub fn run(options: &PosesOptions, screen: &dyn Screen) -> anyhow::Result<Poses>
     let bodies = bodies.map(|body| Ok(Actor::mesh(body, &pattern)));
     let actors: Vec<Actor> = people.chain(bodies).collect::<anyhow::Result<_>>()?;
     let mut measured = Measured::default();
+    for (position, clip) in options.motions.iter().enumerate() {
+        let Some(actor) = actors.get(position % actors.len().max(1)) else {
+            break;
+        };
+        let folder = made(&options.out.join(format!("{}-{position}", actor.name)))?;
+        let known = of_motion(actor, clip, position, options.size, &folder)?;
+        measured.add(&known, &folder, &options.import, screen)?;
+    }
+    let shots = if options.motions.is_empty() {
+        &SHOTS[..]
+    } else {
+        &[]
+    };
     for actor in &actors {
-        for shot in SHOTS {
+        for &shot in shots {
             let name = format!("{}-{}-{}", actor.name, shot.motion.name(), shot.height);
             let folder = made(&options.out.join(name))?;
             let known = of_actor(actor, shot, options.size, &folder)?;

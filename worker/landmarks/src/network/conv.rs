@@ -2,7 +2,7 @@
 
 use super::window::{Side, picture};
 use super::{Made, Operation};
-use crate::tflite::{Activation, Window};
+use crate::tflite::{Activation, Padding, Window};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
@@ -69,6 +69,27 @@ pub(super) fn conv(
     };
     let shape = vec![1, rows.output, columns.output, channels_out];
     Ok((Box::new(made), shape))
+}
+
+/// The product of all numbers with `weights` `[outputs, inputs]`.
+pub(super) fn fully_connected(
+    shape: &[usize],
+    (filter, weights): (&[usize], &[f32]),
+    bias: &[f32],
+    activation: Activation,
+) -> Result<Made, String> {
+    let [outputs, inputs] = *filter else {
+        return Err(format!("{filter:?} is not the shape of a matrix"));
+    };
+    let one = Window {
+        padding: Padding::Valid,
+        stride: [1; 2],
+        dilation: [1; 2],
+    };
+    let numbers = [1, 1, 1, shape.iter().product()];
+    let filter = [outputs, 1, 1, inputs];
+    let (made, _) = conv(&numbers, (&filter, weights), bias, one, activation)?;
+    Ok((made, vec![1, outputs]))
 }
 
 impl Conv {

@@ -63,6 +63,11 @@ impl Network {
         self.outputs.iter().position(|(found, _)| found == shape)
     }
 
+    /// Shapes of the outputs, in the file's order.
+    pub(crate) fn shapes(&self) -> impl Iterator<Item = &[usize]> {
+        self.outputs.iter().map(|(shape, _)| shape.as_slice())
+    }
+
     /// The input values, to be filled before [`run`](Self::run).
     pub(crate) fn input(&mut self) -> &mut [f32] {
         let (buffer, len) = self.input;

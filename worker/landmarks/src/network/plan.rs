@@ -166,8 +166,12 @@ fn make(
             depthwise::depthwise(first, floats(1)?, floats(2)?.1, window, activation)
         }
         OperatorKind::DepthToSpace { block } => shapes::depth_to_space(first, block),
+        OperatorKind::FullyConnected(activation) => {
+            conv::fully_connected(first, floats(1)?, floats(2)?.1, activation)
+        }
         OperatorKind::Logistic => Ok(pointwise::logistic(first)),
         OperatorKind::MaxPool { window, filter } => pool::max_pool(first, window, filter),
+        OperatorKind::Mean { keeps_axes } => pool::mean(first, ints(1)?, keeps_axes),
         OperatorKind::Pad => shapes::pad(first, ints(1)?),
         OperatorKind::Reshape => shapes::reshape(first, ints(1)?),
         OperatorKind::ResizeBilinear { half_pixels } => {

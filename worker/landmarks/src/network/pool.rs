@@ -1,4 +1,4 @@
-//! Max pooling.
+//! Max pooling, and the mean of a picture.
 
 use super::window::{Side, picture};
 use super::{Made, Operation};
@@ -41,6 +41,37 @@ impl Operation for MaxPool {
                         *out = out.max(*value);
                     }
                 }
+            }
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Mean {
+    channels: usize,
+}
+
+/// The mean of each channel over a whole picture; `axes` are the rows and columns.
+pub(super) fn mean(shape: &[usize], axes: &[i32], keeps_axes: bool) -> Result<Made, String> {
+    let [.., channels] = picture(shape)?;
+    if axes != [1, 2] {
+        return Err(format!("a mean over the axes {axes:?} of a picture"));
+    }
+    let shape = match keeps_axes {
+        true => vec![1, 1, 1, channels],
+        false => vec![1, channels],
+    };
+    Ok((Box::new(Mean { channels }), shape))
+}
+
+impl Operation for Mean {
+    fn run(&self, inputs: &[&[f32]], out: &mut [f32]) {
+        let pixels = inputs[0].chunks_exact(self.channels);
+        let share = 1.0 / pixels.len() as f32;
+        out.fill(0.0);
+        for pixel in pixels {
+            for (out, value) in out.iter_mut().zip(pixel) {
+                *out += share * value;
             }
         }
     }

@@ -57,6 +57,39 @@ fn a_convolution_of_one_pixel_mixes_channels() {
 }
 
 #[test]
+fn a_full_connection_is_a_product_with_all_numbers() {
+    let tensors = [
+        computed(&[1, 3]),
+        floats(&[2, 3], &[1.0, 2.0, 3.0, 0.0, -1.0, 0.0]),
+        floats(&[2], &[0.5, 1.0]),
+        computed(&[1, 2]),
+    ];
+    let options = |activation| Node::Table(vec![Node::U8(activation)]);
+    let does = |activation| Does(9, options(activation), vec![0, 1, 2], 3);
+    assert_eq!(run(&tensors, does(NONE), &counting(3)), [14.5, -1.0]);
+    assert_eq!(run(&tensors, does(RELU6), &counting(3)), [6.0, 0.0]);
+}
+
+#[test]
+fn a_mean_is_over_rows_and_columns() {
+    let tensors = [
+        computed(&[1, 2, 2, 2]),
+        ints(&[2], &[1, 2]),
+        computed(&[1, 2]),
+    ];
+    let does = Does(40, Node::Table(vec![Node::U8(0)]), vec![0, 1], 2);
+    assert_eq!(run(&tensors, does, &counting(8)), [4.0, 5.0]);
+    let tensors = [
+        computed(&[1, 2, 2, 2]),
+        ints(&[1], &[3]),
+        computed(&[1, 2, 2]),
+    ];
+    let does = Does(40, Node::Absent, vec![0, 1], 2);
+    let error = Network::read(&model(&tensors, &[does])).expect_err("a mean over channels");
+    assert!(error.contains("axes [3]"), "{error}");
+}
+
+#[test]
 fn convolutions_see_zeros_beyond_the_picture() {
     let ones = [1.0; 9];
     let tensors = [

@@ -14,10 +14,14 @@ pub(crate) enum OperatorKind {
     DepthToSpace {
         block: usize,
     },
+    FullyConnected(Activation),
     Logistic,
     MaxPool {
         window: Window,
         filter: [usize; 2],
+    },
+    Mean {
+        keeps_axes: bool,
     },
     Pad,
     Reshape,
@@ -172,6 +176,7 @@ pub(super) fn read(code: i32, options: Option<Table>) -> Result<OperatorKind, St
         4 => OperatorKind::DepthwiseConv(window(Some(5))?, Activation::read(options, 4)?),
         5 => OperatorKind::DepthToSpace { block: size(0, 0)? },
         6 | 124 => OperatorKind::Unpack,
+        9 => OperatorKind::FullyConnected(Activation::read(options, 0)?),
         14 => OperatorKind::Logistic,
         17 if Activation::read(options, 5)? == Activation::None => OperatorKind::MaxPool {
             window: window(None)?,
@@ -182,6 +187,9 @@ pub(super) fn read(code: i32, options: Option<Table>) -> Result<OperatorKind, St
             half_pixels: flag(3),
         },
         34 => OperatorKind::Pad,
+        40 => OperatorKind::Mean {
+            keeps_axes: flag(0),
+        },
         _ => {
             let name = usize::try_from(code).ok().and_then(|code| NAMES.get(code));
             return Err(match name {

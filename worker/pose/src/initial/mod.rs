@@ -9,6 +9,7 @@ mod headings;
 mod position;
 
 use crate::flips::{has_jumps, steadiest};
+use crate::lift::{deepen, own};
 use crate::parameters::{Shared, Stance};
 use crate::problem::{Observed, Problem};
 use crate::solve::improve_frame;
@@ -35,6 +36,18 @@ pub(crate) fn stances(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, u
     if !problem.has_space() {
         return (headings::stances(problem, shared), 0);
     }
+    let (stances, turned) = by_space(problem, shared);
+    if !problem.lift {
+        return (stances, turned);
+    }
+    deepen(problem, own());
+    let frames = problem.frames.par_iter();
+    let read = frames.map(|seen| read(problem, seen, shared));
+    (read.collect(), turned)
+}
+
+/// A stance for every frame from the detector's points in space, and the number of frames in which it mistook back for front.
+fn by_space(problem: &mut Problem, shared: &Shared) -> (Vec<Stance>, usize) {
     let read = |seen: &Observed| with_cost(problem, seen, shared);
     let stances: Vec<(Stance, f64)> = problem.frames.par_iter().map(read).collect();
     let times: Vec<f64> = problem.frames.iter().map(|frame| frame.time).collect();

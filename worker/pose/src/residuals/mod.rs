@@ -4,6 +4,7 @@
 //! There is one file per kind. The residuals of one frame fill a table of [`Rows`]. [`smooth`] couples three
 //! frames, and [`shared`] has the priors of the unknowns that all frames share.
 
+pub(crate) mod depth;
 pub(crate) mod floor;
 pub(crate) mod habit;
 pub(crate) mod picture;
@@ -110,6 +111,7 @@ pub(crate) fn frame(
     let posed = Posed::new(stance, shared);
     picture::add(&mut rows, problem, observed, &posed, shared);
     space::add(&mut rows, problem, observed, &posed, shared);
+    depth::add(&mut rows, problem, observed, &posed, shared);
     habit::add(&mut rows, stance);
     if problem.upright {
         upright::add(&mut rows, &posed, shared);

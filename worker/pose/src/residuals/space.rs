@@ -12,8 +12,6 @@ use crate::rotation::matvec;
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{cross, dot, length, rodrigues, scale, sub};
 
-/// Error of a point in space perpendicular to a direction, metres.
-const ERROR: f64 = 0.07;
 /// Errors of directions beyond this number of standard deviations are mistakes of the detector.
 const BOUND: f64 = 2.5;
 const X: Vec3 = [1.0, 0.0, 0.0];
@@ -38,7 +36,7 @@ pub(crate) fn add(
         let way = sub(b, a);
         let distance = length(way).max(1e-6);
         let (unit, wanted) = (scale(way, 1.0 / distance), matvec(&lean, direction.towards));
-        let weight = direction.length / ERROR;
+        let weight = direction.length / direction.error;
         let off = scale(sub(unit, wanted), weight);
         let factor = rows.robust(dot(off, off), BOUND);
         if !rows.has_slopes() {

@@ -4,7 +4,7 @@ use super::{Columns, floor, frame, smooth};
 use crate::joints::UNKNOWNS;
 use crate::options::FitOptions;
 use crate::parameters::{ATTACHMENTS, FLOOR, Shared, Stance};
-use crate::problem::Problem;
+use crate::problem::{Depth, Problem};
 use crate::rotation::IDENTITY_ROTATION;
 use crate::skeleton::COUNT;
 use crate::{FrameKeyPoints, KeyPointSet, KeyPoints};
@@ -37,7 +37,7 @@ fn problem() -> Problem {
         space: (0..33)
             .map(|at| [wave(at), wave(at + 7), wave(at + 13)])
             .collect(),
-        colours: Vec::new(),
+        ..FrameKeyPoints::default()
     };
     let points = KeyPoints {
         set: KeyPointSet::BlazePose33,
@@ -55,6 +55,13 @@ fn slopes_of_the_cost_agree_with_differences() {
     // Soles are near the floor: one stands still, and those below it count as well.
     problem.floor = Some(0.9);
     problem.frames[0].still = vec![true; 33];
+    problem.frames[0].depths = [([13, 15], 0.1, 0.05), ([12, 24], -0.2, 0.2)]
+        .map(|(markers, depth, spread)| Depth {
+            markers,
+            depth,
+            spread,
+        })
+        .to_vec();
     let mut shared = Shared::average(&problem.markers, 700.0);
     for (at, value) in shared.values.iter_mut().enumerate().take(ATTACHMENTS) {
         *value += 0.05 * wave(at);

@@ -88,6 +88,28 @@ fn a_camera_that_looks_down_is_found_out() {
     assert!((down - 20.0).abs() < 6.0, "{down}");
 }
 
+/// A detector that tells too little depth, and slowly changes its mind about each point.
+#[test]
+fn depths_that_tell_little_are_found_by_the_network() {
+    let mut clip = walk(KeyPointSet::BlazePose33, ERRORS, 3.0);
+    for (frame, points) in clip.points.frames.iter_mut().enumerate() {
+        for (point, at) in points.space.iter_mut().enumerate() {
+            let wave = (0.1 * frame as f64 + 2.4 * point as f64).sin();
+            at[2] = 0.6 * at[2] + 0.15 * wave;
+        }
+    }
+    let off = |lift: bool| {
+        let options = FitOptions {
+            lift,
+            ..told(&clip)
+        };
+        let fitted = fit(&clip.points, &options, &mut |_, _| ()).expect("fits");
+        1e3 * error(&joints(&fitted), &clip.joints)
+    };
+    let (told, found) = (off(false), off(true));
+    assert!(found < 0.9 * told, "{found} mm, and {told} mm as told");
+}
+
 #[test]
 fn pictures_alone_give_joints_to_a_hand_s_breadth() {
     for (set, most) in [
@@ -243,6 +265,7 @@ fn options_beyond_reason_are_refused() {
         (None, Some(f64::INFINITY), "height"),
     ] {
         let options = FitOptions {
+            lift: true,
             focal,
             height,
             upright: true,
@@ -272,9 +295,9 @@ fn points_of_no_body_end_in_a_track_or_an_error() {
         let mut row = |by: f64| [by * number(), by * number(), number()];
         let frames = (0..6).map(|index| FrameKeyPoints {
             index: 7 * index,
-            colours: Vec::new(),
             picture: (0..set.points()).map(|_| row(400.0)).collect(),
             space: (0..set.points()).map(|_| row(1.0)).collect(),
+            ..FrameKeyPoints::default()
         });
         let points = KeyPoints {
             set,

@@ -173,7 +173,7 @@ pub(crate) fn clip(
                 let noisy = |p: &Vec3| sub(*p, hips).map(|v| v + error * normal(&mut rng));
                 points.iter().map(noisy).collect()
             }),
-            colours: Vec::new(),
+            ..FrameKeyPoints::default()
         });
         joints.push(truth);
     }
