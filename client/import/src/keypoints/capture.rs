@@ -7,7 +7,7 @@ use crate::clip::{Clip, fault, left_out};
 use crate::proof::prove;
 use crate::{Findings, ImportError, Imported, Options, PoseFit};
 use std::path::Path;
-use yoto_pose::{FitOptions, FrameKeyPoints, KeyPointSet, KeyPoints, fit};
+use yoto_pose::{FitOptions, FrameKeyPoints, KeyPoints, fit};
 
 /// The capture of a person in `found`, whose files are at `at`.
 ///
@@ -75,7 +75,7 @@ pub(super) fn read(
             let options = FitOptions {
                 focal: options.focal.or(found.focal),
                 height: options.height,
-                lift: found.set == KeyPointSet::BlazePose33,
+                lift: false,
                 upright: true,
             };
             let fitted = fit(&points, &options, &mut |_, _| ());
