@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use yoto_pose::lift::learn::{DetectorErrors, Examples, MotionClip};
 use yoto_pose::lift::network::Network;
-use yoto_pose::lift::{BONES, COUNT, INPUTS};
+use yoto_pose::lift::{BONES, COUNT, INPUTS, told_depth};
 
 /// Examples per step.
 const BATCH: usize = 512;
@@ -146,9 +146,7 @@ impl Batch {
             let mut sums = [0.0; 2];
             for at in 0..self.count {
                 let exact = |place: usize| self.depths[at * COUNT + place];
-                // The frame is the seventh moment, and a point's fourth number its depth.
-                let told =
-                    |place: usize| self.inputs[at * INPUTS + 6 * (4 * COUNT + 3) + 4 * place + 3];
+                let told = |place: usize| self.inputs[at * INPUTS + told_depth(place)];
                 let wanted = exact(to) - exact(from);
                 sums[0] += f64::from((found[(at, to)] - found[(at, from)] - wanted).abs());
                 sums[1] += f64::from((told(to) - told(from) - wanted).abs());

@@ -17,7 +17,7 @@ const HINGE: [f64; 2] = [0.15, 0.5];
 
 /// The rotation of a body that faces the camera: its x to the picture's right, its y up, its z towards the
 /// camera.
-pub(super) const FACING: Mat3 = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+pub(crate) const FACING: Mat3 = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
 
 /// Rotations of the joints from points in space. Joints without points keep the identity.
 pub(super) fn rotations(problem: &Problem, observed: &Observed) -> [Mat3; COUNT] {

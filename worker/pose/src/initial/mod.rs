@@ -8,6 +8,8 @@ mod figure;
 mod headings;
 mod position;
 
+pub(crate) use figure::FACING;
+
 use crate::flips::{has_jumps, steadiest};
 use crate::lift::{deepen, own};
 use crate::parameters::{Shared, Stance};

@@ -5,7 +5,6 @@
 //! project, and from the measured errors of a detector ([`learn`]).
 
 mod deepen;
-mod detector;
 pub mod learn;
 pub mod network;
 pub(crate) mod points;
@@ -13,7 +12,7 @@ mod window;
 
 pub(crate) use deepen::deepen;
 pub use points::{BLAZE as POINTS, BONE_COUNT, BONES, COUNT, HIPS, mirrored};
-pub use window::{INPUTS, Sighting, window};
+pub use window::{INPUTS, Sighting, told_depth, window};
 
 use network::Network;
 use std::sync::OnceLock;

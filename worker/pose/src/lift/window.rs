@@ -11,11 +11,16 @@ pub(crate) const NOW: usize = 6;
 /// Numbers per point: x and y from the middle of the hips in extents of the body, confidence, and the detector's depth from the
 /// middle of the hips, metres.
 const PER_POINT: usize = 4;
-/// Numbers per moment: those of the points, the place of the hips from where they are now, and whether there is a frame.
+/// Numbers per moment: those of the points, the displacement of the hips from the frame itself, and 1 where the film has a frame.
 const PER_MOMENT: usize = PER_POINT * COUNT + 3;
 /// Numbers that the network sees: those of the moments, then the place of the hips from the picture's middle and the extent, as shares
 /// of the picture's longer side.
 pub const INPUTS: usize = MOMENTS.len() * PER_MOMENT + 3;
+/// The place among the inputs of the depth that the detector tells of the point at `place`, in the frame itself.
+pub fn told_depth(place: usize) -> usize {
+    NOW * PER_MOMENT + PER_POINT * place + PER_POINT - 1
+}
+
 /// Largest gap in a film that is bridged, seconds.
 const GAP: f64 = 0.34;
 /// Confidence below which a point is not seen.

@@ -1,45 +1,29 @@
 //! Examples to learn from: people who move as somebody did, seen by a random camera and by a detector that errs as measured.
 
+mod camera;
+mod detector;
+mod motion;
+
 use super::points::{BLAZE, COUNT, HIPS, mirrored};
 use super::window::{MOMENTS, NOW, Sighting, window};
 use crate::KeyPointSet;
 use crate::forward::Posed;
 use crate::markers::Markers;
-use crate::parameters::{ATTACHMENTS, Shared, Stance};
-use crate::rotation::{matmul, matvec, slerp};
+use crate::parameters::{ATTACHMENTS, Shared};
+use crate::rotation::matvec;
 use crate::skeleton::{COUNT as JOINTS, GROUP_SPREAD};
 use rand::{Rng, RngExt};
 use yoto_capture::skeleton::Vec3;
-use yoto_capture::skeleton::transform::{Mat3, add, rodrigues, scale, sub};
+use yoto_capture::skeleton::transform::{Mat3, add};
 
-pub use super::detector::{DetectorErrors, ErrorFilm};
+use camera::RandomCamera;
+use motion::RandomMotion;
 
-/// A body that faces the camera: its x to the picture's right, its y up, its z towards the camera.
-const FACING: Mat3 = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+pub use detector::{DetectorErrors, ErrorFilm};
+pub use motion::{ClipFrame, MotionClip};
+
 /// The longer side of the pictures, pixels. Windows don't depend on it.
 const LONGER: f64 = 1000.0;
-/// Mean and standard deviation of the logarithm of the focal length in longer sides.
-const FOCAL: [f64; 2] = [0.18, 0.22];
-/// Mean and standard deviation of the camera's downward pitch, radians, and its limits.
-const PITCH: [f64; 2] = [0.05, 0.16];
-const PITCH_RANGE: [f64; 2] = [-0.5, 0.7];
-/// Standard deviation of the camera's roll, radians.
-const ROLL: f64 = 0.03;
-/// Range of the body's height in the picture, in longer sides, and of the place of its root from the middle.
-const SHARE: [f64; 2] = [0.3, 0.95];
-const PLACE: [f64; 2] = [0.25, 0.12];
-/// Height of an average body, metres.
-const HEIGHT: f64 = 1.75;
-/// Range of a motion's speed, as multiples of that of the clip.
-const SPEED: [f64; 2] = [0.7, 1.4];
-/// Share of the examples whose upper body moves as in another clip, and of those, whose left arm moves as in a third.
-const MIXED: f64 = 0.5;
-const MIXED_ARM: f64 = 0.3;
-/// Joints above the waist, and those of the left arm.
-const UPPER: [usize; 15] = [3, 6, 9, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23];
-const LEFT_ARM: [usize; 5] = [13, 16, 18, 20, 22];
-/// Standard deviation of a joint's rotation from the clip's, the same in all frames, radians.
-const HABIT: f64 = 0.08;
 /// Share of the examples that are at the start or end of a film.
 const CUT: f64 = 0.25;
 /// Share of the examples whose legs the picture cuts off.
@@ -51,24 +35,6 @@ const SPARSE: f64 = 0.5;
 const ENDS: [usize; 6] = [9, 10, 17, 18, 19, 20];
 /// Share of the points that a detector does not see.
 const UNSEEN: f64 = 0.02;
-
-/// A motion, facing +z in the rest pose, which is a T-pose.
-#[derive(Clone, Debug)]
-pub struct MotionClip {
-    /// Frames per second.
-    pub fps: f64,
-    /// Frames in order.
-    pub frames: Vec<ClipFrame>,
-}
-
-/// A frame of a motion.
-#[derive(Clone, Debug)]
-pub struct ClipFrame {
-    /// Rotations of SMPL's 24 joints relative to their parents.
-    pub rotations: [Mat3; JOINTS],
-    /// Place of the root, y up, metres for an average body.
-    pub root: Vec3,
-}
 
 /// An example.
 #[derive(Clone, Debug)]
@@ -202,115 +168,8 @@ impl Examples {
     }
 }
 
-impl MotionClip {
-    /// The frame at the place `at`, between two; `None` outside of the clip.
-    fn at(&self, at: f64) -> Option<ClipFrame> {
-        let (first, share) = (at.floor(), at - at.floor());
-        if first < 0.0 {
-            return None;
-        }
-        let before = self.frames.get(first as usize)?;
-        if share < 1e-6 {
-            return Some(before.clone());
-        }
-        let after = self.frames.get(first as usize + 1)?;
-        Some(ClipFrame {
-            rotations: std::array::from_fn(|joint| {
-                slerp(&before.rotations[joint], &after.rotations[joint], share)
-            }),
-            root: add(before.root, scale(sub(after.root, before.root), share)),
-        })
-    }
-}
-
-/// A motion around a moment: that of a clip, or parts of several.
-struct RandomMotion<'a> {
-    whole: (&'a MotionClip, f64),
-    /// Clips whose joints replace those of the whole body.
-    parts: Vec<((&'a MotionClip, f64), &'static [usize])>,
-    speed: f64,
-    /// Rotations of the joints before those of the clip.
-    habits: [Mat3; JOINTS],
-}
-
-impl<'a> RandomMotion<'a> {
-    fn draw(examples: &'a Examples, random: &mut impl Rng) -> Self {
-        let whole = examples.moment(random);
-        let mut parts: Vec<((&MotionClip, f64), &'static [usize])> = Vec::new();
-        if random.random::<f64>() < MIXED {
-            parts.push((examples.moment(random), &UPPER));
-            if random.random::<f64>() < MIXED_ARM {
-                parts.push((examples.moment(random), &LEFT_ARM));
-            }
-        }
-        Self {
-            whole,
-            parts,
-            speed: random.random_range(SPEED[0]..SPEED[1]),
-            habits: std::array::from_fn(|joint| {
-                let spread = if joint == 0 { 0.0 } else { HABIT };
-                rodrigues(std::array::from_fn(|_| spread * normal(random)))
-            }),
-        }
-    }
-
-    /// The frame `after` seconds; `None` outside of a clip.
-    fn at(&self, after: f64) -> Option<ClipFrame> {
-        let at = |(clip, frame): (&MotionClip, f64)| clip.at(frame + after * self.speed * clip.fps);
-        let mut frame = at(self.whole)?;
-        for (part, joints) in &self.parts {
-            let part = at(*part)?;
-            for &joint in *joints {
-                frame.rotations[joint] = part.rotations[joint];
-            }
-        }
-        for (rotation, habit) in frame.rotations.iter_mut().zip(&self.habits) {
-            *rotation = matmul(habit, rotation);
-        }
-        Some(frame)
-    }
-}
-
-/// A camera, and where the person is before it.
-struct RandomCamera {
-    rotation: Mat3,
-    focal: f64,
-    place: Vec3,
-}
-
-impl RandomCamera {
-    fn draw(random: &mut impl Rng) -> Self {
-        let focal = LONGER * (FOCAL[0] + FOCAL[1] * normal(random)).exp();
-        let pitch = (PITCH[0] + PITCH[1] * normal(random)).clamp(PITCH_RANGE[0], PITCH_RANGE[1]);
-        let roll = ROLL * normal(random);
-        let yaw = random.random_range(0.0..std::f64::consts::TAU);
-        let turned = matmul(&FACING, &rodrigues([0.0, yaw, 0.0]));
-        let rotation = matmul(
-            &rodrigues([0.0, 0.0, roll]),
-            &matmul(&rodrigues([pitch, 0.0, 0.0]), &turned),
-        );
-        let depth = focal * HEIGHT / (LONGER * random.random_range(SHARE[0]..SHARE[1]));
-        let [x, y] = PLACE.map(|most| random.random_range(-most..most) * LONGER * depth / focal);
-        Self {
-            rotation,
-            focal,
-            place: [x, y, depth],
-        }
-    }
-
-    /// The stance of `frame` before the camera; `origin` is where the person is in the middle of the window.
-    fn stance(&self, frame: &ClipFrame, origin: Vec3) -> Stance {
-        let mut rotations = frame.rotations;
-        rotations[0] = matmul(&self.rotation, &rotations[0]);
-        Stance {
-            rotations,
-            root: add(self.place, matvec(&self.rotation, sub(frame.root, origin))),
-        }
-    }
-}
-
 /// A number with the standard normal distribution, by Box and Muller.
-pub(super) fn normal(random: &mut impl Rng) -> f64 {
+fn normal(random: &mut impl Rng) -> f64 {
     let (a, b): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }
@@ -329,9 +188,10 @@ pub fn places(set: KeyPointSet, joints: &[Vec3; JOINTS], rotations: &[Mat3; JOIN
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lift::window::INPUTS;
+    use crate::lift::window::{INPUTS, told_depth};
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
+    use yoto_capture::skeleton::transform::rodrigues;
 
     fn errors(depth: f64) -> DetectorErrors {
         DetectorErrors {
@@ -371,8 +231,7 @@ mod tests {
 
     /// The depths among the inputs of the frame itself.
     fn told(example: &Example) -> [f32; COUNT] {
-        let frame = &example.inputs[NOW * (4 * COUNT + 3)..];
-        std::array::from_fn(|place| frame[4 * place + 3])
+        std::array::from_fn(|place| example.inputs[told_depth(place)])
     }
 
     #[test]

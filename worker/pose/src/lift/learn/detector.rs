@@ -1,7 +1,7 @@
 //! How a detector errs, as measured.
 
-use super::learn::normal;
-use super::points::{COUNT, HIPS};
+use super::normal;
+use crate::lift::points::{COUNT, HIPS};
 use rand::{Rng, RngExt};
 use yoto_capture::skeleton::Vec3;
 
