@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fetches the pose model, BlazePose of MediaPipe (Apache-2.0), and its hand model from a package registry.
+# Fetches the pose model, BlazePose of MediaPipe (Apache-2.0), and its hand and face models from a package registry.
 #
 #   deploy/models/get.sh [DIR]     DIR is models/ unless given
 #
@@ -35,9 +35,14 @@ npm)
     (cd "$work" && rm -r package && npm pack --silent "@mediapipe/hands@0.4.1675469240" >/dev/null)
     tar -xzf "$work"/mediapipe-hands-*.tgz -C "$work"
     cp "$work/package/hand_landmark_full.tflite" "$work/files/"
+    (cd "$work" && rm -r package && npm pack --silent "@mediapipe/face_mesh@0.4.1657299874" >/dev/null)
+    tar -xzf "$work"/mediapipe-face_mesh-*.tgz -C "$work"
+    # The second file of the packed assets.
+    head -c 3737848 "$work/package/face_mesh_solution_packed_assets.data" | tail -c 1241896 >"$work/files/face_landmark.tflite"
     sums="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85  pose_detection.tflite
 59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe  pose_landmark_heavy.tflite
-8c026882c9ec059ce0f8e75266bee5a9a23c341a40e0000df755374d3d1b9b68  hand_landmark_full.tflite"
+8c026882c9ec059ce0f8e75266bee5a9a23c341a40e0000df755374d3d1b9b68  hand_landmark_full.tflite
+c603fa6149219a3e9487dc9abd7a0c24474c77263273d24868378cdf40aa26d1  face_landmark.tflite"
     ;;
 pip)
     # Only the files of one wheel are wanted, whatever machine this is.
@@ -49,9 +54,11 @@ pip)
     cp "$modules/pose_detection/pose_detection.tflite" "$work/files/"
     cp "$modules/pose_landmark/pose_landmark_full.tflite" "$work/files/"
     cp "$modules/hand_landmark/hand_landmark_full.tflite" "$work/files/"
+    cp "$modules/face_landmark/face_landmark.tflite" "$work/files/"
     sums="9ba9dd3d42efaaba86b4ff0122b06f29c4122e756b329d89dca1e297fd8f866c  pose_detection.tflite
 e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f  pose_landmark_full.tflite
-11c272b891e1a99ab034208e23937a8008388cf11ed2a9d776ed3d01d0ba00e3  hand_landmark_full.tflite"
+11c272b891e1a99ab034208e23937a8008388cf11ed2a9d776ed3d01d0ba00e3  hand_landmark_full.tflite
+1055cb9d4a9ca8b8c688902a3a5194311138ba256bcc94e336d8373a5f30c814  face_landmark.tflite"
     ;;
 *)
     echo "get.sh: YOTO_MODELS_FROM is '$from'; npm and pip are known" >&2

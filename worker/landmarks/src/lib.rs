@@ -14,6 +14,7 @@
 pub mod colours;
 mod detector;
 mod error;
+mod face;
 mod hand;
 mod landmarks;
 mod mask;
@@ -25,6 +26,7 @@ mod tflite;
 mod watcher;
 
 pub use error::LandmarkError;
+pub use face::{FACE_POINTS, FaceLandmarks, FaceModel};
 pub use hand::{HAND_POINTS, HandLandmarks, HandModel};
 pub use mask::{Outline, PERSON, clean, parts};
 pub use model::PoseModel;

@@ -48,15 +48,13 @@ impl Region {
     /// the whole body. `None` if they are not finite or too close.
     pub(crate) fn around(hips: [f32; 2], circle: [f32; 2]) -> Option<Self> {
         let [dx, dy] = [circle[0] - hips[0], circle[1] - hips[1]];
-        let side = 2.0 * MARGIN * dx.hypot(dy);
         let angle = FRAC_PI_2 - (-dy).atan2(dx);
-        // The comparison also refuses NaN. Farther out, f32 is too coarse for single pixels.
-        let possible = hips.iter().all(|at| at.abs() < 1e6) && (1.0..1e6).contains(&side);
-        possible.then(|| Self {
+        let square = Self {
             centre: hips,
-            side,
+            side: 2.0 * MARGIN * dx.hypot(dy),
             angle: angle - 2.0 * PI * ((angle + PI) / (2.0 * PI)).floor(),
-        })
+        };
+        square.possible()
     }
 
     /// The position in the picture, pixels, of a position in the square, from 0 to 1.
@@ -87,6 +85,33 @@ impl Region {
     pub(crate) fn rotate(self, [x, y]: [f32; 2]) -> [f32; 2] {
         let (sin, cos) = self.angle.sin_cos();
         [cos * x - sin * y, sin * x + cos * y]
+    }
+
+    /// The box around `points` in the axes of squares at `angle`: its middle in the picture, its width and its height, pixels.
+    pub(crate) fn box_around(
+        points: impl Iterator<Item = [f32; 2]>,
+        angle: f32,
+    ) -> ([f32; 2], [f32; 2]) {
+        let (sin, cos) = angle.sin_cos();
+        let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+        for [x, y] in points {
+            for (axis, at) in [cos * x + sin * y, cos * y - sin * x]
+                .into_iter()
+                .enumerate()
+            {
+                low[axis] = low[axis].min(at);
+                high[axis] = high[axis].max(at);
+            }
+        }
+        let [x, y] = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
+        let middle = [cos * x - sin * y, sin * x + cos * y];
+        (middle, [0, 1].map(|axis| high[axis] - low[axis]))
+    }
+
+    /// This square, if it is one of a picture: of a pixel at least, and not so far away that f32 is too coarse for single pixels.
+    pub(crate) fn possible(self) -> Option<Self> {
+        let is_near = self.centre.iter().all(|at| at.abs() < 1e6);
+        (is_near && (1.0..1e6).contains(&self.side) && self.angle.is_finite()).then_some(self)
     }
 
     /// Samples the square as `[pixels, pixels, 3]`, with `range[0]` for black and `range[1]` for white.
@@ -167,6 +192,20 @@ mod tests {
         assert!((x - 200.0).abs() < 1e-3 && (y - 100.0).abs() < 1e-3);
         let [u, v] = region.to_square([x, y]);
         assert!((u - 0.5).abs() < 1e-5 && v.abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_box_has_the_axes_of_its_square() {
+        // Two points 10 apart along a line at 30° from the picture's rows.
+        let (sin, cos) = (PI / 6.0).sin_cos();
+        let points = [[5.0, 7.0], [5.0 + 10.0 * cos, 7.0 + 10.0 * sin]];
+        let (middle, [wide, high]) = Region::box_around(points.into_iter(), PI / 6.0);
+        assert!(
+            (wide - 10.0).abs() < 1e-4 && high.abs() < 1e-4,
+            "{wide} {high}"
+        );
+        let expected = [5.0 + 5.0 * cos, 7.0 + 5.0 * sin];
+        assert!((0..2).all(|axis| (middle[axis] - expected[axis]).abs() < 1e-4));
     }
 
     #[test]

@@ -53,6 +53,8 @@ pub struct FrameKeyPoints {
     pub space: Vec<[f64; 3]>,
     /// Left and right hand, as a detector of hands sees them, if it does.
     pub hands: [Option<HandPoints>; 2],
+    /// The face, as a detector of faces sees it, if it does.
+    pub face: Option<FacePoints>,
     /// Colours of the body's patches ([`patches`](crate::patches)), 0 to 1; empty without the pictures.
     pub colours: Vec<[f64; 3]>,
 }
@@ -64,6 +66,16 @@ pub struct HandPoints {
     pub picture: [[f64; 2]; 21],
     /// Metres from any origin, in the camera's axes.
     pub space: [[f64; 3]; 21],
+    /// From 0 to 1.
+    pub confidence: f64,
+}
+
+/// Points of a face: nose, then inner corner, middle and outer corner of the left eye and of the right eye, then left and right corner of
+/// the mouth.
+#[derive(Clone, Debug)]
+pub struct FacePoints {
+    /// x, y and z in pixels: x and y from the picture's corner, z away from the camera from any origin.
+    pub picture: [[f64; 3]; 9],
     /// From 0 to 1.
     pub confidence: f64,
 }

@@ -37,6 +37,8 @@ pub(crate) struct Markers {
     pub soles: Vec<usize>,
     /// Wrist, thumb, index and little finger of the left and of the right hand; `None` in sets without fingers.
     pub hands: [Option<[usize; 4]>; 2],
+    /// The points of a face in the order of [`FacePoints`](crate::FacePoints); `None` in sets that lack one of them.
+    pub face: Option<[usize; 9]>,
     /// The points whose depth the network finds, in its order.
     pub places: [Option<usize>; PLACES],
     /// The points for the first guess.
@@ -214,6 +216,7 @@ impl Markers {
             mirror: mirror(&table),
             soles: soles(&table),
             hands: hands(&table),
+            face: face(&table),
             places: places(&table),
             figure: figure(&table),
         }
@@ -267,6 +270,14 @@ fn hands(table: &[(MarkerKind, i8)]) -> [Option<[usize; 4]>; 2] {
             [Wrist, Thumb, Index, Pinky].map(|kind| find(kind, side));
         Some([wrist?, thumb?, index?, pinky?])
     })
+}
+
+fn face(table: &[(MarkerKind, i8)]) -> Option<[usize; 9]> {
+    let find = |point: (MarkerKind, i8)| table.iter().position(|it| *it == point);
+    let eye = |side| [EyeInner, Eye, EyeOuter].map(|kind| find((kind, side)));
+    let [[a, b, c], [d, e, f]] = [eye(1), eye(-1)];
+    let [left, right] = [1, -1].map(|side| find((Mouth, side)));
+    Some([find((Nose, 0))?, a?, b?, c?, d?, e?, f?, left?, right?])
 }
 
 fn places(table: &[(MarkerKind, i8)]) -> [Option<usize>; PLACES] {
@@ -351,6 +362,8 @@ mod tests {
         }
         let blaze = Markers::of(KeyPointSet::BlazePose33);
         assert_eq!(blaze.places, crate::lift::POINTS.map(Some));
+        assert_eq!(blaze.face, Some([0, 1, 2, 3, 4, 5, 6, 9, 10]));
+        assert_eq!(Markers::of(KeyPointSet::Coco17).face, None);
         let coco = Markers::of(KeyPointSet::Coco17).places;
         assert_eq!(coco[..5], [Some(0), Some(3), Some(4), Some(5), Some(6)]);
         assert_eq!(coco[15..], [Some(15), Some(16), None, None, None, None]);

@@ -3,7 +3,7 @@
 use crate::check::{SEEN, extent};
 use crate::markers::Markers;
 use crate::options::FitOptions;
-use crate::{FrameKeyPoints, HandPoints, KeyPoints};
+use crate::{FrameKeyPoints, KeyPoints, parts};
 use yoto_capture::skeleton::Vec3;
 use yoto_capture::skeleton::transform::{length, scale, sub};
 
@@ -25,7 +25,10 @@ pub(crate) struct Detection {
     pub marker: usize,
     /// Pixels from the picture's middle.
     pub pixel: [f64; 2],
+    /// From 0 to 1.
     pub confidence: f64,
+    /// How much more exact it is than a point of the body's detector.
+    pub precision: f64,
 }
 
 /// A direction between two key points in space, as guessed by the detector.
@@ -38,14 +41,12 @@ pub(crate) struct Direction {
     pub length: f64,
     /// Error of a point perpendicular to the direction, metres.
     pub error: f64,
+    /// Whether a detector told it that looks at a hand or a face alone.
+    pub is_close: bool,
 }
 
 /// Error of the body's points in space, metres.
-pub(crate) const BODY_ERROR: f64 = 0.07;
-/// Error of a hand's points in space, metres, by a detector of hands.
-pub(crate) const HAND_ERROR: f64 = 0.02;
-/// First knuckles of thumb, index and little finger among a hand's points.
-const KNUCKLES: [usize; 3] = [2, 5, 17];
+const BODY_ERROR: f64 = 0.07;
 
 /// The depth of a bone.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +104,17 @@ impl Problem {
         let markers = Markers::of(points.set);
         let [width, height] = points.image_size.map(f64::from);
         let (centre, longer) = ([0.5 * width, 0.5 * height], width.max(height));
-        let observe = |frame| observe(frame, &markers, centre, points.fps);
+        let focal = options.focal.unwrap_or(USUAL_FOCAL * longer);
+        let observe = |frame| {
+            let mut observed = observe(frame, &markers, centre, points.fps);
+            parts::see(
+                &mut observed,
+                &markers,
+                frame,
+                [centre[0], centre[1], focal],
+            );
+            observed
+        };
         let mut frames: Vec<Observed> = points.frames.iter().map(observe).collect();
         mark_still(&mut frames, markers.markers.len());
         let mut extents: Vec<f64> = frames.iter().map(|frame| frame.extent).collect();
@@ -112,7 +123,7 @@ impl Problem {
             markers,
             frames,
             centre,
-            focal: options.focal.unwrap_or(USUAL_FOCAL * longer),
+            focal,
             focal_known: options.focal.is_some(),
             longer,
             lift: options.lift,
@@ -150,41 +161,6 @@ impl Observed {
         relabelled
     }
 
-    /// Takes wrist, thumb, index and little finger, at `points`, from a detector of hands. The wrist stays where the body's detector
-    /// has it.
-    fn see_hand(&mut self, points: [usize; 4], hand: &HandPoints, centre: [f64; 2]) {
-        let [wrist, knuckles @ ..] = points;
-        self.detections.retain(|it| !knuckles.contains(&it.marker));
-        for (marker, knuckle) in knuckles.into_iter().zip(KNUCKLES) {
-            let [x, y] = hand.picture[knuckle];
-            self.detections.push(Detection {
-                marker,
-                pixel: [x - centre[0], y - centre[1]],
-                confidence: hand.confidence,
-            });
-        }
-        let [_, index, little] = knuckles;
-        let [at_index, at_little] = [KNUCKLES[1], KNUCKLES[2]];
-        let is_of_hand = |ends: [usize; 2]| ends.iter().all(|end| points.contains(end));
-        self.directions.retain(|it| !is_of_hand(it.markers));
-        for (markers, [from, to]) in [
-            ([wrist, index], [0, at_index]),
-            ([wrist, little], [0, at_little]),
-            ([little, index], [at_little, at_index]),
-        ] {
-            let way = sub(hand.space[to], hand.space[from]);
-            let length = length(way);
-            if length > 0.01 {
-                self.directions.push(Direction {
-                    markers,
-                    towards: scale(way, 1.0 / length),
-                    length,
-                    error: HAND_ERROR,
-                });
-            }
-        }
-    }
-
     /// The body with the same picture that faces the other way: left and right are exchanged, and depths
     /// are mirrored.
     pub(crate) fn turned_round(&self, mirror: &[usize]) -> Self {
@@ -216,9 +192,10 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
             towards: scale(way, 1.0 / length),
             length,
             error: BODY_ERROR,
+            is_close: false,
         })
     };
-    let mut observed = Observed {
+    Observed {
         time: f64::from(frame.index) / fps,
         extent: extent(frame),
         detections: seen
@@ -226,19 +203,14 @@ fn observe(frame: &FrameKeyPoints, markers: &Markers, centre: [f64; 2], fps: f64
                 marker,
                 pixel: [x - centre[0], y - centre[1]],
                 confidence,
+                precision: 1.0,
             })
             .collect(),
         depths: Vec::new(),
         directions: markers.bones.iter().filter_map(direction).collect(),
         space: frame.space.clone(),
         still: Vec::new(),
-    };
-    for (points, hand) in markers.hands.iter().zip(&frame.hands) {
-        if let (Some(points), Some(hand)) = (points, hand) {
-            observed.see_hand(*points, hand, centre);
-        }
     }
-    observed
 }
 
 /// Marks the points of each frame that stand still: those that are where they were a moment before, and where they are a moment after.

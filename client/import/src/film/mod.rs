@@ -6,22 +6,24 @@
 //! it is given.
 //!
 //! ```text
-//! clip → watch (pose model) → key points → fit → pose track
-//!                                    → masks (or those given, or a matting model's)
+//! clip → watch (pose model, parts) → key points → fit → pose track
+//!                                           → masks (or those given, or a matting model's)
 //! ```
 
 mod hands;
 mod masks;
+mod parts;
 mod people;
 mod sheet;
 mod watch;
 
 use crate::clip::{Clip, fault};
 use crate::{Findings, ImportError, Imported, Options, PoseFit, Stage};
+use parts::PartModels;
 use std::path::Path;
 use std::time::Instant;
 use watch::Watched;
-use yoto_landmarks::{HandModel, PoseModel, Watcher};
+use yoto_landmarks::{PoseModel, Watcher};
 use yoto_pose::{FitOptions, KeyPointSet, KeyPoints, fit};
 use yoto_proto::text::count;
 
@@ -37,8 +39,8 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
     let started = Instant::now();
     let name = model.name().to_owned();
     let mut watcher = Watcher::new(model);
-    let mut hands = open_hands(source, options)?;
-    let followed = people::follow(&mut watcher, &mut hands, &clip, &wanted, options)?;
+    let mut parts = PartModels::open(options)?;
+    let followed = people::follow(&mut watcher, &mut parts, &clip, &wanted, options)?;
     let watched = followed.watched;
     let absence = match followed.is_one_of_several {
         true => "the person was not found, or could not be told from others,",
@@ -106,20 +108,6 @@ fn open_model(source: &Path, options: &Options) -> Result<PoseModel, ImportError
         return Err(fault(source, "POSE_MODEL", message));
     };
     PoseModel::open(path).map_err(|error| fault(path, "POSE_MODEL", error.to_string()))
-}
-
-/// The model of hands beside the pose model, if it is there.
-fn open_hands(source: &Path, options: &Options) -> Result<Option<HandModel>, ImportError> {
-    let Some(path) = options.pose_model.as_deref() else {
-        return Ok(None);
-    };
-    let folder = if path.is_dir() {
-        Some(path)
-    } else {
-        path.parent()
-    };
-    let model = HandModel::open(folder.unwrap_or(Path::new("")));
-    model.map_err(|error| fault(source, "HAND_MODEL", error.to_string()))
 }
 
 /// The frames to look at: the selected ones, or, of too many, an evenly spaced part.

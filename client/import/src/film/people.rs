@@ -1,11 +1,12 @@
 //! Chooses the person in a clip to follow.
 
+use super::parts::PartModels;
 use super::sheet;
 use super::watch::{self, Watched};
 use crate::clip::{Clip, fault, for_each};
 use crate::{ImportError, Options};
 use image::RgbImage;
-use yoto_landmarks::{BodySquare, HandModel, PersonTrack, Sighting, Target, Watcher, people};
+use yoto_landmarks::{BodySquare, PersonTrack, Sighting, Target, Watcher, people};
 use yoto_proto::text::count;
 
 /// A note and the sheet name at most this number of people.
@@ -33,12 +34,12 @@ pub(super) struct Followed {
 /// When nobody has the number that the options name; when a frame can't be read.
 pub(super) fn follow(
     watcher: &mut Watcher,
-    hands: &mut Option<HandModel>,
+    parts: &mut PartModels,
     clip: &Clip,
     wanted: &[usize],
     options: &Options,
 ) -> Result<Followed, ImportError> {
-    let watched = watch::watch(watcher, hands, clip, wanted, &options.progress)?;
+    let watched = watch::watch(watcher, parts, clip, wanted, &options.progress)?;
     let found = people(&sightings(&watched));
     let named: Vec<&PersonTrack> = found
         .iter()
@@ -74,7 +75,7 @@ pub(super) fn follow(
     let watched = match target {
         Some(target) => {
             watcher.follow(Some(target));
-            watch::watch(watcher, hands, clip, wanted, &options.progress)?
+            watch::watch(watcher, parts, clip, wanted, &options.progress)?
         }
         None => {
             let is_seen = |it: &Watched| person.seen.iter().any(|(at, _)| *at == it.index);

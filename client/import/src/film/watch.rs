@@ -1,5 +1,6 @@
 //! Runs the pose model on the frames of a clip.
 
+use super::parts::PartModels;
 use crate::clip::{Clip, fault, for_each};
 use crate::matting::png;
 use crate::{ImportError, Progress, Stage};
@@ -7,8 +8,8 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use yoto_landmarks::{BodySquare, HandLandmarks, HandModel, PersonLandmarks, Watcher};
-use yoto_pose::{FrameKeyPoints, HandPoints, KeyPointSet, patches};
+use yoto_landmarks::{BodySquare, PersonLandmarks, Watcher};
+use yoto_pose::{FrameKeyPoints, KeyPointSet, patches};
 
 /// Least visibility of a seen point.
 const VISIBLE: f32 = 0.5;
@@ -71,28 +72,28 @@ enum Sighting {
     Again(usize),
 }
 
-/// Searches the frames `wanted` for the person that `watcher` follows, and for their `hands`.
+/// Searches the frames `wanted` for the person that `watcher` follows, and for their hands and face by `parts`.
 pub(super) fn watch(
     watcher: &mut Watcher,
-    hands: &mut Option<HandModel>,
+    parts: &mut PartModels,
     clip: &Clip,
     wanted: &[usize],
     progress: &Progress,
 ) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
-    watch_with(clip, wanted, progress, hands, |frame, rgb| {
+    watch_with(clip, wanted, progress, parts, |frame, rgb| {
         let seen = watcher.look(frame, rgb, size);
         seen.map_err(|error| fault(clip.path(), "UNDECODABLE", error.to_string()))
     })
 }
 
-/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and masks
-/// and colours. Only `look` depends on the frame before, since it expects the person where they were.
+/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and the
+/// rest. Only `look` depends on the frame before, since it expects the person where they were.
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
     progress: &Progress,
-    hands: &mut Option<HandModel>,
+    parts: &mut PartModels,
     look: impl FnMut(usize, &[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
 ) -> Result<Vec<Watched>, ImportError> {
     let running = progress.start(Stage::People);
@@ -100,7 +101,7 @@ fn watch_with(
     let (found, unfinished) = sync_channel(AHEAD);
     thread::scope(|scope| {
         let decoding = scope.spawn(move || decode(clip, wanted, &decoded));
-        let finishing = scope.spawn(move || finish(clip, hands, &unfinished));
+        let finishing = scope.spawn(move || finish(clip, parts, &unfinished));
         let done = |done| running.count(done, wanted.len());
         let looked = look_at(frames, &found, look, done);
         drop(found);
@@ -163,10 +164,10 @@ fn look_at(
     Ok(())
 }
 
-/// Masks and colours of the frames with the person.
+/// Hands, face, masks and colours of the frames with the person.
 fn finish(
     clip: &Clip,
-    hands: &mut Option<HandModel>,
+    parts: &mut PartModels,
     found: &Receiver<Sighting>,
 ) -> Result<Vec<Watched>, ImportError> {
     let size = clip.size.map(|side| side as usize);
@@ -175,10 +176,7 @@ fn finish(
         let next = match found {
             Sighting::New(Decoded { index, rgb }, seen) => {
                 let mut points = key_points(index as u32, &seen);
-                if let Some(model) = hands {
-                    let seen = model.look(&rgb, size, &seen);
-                    points.hands = seen.map(|hand| hand.as_ref().map(hand_points));
-                }
+                parts.look(&rgb, size, &seen, &mut points);
                 points.colours = patches(KeyPointSet::BlazePose33, &points, &rgb, size);
                 let mask = png(&seen.outline.coverage(), clip)?;
                 Some(Watched {
@@ -228,16 +226,7 @@ fn key_points(index: u32, seen: &PersonLandmarks) -> FrameKeyPoints {
         space: space
             .map(|&[x, y, z, _]| [x, y, z].map(f64::from))
             .collect(),
-        hands: [None, None],
-        colours: Vec::new(),
-    }
-}
-
-fn hand_points(hand: &HandLandmarks) -> HandPoints {
-    HandPoints {
-        picture: hand.picture.map(|[x, y, _]| [x, y].map(f64::from)),
-        space: hand.space.map(|point| point.map(f64::from)),
-        confidence: f64::from(hand.score),
+        ..FrameKeyPoints::default()
     }
 }
 
@@ -294,12 +283,18 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(&clip, &wanted, &Progress::default(), &mut None, |_, rgb| {
-            looked.push(rgb[0]);
-            let mut seen = seen(33);
-            seen.picture[0][0] = f32::from(rgb[0]);
-            Ok((rgb[0] > 0).then_some(seen))
-        });
+        let watched = watch_with(
+            &clip,
+            &wanted,
+            &Progress::default(),
+            &mut PartModels::default(),
+            |_, rgb| {
+                looked.push(rgb[0]);
+                let mut seen = seen(33);
+                seen.picture[0][0] = f32::from(rgb[0]);
+                Ok((rgb[0] > 0).then_some(seen))
+            },
+        );
         let watched = watched.expect("frames");
         assert_eq!(looked, [10, 20, 0, 10, 30, 40, 50]);
         let frames = watched
@@ -330,18 +325,28 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(&clip, &wanted, &Progress::default(), &mut None, |_, _| {
-            looked += 1;
-            Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
-        });
+        let failed = watch_with(
+            &clip,
+            &wanted,
+            &Progress::default(),
+            &mut PartModels::default(),
+            |_, _| {
+                looked += 1;
+                Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
+            },
+        );
         let error = failed.err().expect("a fault").to_string();
         assert!(
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(&clip, &[3, 99], &Progress::default(), &mut None, |_, _| {
-            Ok(Some(seen(33)))
-        });
+        let absent = watch_with(
+            &clip,
+            &[3, 99],
+            &Progress::default(),
+            &mut PartModels::default(),
+            |_, _| Ok(Some(seen(33))),
+        );
         let error = absent.err().expect("a fault").to_string();
         assert!(error.contains("a picture was taken away"), "{error}");
     }

@@ -41,35 +41,15 @@ pub(super) fn of_hand(hand: &HandLandmarks) -> Option<Region> {
     let wrist = at(0);
     let way = [0, 1].map(|i| 0.25 * (index[i] + ring[i]) + 0.5 * middle[i] - wrist[i]);
     let angle = upright(way);
+    let (middle, [wide, high]) = Region::box_around(PALM.into_iter().map(at), angle);
     let (sin, cos) = angle.sin_cos();
-    // The box around the palm in the axes of the square.
-    let turned = |[x, y]: [f32; 2]| [cos * x + sin * y, cos * y - sin * x];
-    let points = PALM.map(|point| turned(at(point)));
-    let range = |axis: usize| {
-        let values = points.map(|point| point[axis]);
-        let least = values.iter().copied().fold(f32::INFINITY, f32::min);
-        [
-            least,
-            values.iter().copied().fold(f32::NEG_INFINITY, f32::max),
-        ]
-    };
-    let ([left, right], [top, bottom]) = (range(0), range(1));
-    let (wide, high) = (right - left, bottom - top);
-    let side = HAND_SIDE * wide.max(high);
-    let middle = [
-        0.5 * (left + right),
-        0.5 * (top + bottom) - HAND_SHIFT * high,
-    ];
-    let centre = [
-        cos * middle[0] - sin * middle[1],
-        sin * middle[0] + cos * middle[1],
-    ];
-    let is_possible = (1.0..1e6).contains(&side) && centre.iter().all(|at| at.abs() < 1e6);
-    is_possible.then_some(Region {
-        centre,
-        side,
+    let shift = HAND_SHIFT * high;
+    let square = Region {
+        centre: [middle[0] + sin * shift, middle[1] - cos * shift],
+        side: HAND_SIDE * wide.max(high),
         angle,
-    })
+    };
+    square.possible()
 }
 
 /// The angle of a square in which `way` points up.

@@ -173,6 +173,7 @@ fn make(
         OperatorKind::MaxPool { window, filter } => pool::max_pool(first, window, filter),
         OperatorKind::Mean { keeps_axes } => pool::mean(first, ints(1)?, keeps_axes),
         OperatorKind::Pad => shapes::pad(first, ints(1)?),
+        OperatorKind::Prelu => pointwise::prelu(first, floats(1)?),
         OperatorKind::Reshape => shapes::reshape(first, ints(1)?),
         OperatorKind::ResizeBilinear { half_pixels } => {
             resize::bilinear(first, ints(1)?, half_pixels)

@@ -41,3 +41,32 @@ impl Operation for Logistic {
         }
     }
 }
+
+#[derive(Debug)]
+struct Prelu {
+    slopes: Vec<f32>,
+}
+
+/// `max(x, 0) + slope min(x, 0)`, with a slope for each channel.
+pub(super) fn prelu(
+    shape: &[usize],
+    (slopes_shape, slopes): (&[usize], &[f32]),
+) -> Result<Made, String> {
+    let channels = shape.last().copied().unwrap_or(0);
+    if channels == 0 || slopes.len() != channels || slopes_shape.last() != Some(&channels) {
+        return Err(format!("slopes {slopes_shape:?} for values {shape:?}"));
+    }
+    let slopes = slopes.to_vec();
+    Ok((Box::new(Prelu { slopes }), shape.to_vec()))
+}
+
+impl Operation for Prelu {
+    fn run(&self, inputs: &[&[f32]], out: &mut [f32]) {
+        let pixels = inputs[0].chunks_exact(self.slopes.len());
+        for (out, pixel) in out.chunks_exact_mut(self.slopes.len()).zip(pixels) {
+            for ((out, value), slope) in out.iter_mut().zip(pixel).zip(&self.slopes) {
+                *out = value.max(0.0) + slope * value.min(0.0);
+            }
+        }
+    }
+}

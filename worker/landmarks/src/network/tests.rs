@@ -57,6 +57,24 @@ fn a_convolution_of_one_pixel_mixes_channels() {
 }
 
 #[test]
+fn what_is_negative_is_multiplied_by_the_slope_of_its_channel() {
+    let tensors = |slopes: &[f32]| {
+        [
+            computed(&[1, 1, 2, 2]),
+            floats(&[1, 1, slopes.len() as i32], slopes),
+            computed(&[1, 1, 2, 2]),
+        ]
+    };
+    let does = || Does(54, Node::Table(Vec::new()), vec![0, 1], 2);
+    let wanted = [-0.5, 2.0, 3.0, 8.0];
+    let input = [-1.0, 2.0, 3.0, -4.0];
+    assert_eq!(run(&tensors(&[0.5, -2.0]), does(), &input), wanted);
+    let network = Network::read(&model(&tensors(&[0.5, 1.0, 2.0]), &[does()]));
+    let error = network.expect_err("three slopes for two channels");
+    assert!(error.contains("slopes [1, 1, 3]"), "{error}");
+}
+
+#[test]
 fn a_full_connection_is_a_product_with_all_numbers() {
     let tensors = [
         computed(&[1, 3]),

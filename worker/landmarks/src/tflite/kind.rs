@@ -24,6 +24,8 @@ pub(crate) enum OperatorKind {
         keeps_axes: bool,
     },
     Pad,
+    /// `max(x, 0) + slope min(x, 0)`, with a slope for each channel.
+    Prelu,
     Reshape,
     ResizeBilinear {
         half_pixels: bool,
@@ -190,6 +192,7 @@ pub(super) fn read(code: i32, options: Option<Table>) -> Result<OperatorKind, St
         40 => OperatorKind::Mean {
             keeps_axes: flag(0),
         },
+        54 => OperatorKind::Prelu,
         _ => {
             let name = usize::try_from(code).ok().and_then(|code| NAMES.get(code));
             return Err(match name {

@@ -4,11 +4,13 @@ use super::network::Network;
 use super::points::{BONES, COUNT, HIPS, mirrored};
 use super::window::{INPUTS, Sighting, window};
 use crate::markers::Markers;
-use crate::problem::{BODY_ERROR, Depth, Direction, Observed, Problem};
+use crate::problem::{Depth, Direction, Observed, Problem};
 use crate::skeleton::parent;
 use faer::{Mat, MatRef};
 use yoto_capture::skeleton::Vec3;
 
+/// The head's joint.
+const HEAD: usize = 15;
 /// Range of a bone's standard deviation, metres.
 const SPREAD: [f64; 2] = [0.01, 1.0];
 
@@ -85,14 +87,16 @@ fn apply(frame: &mut Observed, found: &Found, markers: &Markers) {
         let [from, to] = BONES[bone].map(|place| markers.places[place]);
         Some([from?, to?])
     };
-    let by_hand = |ends: &[usize; 2]| {
-        let mut of_hands = frame.directions.iter().filter(|it| it.error < BODY_ERROR);
-        of_hands.any(|it| it.markers == *ends)
-    };
+    // A detector of hands tells the bones of a hand, and one of faces all bones of a head.
+    let close = || frame.directions.iter().filter(|it| it.is_close);
+    let is_of_head = |ends: &[usize; 2]| ends.map(|at| markers.markers[at].joint) == [HEAD; 2];
+    let has_face = close().any(|it| is_of_head(&it.markers));
+    let is_told =
+        |ends: &[usize; 2]| (has_face && is_of_head(ends)) || close().any(|it| it.markers == *ends);
     let seen = |marker: &usize| frame.detections.iter().any(|it| it.marker == *marker);
     frame.depths = (0..BONES.len())
         .filter_map(|bone| Some((bone, ends(bone)?)))
-        .filter(|(_, ends)| ends.iter().all(seen) && !by_hand(ends))
+        .filter(|(_, ends)| ends.iter().all(seen) && !is_told(ends))
         .map(|(bone, markers)| Depth {
             markers,
             depth: found.depths[BONES[bone][1]] - found.depths[BONES[bone][0]],
@@ -103,8 +107,7 @@ fn apply(frame: &mut Observed, found: &Found, markers: &Markers) {
         let same = |ends: [usize; 2]| ends == *other || [ends[1], ends[0]] == *other;
         (0..BONES.len()).filter_map(ends).any(same)
     };
-    let is_kept =
-        |direction: &Direction| direction.error < BODY_ERROR || !covered(&direction.markers);
+    let is_kept = |direction: &Direction| direction.is_close || !covered(&direction.markers);
     frame.directions.retain(is_kept);
 }
 

@@ -31,7 +31,7 @@ pub(crate) fn add(
             rows.cost = f64::INFINITY;
             return;
         }
-        let weight = detection.confidence / problem.pixels;
+        let weight = detection.precision * detection.confidence / problem.pixels;
         let off = [
             weight * (focal * x / z - detection.pixel[0]),
             weight * (focal * y / z - detection.pixel[1]),

@@ -1,7 +1,8 @@
 //! Residuals of the directions between a detector's points in space.
 //!
 //! Directions don't depend on size, so they are valid whatever body size the detector assumes. A detector's
-//! guess of a person's lean towards the camera is poor, so one lean for all frames is unknown.
+//! guess of a person's lean towards the camera is poor, so one lean for all frames is unknown. A detector of hands or faces alone has no
+//! such lean.
 
 use super::Rows;
 use crate::forward::Posed;
@@ -24,7 +25,7 @@ pub(crate) fn add(
     posed: &Posed,
     shared: &Shared,
 ) {
-    let lean = rodrigues(scale(X, shared.values.get(LEAN).copied().unwrap_or(0.0)));
+    let angle = shared.values.get(LEAN).copied().unwrap_or(0.0);
     for direction in &observed.directions {
         let [Some(from), Some(to)] = direction
             .markers
@@ -35,6 +36,9 @@ pub(crate) fn add(
         let (a, b) = (posed.marker(from, shared), posed.marker(to, shared));
         let way = sub(b, a);
         let distance = length(way).max(1e-6);
+        // The share of the lean in this direction.
+        let share = if direction.is_close { 0.0 } else { 1.0 };
+        let lean = rodrigues(scale(X, share * angle));
         let (unit, wanted) = (scale(way, 1.0 / distance), matvec(&lean, direction.towards));
         let weight = direction.length / direction.error;
         let off = scale(sub(unit, wanted), weight);
@@ -56,7 +60,7 @@ pub(crate) fn add(
                 )
             })
             .collect();
-        let leaning = cross(X, wanted);
+        let leaning = scale(cross(X, wanted), share);
         for axis in 0..3 {
             rows.push(factor * off[axis], |row| {
                 for (out, by) in row.iter_mut().zip(&slopes_of_unit) {

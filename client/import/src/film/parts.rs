@@ -1,0 +1,87 @@
+//! Hands and face of the person, by models that look at them alone. A folder without such a model's file is used without it.
+
+use crate::clip::fault;
+use crate::{ImportError, Options};
+use std::path::Path;
+use yoto_landmarks::{FaceLandmarks, FaceModel, HandLandmarks, HandModel, PersonLandmarks};
+use yoto_pose::{FacePoints, FrameKeyPoints, HandPoints};
+
+/// The models beside the pose model.
+#[derive(Debug, Default)]
+pub(super) struct PartModels {
+    hands: Option<HandModel>,
+    face: Option<FaceModel>,
+}
+
+/// Landmarks of the face model whose mean is a point of [`FacePoints`].
+const FACE: [[usize; 2]; 9] = [
+    [1, 1],
+    [362, 362],
+    [386, 374],
+    [263, 263],
+    [133, 133],
+    [159, 145],
+    [33, 33],
+    [291, 291],
+    [61, 61],
+];
+
+impl PartModels {
+    /// Opens those models that are there.
+    pub(super) fn open(options: &Options) -> Result<Self, ImportError> {
+        let Some(path) = options.pose_model.as_deref() else {
+            return Ok(Self::default());
+        };
+        let folder = if path.is_dir() {
+            Some(path)
+        } else {
+            path.parent()
+        };
+        let folder = folder.unwrap_or(Path::new(""));
+        let unusable = |code: &'static str| {
+            move |error: yoto_landmarks::LandmarkError| fault(path, code, error.to_string())
+        };
+        Ok(Self {
+            hands: HandModel::open(folder).map_err(unusable("HAND_MODEL"))?,
+            face: FaceModel::open(folder).map_err(unusable("FACE_MODEL"))?,
+        })
+    }
+
+    /// Puts hands and face of the person in the picture `rgb`, `[height, width, 3]`, into `points`.
+    pub(super) fn look(
+        &mut self,
+        rgb: &[u8],
+        size: [usize; 2],
+        person: &PersonLandmarks,
+        points: &mut FrameKeyPoints,
+    ) {
+        if let Some(model) = &mut self.hands {
+            let seen = model.look(rgb, size, person);
+            points.hands = seen.map(|hand| hand.as_ref().map(hand_points));
+        }
+        if let Some(model) = &mut self.face {
+            let seen = model.look(rgb, size, person);
+            points.face = seen.as_ref().and_then(face_points);
+        }
+    }
+}
+
+fn hand_points(hand: &HandLandmarks) -> HandPoints {
+    HandPoints {
+        picture: hand.picture.map(|[x, y, _]| [x, y].map(f64::from)),
+        space: hand.space.map(|point| point.map(f64::from)),
+        confidence: f64::from(hand.score),
+    }
+}
+
+fn face_points(face: &FaceLandmarks) -> Option<FacePoints> {
+    let mut picture = [[0.0; 3]; 9];
+    for (point, [a, b]) in picture.iter_mut().zip(FACE) {
+        let (a, b) = (face.picture.get(a)?, face.picture.get(b)?);
+        *point = std::array::from_fn(|axis| f64::from(0.5 * (a[axis] + b[axis])));
+    }
+    Some(FacePoints {
+        picture,
+        confidence: f64::from(face.score),
+    })
+}
