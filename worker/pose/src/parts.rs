@@ -15,9 +15,9 @@ const HAND_ERROR: f64 = 0.02;
 /// First knuckles of thumb, index and little finger among a hand's points.
 const KNUCKLES: [usize; 3] = [2, 5, 17];
 
-/// Error of a face's points in space, metres.
+/// Error of a face's points in space, metres (docs/research/poses.md, "Faces": 3 and 30 mm make no difference).
 const FACE_ERROR: f64 = 0.01;
-/// How much more exact in the picture a face's points are than the body's.
+/// How much more exact in the picture a face's points are than the body's (docs/research/poses.md, "Faces").
 const FACE_PRECISION: f64 = 2.0;
 /// Distance of the eyes' outer corners, metres: the size of a face in pixels is not known.
 const EYES: f64 = 0.09;

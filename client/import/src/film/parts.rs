@@ -13,7 +13,7 @@ pub(super) struct PartModels {
     face: Option<FaceModel>,
 }
 
-/// Landmarks of the face model whose mean is a point of [`FacePoints`].
+/// Landmarks of the face model whose mean is a point of [`FacePoints`], in its order: an eye's middle is between its lids.
 const FACE: [[usize; 2]; 9] = [
     [1, 1],
     [362, 362],
@@ -84,4 +84,28 @@ fn face_points(face: &FaceLandmarks) -> Option<FacePoints> {
         picture,
         confidence: f64::from(face.score),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder without the files is used without them. A file that is not a model is a fault, which names it.
+    #[test]
+    fn a_broken_model_of_a_part_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let options = Options {
+            pose_model: Some(folder.path().to_owned()),
+            ..Options::default()
+        };
+        let parts = PartModels::open(&options).expect("no models");
+        assert!(parts.hands.is_none() && parts.face.is_none());
+        for name in ["face_landmark.tflite", "hand_landmark_full.tflite"] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, b"not a model").expect("a file");
+            let error = PartModels::open(&options).expect_err("a broken file");
+            assert!(error.to_string().contains(name), "{error}");
+            std::fs::remove_file(&path).expect("the file");
+        }
+    }
 }

@@ -87,8 +87,8 @@ pub(super) fn watch(
     })
 }
 
-/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and the
-/// rest. Only `look` depends on the frame before, since it expects the person where they were.
+/// Passes the frames `wanted` through three stages, each in order and on a thread of its own: decoding, `look`, and what
+/// needs the person's place (hands, face, mask, colours). Only `look` depends on the frame before, since it expects the person where they were.
 fn watch_with(
     clip: &Clip,
     wanted: &[usize],
@@ -275,6 +275,16 @@ mod tests {
         Clip::open(folder, &crate::Options::default()).expect("a clip")
     }
 
+    /// The frames `wanted` with the landmarks that `look` finds in their pictures, without models of hands and face.
+    fn watch_by(
+        clip: &Clip,
+        wanted: &[usize],
+        mut look: impl FnMut(&[u8]) -> Result<Option<PersonLandmarks>, ImportError>,
+    ) -> Result<Vec<Watched>, ImportError> {
+        let (progress, mut parts) = (Progress::default(), PartModels::default());
+        watch_with(clip, wanted, &progress, &mut parts, |_, rgb| look(rgb))
+    }
+
     #[test]
     fn frames_keep_their_order_and_repeats_are_not_looked_at() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -283,18 +293,12 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = Vec::new();
-        let watched = watch_with(
-            &clip,
-            &wanted,
-            &Progress::default(),
-            &mut PartModels::default(),
-            |_, rgb| {
-                looked.push(rgb[0]);
-                let mut seen = seen(33);
-                seen.picture[0][0] = f32::from(rgb[0]);
-                Ok((rgb[0] > 0).then_some(seen))
-            },
-        );
+        let watched = watch_by(&clip, &wanted, |rgb| {
+            looked.push(rgb[0]);
+            let mut seen = seen(33);
+            seen.picture[0][0] = f32::from(rgb[0]);
+            Ok((rgb[0] > 0).then_some(seen))
+        });
         let watched = watched.expect("frames");
         assert_eq!(looked, [10, 20, 0, 10, 30, 40, 50]);
         let frames = watched
@@ -325,28 +329,16 @@ mod tests {
         let clip = clip(folder.path(), &levels);
         let wanted: Vec<usize> = (0..levels.len()).collect();
         let mut looked = 0;
-        let failed = watch_with(
-            &clip,
-            &wanted,
-            &Progress::default(),
-            &mut PartModels::default(),
-            |_, _| {
-                looked += 1;
-                Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
-            },
-        );
+        let failed = watch_by(&clip, &wanted, |_| {
+            looked += 1;
+            Err(fault(clip.path(), "UNDECODABLE", "a strange picture"))
+        });
         let error = failed.err().expect("a fault").to_string();
         assert!(
             error.contains("a strange picture") && looked == 1,
             "{error}"
         );
-        let absent = watch_with(
-            &clip,
-            &[3, 99],
-            &Progress::default(),
-            &mut PartModels::default(),
-            |_, _| Ok(Some(seen(33))),
-        );
+        let absent = watch_by(&clip, &[3, 99], |_| Ok(Some(seen(33))));
         let error = absent.err().expect("a fault").to_string();
         assert!(error.contains("a picture was taken away"), "{error}");
     }

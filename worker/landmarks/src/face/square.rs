@@ -4,7 +4,8 @@ use super::FaceLandmarks;
 use crate::PersonLandmarks;
 use crate::region::Region;
 
-/// Side of the square by the pose model's points, in extents of these points. They reach from ear to ear and from the eyes to the mouth.
+/// Side of the square by the pose model's points, in extents of these points. They reach from ear to ear and from the
+/// eyes to the mouth, so the square has room for forehead and chin, and the second look corrects it.
 const POSE_SIDE: f32 = 2.0;
 /// Side of the square by the face's own points, in extents of these points (MediaPipe's `face_landmark_landmarks_to_roi`).
 const FACE_SIDE: f32 = 1.5;

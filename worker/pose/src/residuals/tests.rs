@@ -7,7 +7,7 @@ use crate::parameters::{ATTACHMENTS, FLOOR, Shared, Stance};
 use crate::problem::{Depth, Problem};
 use crate::rotation::IDENTITY_ROTATION;
 use crate::skeleton::COUNT;
-use crate::{FrameKeyPoints, KeyPointSet, KeyPoints};
+use crate::{FacePoints, FrameKeyPoints, KeyPointSet, KeyPoints};
 use yoto_capture::skeleton::transform::rodrigues;
 
 /// Pseudorandom numbers between -1 and 1.
@@ -37,6 +37,16 @@ fn problem() -> Problem {
         space: (0..33)
             .map(|at| [wave(at), wave(at + 7), wave(at + 13)])
             .collect(),
+        face: Some(FacePoints {
+            picture: std::array::from_fn(|at| {
+                [
+                    200.0 + 40.0 * wave(at),
+                    100.0 + 40.0 * wave(at + 9),
+                    20.0 * wave(at + 17),
+                ]
+            }),
+            confidence: 0.9,
+        }),
         ..FrameKeyPoints::default()
     };
     let points = KeyPoints {
