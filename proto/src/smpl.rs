@@ -1,9 +1,11 @@
 //! The joint tree of SMPL, the most common body model: the tree of imported captures and of
 //! synthetic people, and the only one that the released HumanNeRF program supports.
 
+mod fingers;
 mod spelling;
 mod unify;
 
+pub use fingers::{FINGERS, WITH_FINGERS, drop_fingers, is_smpls, joints_with_fingers};
 pub use spelling::Spelled;
 pub use unify::unify;
 

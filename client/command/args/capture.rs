@@ -74,6 +74,12 @@ pub(crate) struct ImportOptions {
     /// The pose model: a file, or the folder that deploy/models/get.sh filled.
     #[arg(long, value_name = "PATH", env = "YOTO_POSE_MODEL")]
     pose_model: Option<PathBuf>,
+    /// Read hands of a clip alone by the pose model, without the model of hands: fingers stay as they are at rest.
+    #[arg(long)]
+    no_hands: bool,
+    /// Read the face of a clip alone by the pose model, without the model of faces.
+    #[arg(long)]
+    no_face: bool,
     /// Frames per second, if no file tells them.
     #[arg(long, value_name = "RATE", value_parser = rate)]
     fps: Option<f64>,
@@ -138,6 +144,8 @@ impl ImportOptions {
             || self.focal.is_some()
             || self.height.is_some()
             || self.keep_skeleton
+            || self.no_hands
+            || self.no_face
             || self.hdr != HdrArg::Auto
             || self.best.is_some()
             || self.matting.model().is_some()
@@ -175,6 +183,8 @@ impl ImportOptions {
             height: self.height,
             keep_skeleton: self.keep_skeleton,
             pose_model: self.pose_model.clone(),
+            no_hands: self.no_hands,
+            no_face: self.no_face,
             best: self.best,
             hdr: match self.hdr {
                 HdrArg::Auto => Hdr::Auto,

@@ -43,6 +43,10 @@ pub struct Options {
     pub height: Option<f64>,
     /// Files of the pose model: a file, or the folder that has them.
     pub pose_model: Option<PathBuf>,
+    /// Whether the pose model alone looks at hands, without the model of hands.
+    pub no_hands: bool,
+    /// Whether the pose model alone looks at the face, without the model of faces.
+    pub no_face: bool,
     /// Number of frames to keep: the best of the clip, by pose, view and sharpness.
     pub best: Option<NonZeroUsize>,
     /// Whether the tool's own joint hierarchy is kept, in place of SMPL's.

@@ -69,8 +69,9 @@ pub struct Posed {
     schedule_progress: f64,
     /// `[K + 1, V]` motion weights, or factors of those of a body's surface where splats lie on one.
     pub weights: Tensor<2>,
-    /// `[K, 12]` posed body to canonical.
+    /// `[J, 12]` posed body to canonical: of the K joints that the model knows, and of those of fingers after them.
     pub transforms: Tensor<2>,
+    known_joints: usize,
     pose: Tensor<1>,
     code: Option<Tensor<1>>,
     /// F_nr; the code itself as long as the non-rigid field has no use for it. Whatever no backward pass
@@ -84,6 +85,15 @@ impl Posed {
     /// The slot whose parameters it has.
     pub(crate) fn slot(&self) -> usize {
         self.slot
+    }
+
+    /// `[K, 12]`: the transforms of the joints that the model knows.
+    pub(crate) fn known_transforms(&self) -> Tensor<2> {
+        let [joints, width] = self.transforms.dims();
+        match self.known_joints == joints {
+            true => self.transforms.clone(),
+            false => (self.transforms.clone()).slice([0..self.known_joints, 0..width]),
+        }
     }
 }
 
@@ -204,6 +214,7 @@ impl Avatar {
             schedule_progress,
             weights: self.motion.volume(slot, self.log_prior(slot, body)),
             transforms,
+            known_joints: body.known_joints,
             pose: vector,
             code,
             conditioned,
@@ -221,7 +232,7 @@ impl Avatar {
         }
     }
 
-    /// `[K, 12]` posed to canonical of each bone, with sound numerics, from the pose and its `vector`
+    /// `[J, 12]` posed to canonical of each bone, with sound numerics, from the pose and its `vector`
     /// ([`posed::pose_vector`]).
     pub(crate) fn bones(
         &self,
@@ -251,7 +262,7 @@ impl Avatar {
         let [n, _] = points.dims();
         let warped = warp::warp(
             posed.weights.clone(),
-            posed.transforms.clone(),
+            posed.known_transforms(),
             points.clone(),
             &body.grid,
         );
@@ -266,7 +277,7 @@ impl Avatar {
                 };
                 warp::inverse::unpose(
                     posed.weights.clone(),
-                    posed.transforms.clone(),
+                    posed.known_transforms(),
                     points,
                     near,
                     blend,

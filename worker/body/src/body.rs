@@ -1,5 +1,7 @@
 //! The model.
 
+use crate::fingers::Fingers;
+
 /// Number of joints K, those of SMPL in its order.
 pub const JOINTS: usize = 24;
 
@@ -33,6 +35,8 @@ pub struct Body {
     pub part: Vec<u8>,
     /// The first vertex at the same place, `[V]`: seams of the texture duplicate vertices.
     pub welded: Vec<u32>,
+    /// What fingers move, if the bodies that the model is learned from have them.
+    pub fingers: Option<Fingers>,
 }
 
 impl Body {

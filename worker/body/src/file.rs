@@ -4,6 +4,7 @@
 //! millimetre, components as i16 (the first [`FINE`]) and i8 with a scale each, shares and colours in steps of 1/255.
 
 use crate::body::{Body, JOINTS};
+use crate::fingers::Fingers;
 use crate::packed;
 use crate::tensors::{FileError, Tensors, finite, floats, indices, rows, units};
 use safetensors::SafeTensors;
@@ -43,6 +44,21 @@ impl Body {
         })
     }
 
+    /// The model that the program has, for a skeleton with this number of joints: [`JOINTS`], or those and the fingers'.
+    ///
+    /// # Panics
+    /// Never: a test reads the file, which has fingers.
+    pub fn for_joints(joints: usize) -> &'static Self {
+        static WITH_FINGERS: OnceLock<Body> = OnceLock::new();
+        match joints > JOINTS {
+            true => WITH_FINGERS.get_or_init(|| {
+                let body = Self::people().with_fingers();
+                body.expect("a test reads the file that the program is built with")
+            }),
+            false => Self::people(),
+        }
+    }
+
     /// Reads a model's file.
     ///
     /// # Errors
@@ -72,18 +88,8 @@ impl Body {
         let scales = file.floats("colour_scales", &[d])?;
         let colours = file.get("colours", Dtype::I8, &[d, v, 3])?;
         let colours = packed::unpack_coarse(colours, &scales, size);
-        let shares = file.floats("joint_shares", &[JOINTS, MOST_SHARES])?;
-        let joints = file.indices("joint_vertices", &[JOINTS, MOST_SHARES], v)?;
-        let joints: Vec<(u32, f32)> = joints.into_iter().zip(shares).collect();
-        let bones = file.get("bones", Dtype::U8, &[v, 4])?;
-        if bones.iter().any(|bone| usize::from(*bone) >= JOINTS) {
-            return Err(FileError::Number("bones"));
-        }
-        let weights = file.get("weights", Dtype::U8, &[v, 4])?.as_chunks::<4>().0;
-        let whole = |row: &[u8; 4]| row.iter().map(|step| u16::from(*step)).sum::<u16>() == 255;
-        if !weights.iter().all(whole) {
-            return Err(FileError::Shares("weights"));
-        }
+        let joints = regressor(&file, ["joint_vertices", "joint_shares"], JOINTS, v)?;
+        let (bones, weights) = skinning(&file, ["bones", "weights"], v, JOINTS)?;
         let part = file.get("part", Dtype::U8, &[v])?;
         if part.iter().any(|part| *part > 2) {
             return Err(FileError::Number("part"));
@@ -101,15 +107,13 @@ impl Body {
             colours: rows(&colours),
             faces: rows(&file.indices("faces", &[f, 3], v)?),
             uv: rows(&uv),
-            joints: joints_of_rows(&joints)?,
-            bones: rows(bones),
-            weights: weights
-                .iter()
-                .map(|row| row.map(|step| f32::from(step) / 255.0))
-                .collect(),
+            joints,
+            bones,
+            weights,
             mirror: file.indices("mirror", &[v], v)?,
             part: part.to_vec(),
             welded: file.indices("welded", &[v], v)?,
+            fingers: Fingers::read(&file, v)?,
         })
     }
 
@@ -134,17 +138,10 @@ impl Body {
         let scales = [first.scales, rest.scales].concat();
         let mean = packed::pack_metres(self.mean.as_flattened());
         let colour_mean = finite("colour_mean", self.colour_mean.as_flattened())?;
-        if !self
-            .weights
-            .iter()
-            .all(|row| sum_to_one(row.iter().copied()))
-        {
-            return Err(FileError::Shares("weights"));
-        }
-        let weights = self.weights.iter();
-        let weights = weights.flat_map(|row| packed::pack_shares(*row)).collect();
-        let (joint_vertices, joint_shares) = joint_rows(&self.joints)?;
-        let tensors = [
+        let weights = shares("weights", &self.weights)?;
+        let (joint_vertices, joint_shares) =
+            joint_rows(&self.joints, ["joint_vertices", "joint_shares"])?;
+        let mut tensors = vec![
             (
                 "mean",
                 Dtype::I16,
@@ -207,6 +204,9 @@ impl Body {
                 indices("welded", &self.welded)?,
             ),
         ];
+        if let Some(fingers) = &self.fingers {
+            tensors.extend(fingers.tensors()?);
+        }
         let mut views = Vec::with_capacity(tensors.len());
         for (name, dtype, shape, bytes) in &tensors {
             let wrong = |_| FileError::Shape {
@@ -223,12 +223,61 @@ impl Body {
     }
 }
 
+/// A tensor of a file: name, type, shape and bytes.
+pub(crate) type NewTensor = (&'static str, Dtype, Vec<usize>, Vec<u8>);
+
+/// The regressor of `count` joints: vertices, of which there are `v`, and their shares.
+pub(crate) fn regressor(
+    file: &Tensors<'_>,
+    [vertices, shares]: [&'static str; 2],
+    count: usize,
+    v: usize,
+) -> Result<Vec<Vec<(u32, f32)>>, FileError> {
+    let numbers = file.floats(shares, &[count, MOST_SHARES])?;
+    let vertices = file.indices(vertices, &[count, MOST_SHARES], v)?;
+    let pairs: Vec<(u32, f32)> = vertices.into_iter().zip(numbers).collect();
+    joints_of_rows(&pairs, shares)
+}
+
+/// Joints of vertices, of which there are `v`, below `joints`, and their shares.
+pub(crate) fn skinning(
+    file: &Tensors<'_>,
+    [bones, weights]: [&'static str; 2],
+    v: usize,
+    joints: usize,
+) -> Result<(Vec<[u8; 4]>, Vec<[f32; 4]>), FileError> {
+    let of_joints = file.get(bones, Dtype::U8, &[v, 4])?;
+    if of_joints.iter().any(|bone| usize::from(*bone) >= joints) {
+        return Err(FileError::Number(bones));
+    }
+    let steps = file.get(weights, Dtype::U8, &[v, 4])?.as_chunks::<4>().0;
+    let whole = |row: &[u8; 4]| row.iter().map(|step| u16::from(*step)).sum::<u16>() == 255;
+    if !steps.iter().all(whole) {
+        return Err(FileError::Shares(weights));
+    }
+    let share = |row: &[u8; 4]| row.map(|step| f32::from(step) / 255.0);
+    Ok((rows(of_joints), steps.iter().map(share).collect()))
+}
+
+/// The bytes of shares `[V, 4]` in steps of 1/255.
+pub(crate) fn shares(tensor: &'static str, weights: &[[f32; 4]]) -> Result<Vec<u8>, FileError> {
+    if !(weights.iter()).all(|row| sum_to_one(row.iter().copied())) {
+        return Err(FileError::Shares(tensor));
+    }
+    Ok((weights.iter())
+        .flat_map(|row| packed::pack_shares(*row))
+        .collect())
+}
+
 /// The regressor in rows of [`MOST_SHARES`] pairs, without the pairs that fill up a row.
-fn joints_of_rows(pairs: &[(u32, f32)]) -> Result<Vec<Vec<(u32, f32)>>, FileError> {
+fn joints_of_rows(
+    pairs: &[(u32, f32)],
+    tensor: &'static str,
+) -> Result<Vec<Vec<(u32, f32)>>, FileError> {
     let joint = |row: &[(u32, f32)]| -> Result<Vec<(u32, f32)>, FileError> {
         let shares = row.iter().map(|(_, share)| *share);
         if !sum_to_one(shares) {
-            return Err(FileError::Shares("joint_shares"));
+            return Err(FileError::Shares(tensor));
         }
         Ok(row
             .iter()
@@ -240,18 +289,21 @@ fn joints_of_rows(pairs: &[(u32, f32)]) -> Result<Vec<Vec<(u32, f32)>>, FileErro
 }
 
 /// The regressor as rows of [`MOST_SHARES`] vertices and shares, `[K, 32]`; a share of 0 fills up a row.
-fn joint_rows(joints: &[Vec<(u32, f32)>]) -> Result<(Vec<u32>, Vec<f32>), FileError> {
+pub(crate) fn joint_rows(
+    joints: &[Vec<(u32, f32)>],
+    [vertices, shares]: [&'static str; 2],
+) -> Result<(Vec<u32>, Vec<f32>), FileError> {
     let mut pairs = Vec::with_capacity(joints.len() * MOST_SHARES);
     for joint in joints {
         if joint.len() > MOST_SHARES {
             return Err(FileError::Shape {
-                tensor: "joint_vertices",
+                tensor: vertices,
                 found: format!("{} vertices for a joint", joint.len()),
                 expected: format!("at most {MOST_SHARES}"),
             });
         }
         if !sum_to_one(joint.iter().map(|(_, share)| *share)) {
-            return Err(FileError::Shares("joint_shares"));
+            return Err(FileError::Shares(shares));
         }
         pairs.extend(joint);
         pairs.resize(pairs.len() + MOST_SHARES - joint.len(), (0, 0.0));

@@ -45,6 +45,11 @@ impl<'a> Tensors<'a> {
             .map_err(|_| FileError::Missing(tensor))
     }
 
+    /// Whether the file has a tensor of this name.
+    pub(crate) fn has(&self, tensor: &str) -> bool {
+        self.0.tensor(tensor).is_ok()
+    }
+
     /// Extent of the first axis.
     pub(crate) fn count(
         &self,

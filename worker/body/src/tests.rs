@@ -1,6 +1,7 @@
 //! The model that the program has, and files.
 
 use crate::body::{Body, JOINTS};
+use crate::fingers::{FINGERS, Fingers, WITH_FINGERS, hand_of};
 use crate::learn::tests::learned;
 use crate::tensors::FileError;
 use safetensors::SafeTensors;
@@ -77,6 +78,51 @@ fn the_program_has_a_model() {
             .iter()
             .all(|first| body.welded[*first as usize] == *first)
     );
+}
+
+#[test]
+fn it_has_fingers_that_move_hands_alone() {
+    let plain = Body::people();
+    let body = Body::for_joints(WITH_FINGERS);
+    assert_eq!(Body::for_joints(JOINTS), plain);
+    assert_eq!(body.joints.len(), WITH_FINGERS);
+    let joints = body.joints_of(&body.mean);
+    // Three joints in a row, outward from the wrist, and the right hand mirrors the left one.
+    for finger in 0..5 {
+        let [a, b, c] = [0, 1, 2].map(|joint| joints[JOINTS + 3 * finger + joint]);
+        assert!(
+            joints[20][0] < a[0] && a[0] < b[0] && b[0] < c[0],
+            "{finger}"
+        );
+        let right = joints[JOINTS + 15 + 3 * finger];
+        assert!((a[0] + right[0]).abs() < 1e-3 && (a[1] - right[1]).abs() < 1e-3);
+    }
+    let mut moved = [0usize; WITH_FINGERS];
+    for vertex in 0..body.mean.len() {
+        let own = body.bones[vertex].iter().zip(body.weights[vertex]);
+        let own: Vec<(usize, f32)> = own
+            .filter(|(_, weight)| *weight > 0.0)
+            .map(|(bone, weight)| (usize::from(*bone), weight))
+            .collect();
+        assert!((own.iter().map(|it| it.1).sum::<f32>() - 1.0).abs() < 1e-3);
+        for (bone, _) in own.iter().filter(|(bone, _)| *bone >= JOINTS) {
+            moved[*bone] += 1;
+            let side = usize::from(*bone >= JOINTS + FINGERS / 2);
+            assert_eq!(hand_of(*bone as u8), Some(side));
+            // Beyond the wrist, on its own side.
+            let x = body.mean[vertex][0] * [1.0, -1.0][side];
+            assert!(x > joints[20][0] - 0.03, "vertex {vertex} at {x}");
+        }
+    }
+    assert!(
+        moved[JOINTS..].iter().all(|count| *count > 100),
+        "{moved:?}"
+    );
+    // A finger that bends leaves the others where they are.
+    let index = |vertex: usize| (24..27).contains(&body.bones[vertex][0]);
+    let tips = (0..body.mean.len()).filter(|i| index(*i) && body.mean[*i][0] > joints[26][0]);
+    let away = tips.map(|i| body.mean[i][2] - joints[29][2]);
+    assert!(away.fold(f32::INFINITY, f32::min) > 0.0);
 }
 
 #[test]
@@ -254,7 +300,15 @@ fn files_of_others_and_of_later_versions_are_refused() {
 
 #[test]
 fn what_a_file_cannot_hold_is_an_error() {
-    let body = learned();
+    let mut body = learned();
+    body.fingers = Some(Fingers {
+        joints: vec![vec![(0, 1.0)]; FINGERS],
+        vertices: vec![1, 2],
+        bones: vec![[24, 0, 0, 0]; 2],
+        weights: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+    });
+    let read = Body::from_bytes(&body.to_bytes().expect("a file")).expect("reads");
+    assert_eq!(read.fingers, body.fingers);
     let refused = |change: &dyn Fn(&mut Body), tensor: &str| {
         let mut other = body.clone();
         change(&mut other);
@@ -273,6 +327,16 @@ fn what_a_file_cannot_hold_is_an_error() {
     refused(&|body| body.weights[0] = [0.5, 0.6, 0.0, 0.0], "weights");
     refused(&|body| body.weights[0] = [f32::NAN; 4], "weights");
     refused(&|body| body.joints[0] = vec![(0, 0.5)], "joint_shares");
+    let fingers = |change: fn(&mut Fingers)| {
+        move |body: &mut Body| body.fingers.as_mut().into_iter().for_each(change)
+    };
+    refused(&fingers(|it| it.weights[0][0] = 0.5), "finger_weights");
+    refused(
+        &fingers(|it| it.joints[0][0].1 = 0.5),
+        "finger_joint_shares",
+    );
+    refused(&fingers(|it| it.vertices[0] = 1 << 16), "finger_vertices");
+    refused(&fingers(|it| it.bones.truncate(1)), "finger_bones");
     refused(
         &|body| body.joints[0] = vec![(0, 0.01); 100],
         "joint_vertices",

@@ -4,6 +4,9 @@
 function createPlayer(canvas, person) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const joints = person.joints.length;
+  // Joints of fingers come last. They carry splats, and take no part in pose blend shapes.
+  const fingers = person.joints.indexOf("l_index1");
+  const known = fingers < 0 ? joints : fingers;
   const count = person.count;
 
   // The splats, as `packed.rs` writes them: 18 numbers of 16 bits each.
@@ -68,11 +71,12 @@ function createPlayer(canvas, person) {
       const along = Math.min(Math.max(part, 0), 1);
       return off.reduce((sum, x, a) => sum + (way ? x - along * way[a] : x) ** 2, 0);
     };
-    const bones = person.parents.flatMap((parent, child) =>
+    const rests = person.rest.slice(0, known);
+    const bones = person.parents.slice(0, known).flatMap((parent, child) =>
       parent === null ? [] : [[parent, person.rest[child].map((x, a) => x - person.rest[parent][a])]],
     );
     for (let i = 0; i < count; i++) {
-      const squares = person.rest.map((at) => apart(i, at));
+      const squares = rests.map((at) => apart(i, at));
       for (const [parent, way] of bones) {
         squares[parent] = Math.min(squares[parent], apart(i, person.rest[parent], way));
       }
@@ -94,12 +98,12 @@ function createPlayer(canvas, person) {
     shaped.set(unshaped);
     if (!shapes) return;
     const width = 3 * shapes.count;
-    const given = new Float32Array(width * joints);
-    for (let joint = 1; joint < joints; joint++) {
+    const given = new Float32Array(width * known);
+    for (let joint = 1; joint < known; joint++) {
       for (let f = 0; f < 9; f++) {
         const at = 9 * joint + f;
         const least = shapes.limits[at];
-        const greatest = shapes.limits[9 * joints + at];
+        const greatest = shapes.limits[9 * known + at];
         const value = turns[joint][f] - (f % 4 === 0 ? 1 : 0);
         const feature = Math.max(Math.min(value, greatest), least);
         for (let k = 0; k < width; k++) given[width * joint + k] += feature * shapes.basis[width * at + k];
@@ -351,7 +355,7 @@ function createPlayer(canvas, person) {
       for (let a = 0; a < 3; a++) {
         up[a] += root[3 * a + 1];
         front[a] += root[3 * a + 2];
-        middle[a] += places.reduce((sum, place) => sum + place[a], 0) / joints;
+        middle[a] += places.slice(0, known).reduce((sum, place) => sum + place[a], 0) / known;
       }
     }
     up = normalised(up);

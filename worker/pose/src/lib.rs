@@ -4,13 +4,14 @@
 //! every frame of a clip, so that its points project to where a detector saw them.
 //!
 //! ```text
-//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → hands → report
+//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → hands → report → fingers
 //! ```
 
 mod banded;
 mod check;
 mod colours;
 mod error;
+mod fingers;
 mod fit;
 mod flips;
 mod forward;

@@ -125,7 +125,7 @@ fn direction(markers: [usize; 2], way: Vec3, error: f64, sight: &Mat3) -> Option
 }
 
 /// The rotation from the camera's axis to the line of sight through a pixel.
-fn sight([x, y]: [f64; 2], [middle_x, middle_y, focal]: [f64; 3]) -> Mat3 {
+pub(crate) fn sight([x, y]: [f64; 2], [middle_x, middle_y, focal]: [f64; 3]) -> Mat3 {
     let axis = [0.0, 0.0, 1.0];
     let line = normalised([x - middle_x, y - middle_y, focal]);
     let normal = cross(axis, line);

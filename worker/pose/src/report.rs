@@ -21,7 +21,7 @@ const POOR: f64 = 0.015;
 /// A person's poses, and the other results of the fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// Poses of the 24 joints of SMPL's tree. The world has its origin in the camera, and y points down
+    /// Poses of the 24 joints of SMPL's tree, and of fingers if the film shows hands. The world has its origin in the camera, and y points down
     /// along gravity; if gravity is not estimated, the world has the camera's axes.
     pub track: PoseTrack,
     /// Median distance between detected and fitted key points in the picture, pixels.
@@ -32,6 +32,8 @@ pub struct Fitted {
     pub camera_down_degrees: f64,
     /// Height of the fitted body, metres.
     pub height: f64,
+    /// Frames that tell how the fingers of the left and of the right hand are bent.
+    pub hands: [usize; 2],
     /// Assumptions and findings, for people.
     pub notes: Vec<String>,
     /// The note that says why the fit is poor, if it is.
@@ -83,6 +85,7 @@ pub(crate) fn fitted(
         focal,
         camera_down_degrees: down,
         height: wanted,
+        hands: [0; 2],
         notes: notes(
             options,
             problem,

@@ -18,6 +18,8 @@ pub(super) enum Flag {
     Focal,
     Height,
     KeepSkeleton,
+    NoHands,
+    NoFace,
     Fps,
     Hdr,
 }
@@ -26,7 +28,7 @@ pub(super) enum Flag {
 type FlagRow = (Flag, &'static str, fn(&Options) -> bool);
 
 /// All options that some formats do not read, in the order of the help.
-pub(super) const FLAGS: [FlagRow; 14] = [
+pub(super) const FLAGS: [FlagRow; 16] = [
     (Flag::View, "--view", |it| it.camera.is_some()),
     (Flag::RestJoints, "--rest-joints", |it| {
         it.rest_joints.is_some()
@@ -43,6 +45,8 @@ pub(super) const FLAGS: [FlagRow; 14] = [
     (Flag::Focal, "--focal", |it| it.focal.is_some()),
     (Flag::Height, "--height", |it| it.height.is_some()),
     (Flag::KeepSkeleton, "--keep-skeleton", |it| it.keep_skeleton),
+    (Flag::NoHands, "--no-hands", |it| it.no_hands),
+    (Flag::NoFace, "--no-face", |it| it.no_face),
     (Flag::Fps, "--fps", |it| it.fps.is_some()),
     (Flag::Hdr, "--hdr", |it| it.hdr != Hdr::Auto),
 ];

@@ -176,6 +176,8 @@ fn clip_alone() -> Adapter {
             Flag::Person,
             Flag::Focal,
             Flag::Height,
+            Flag::NoHands,
+            Flag::NoFace,
             Flag::Fps,
             Flag::Hdr,
         ],

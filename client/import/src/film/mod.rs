@@ -91,6 +91,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
         people: followed.sheet,
     };
     notes.extend(fitted.notes);
+    notes.extend(fingers(fitted.hands, points.frames.len()));
     Ok(Imported {
         track: fitted.track,
         pictures: clip.pictures(&indices, masks),
@@ -126,6 +127,16 @@ fn wanted(
         ));
     }
     Ok(selected.into_iter().step_by(every).collect())
+}
+
+/// A note about the frames that show how fingers are bent.
+fn fingers([left, right]: [usize; 2], frames: usize) -> Option<String> {
+    (left + right > 0).then(|| {
+        format!(
+            "fingers: read off the left hand in {left} and off the right hand in {right} of {}, and half open elsewhere",
+            count(frames, "frame")
+        )
+    })
 }
 
 /// A note about frames without a person.

@@ -27,7 +27,7 @@ const FACE: [[usize; 2]; 9] = [
 ];
 
 impl PartModels {
-    /// Opens those models that are there.
+    /// Opens those models that are there and wanted.
     pub(super) fn open(options: &Options) -> Result<Self, ImportError> {
         let Some(path) = options.pose_model.as_deref() else {
             return Ok(Self::default());
@@ -41,10 +41,15 @@ impl PartModels {
         let unusable = |code: &'static str| {
             move |error: yoto_landmarks::LandmarkError| fault(path, code, error.to_string())
         };
-        Ok(Self {
-            hands: HandModel::open(folder).map_err(unusable("HAND_MODEL"))?,
-            face: FaceModel::open(folder).map_err(unusable("FACE_MODEL"))?,
-        })
+        let hands = match options.no_hands {
+            true => None,
+            false => HandModel::open(folder).map_err(unusable("HAND_MODEL"))?,
+        };
+        let face = match options.no_face {
+            true => None,
+            false => FaceModel::open(folder).map_err(unusable("FACE_MODEL"))?,
+        };
+        Ok(Self { hands, face })
     }
 
     /// Puts hands and face of the person in the picture `rgb`, `[height, width, 3]`, into `points`.
@@ -105,6 +110,12 @@ mod tests {
             std::fs::write(&path, b"not a model").expect("a file");
             let error = PartModels::open(&options).expect_err("a broken file");
             assert!(error.to_string().contains(name), "{error}");
+            let unwanted = Options {
+                no_hands: true,
+                no_face: true,
+                ..options.clone()
+            };
+            assert!(PartModels::open(&unwanted).is_ok());
             std::fs::remove_file(&path).expect("the file");
         }
     }

@@ -3,7 +3,8 @@
 //! `poses` `[F, J · 3]` of SMPL's 24 joints, or of a model whose first 22 are SMPL's: SMPL-H (52), SMPL-X (55, or fewer
 //! where parts of the face are left out); or AMASS's parts of them, `root_orient` and `pose_body`. `trans` `[F, 3]`
 //! metres, `betas`, `mocap_framerate` or `mocap_frame_rate`; z is up in AMASS's files. Some files hold only `poses`
-//! and `trans`. InstantAvatar's names for the same fields are supported as well. Hands and faces do not move.
+//! and `trans`. InstantAvatar's names for the same fields are supported as well. Fingers move where the file has rotations for them
+//! (the 30 joints of SMPL-H and SMPL-X, or AMASS's `pose_hand`); faces do not.
 
 use super::gaps::{self, MotionRow};
 use super::up::{self, Up, Usual};
@@ -13,13 +14,19 @@ use crate::datasets::instant_avatar;
 use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues, sub};
 use crate::source::{FileData, Part, Source};
 use crate::track::{SmplPose, smpl_skeleton};
-use yoto_capture::skeleton::smpl::AVERAGE_REST;
+use yoto_capture::skeleton::fingers::with_fingers;
+use yoto_capture::skeleton::smpl::{AVERAGE_REST, joints_with_fingers};
 use yoto_capture::skeleton::{Pose, Skeleton};
+use yoto_proto::pose_track::Skeleton as TrackSkeleton;
 
 /// Numbers of the rotations that all of SMPL's models share: of 22 joints.
 const SHARED: usize = 66;
 /// Numbers of SMPL's own rotations.
 const SMPL: usize = 72;
+/// Numbers of the rotations of the fingers' joints.
+const FINGERS: usize = 90;
+/// Numbers of a pose of SMPL-H and of SMPL-X, and the first number of the fingers. SMPL-X has jaw and eyes before them.
+const WITH_HANDS: [[usize; 2]; 2] = [[156, 66], [165, 75]];
 /// Most numbers of a pose: SMPL-X has 165.
 const WIDEST: usize = 400;
 /// Default frames per second.
@@ -34,6 +41,8 @@ struct Parameters {
     betas: Vec<f64>,
     poses: Vec<SmplPose>,
     translations: Vec<Vec3>,
+    /// Rotations of the fingers' joints, if any of them moves.
+    fingers: Option<Vec<[f64; FINGERS]>>,
     /// Whether the file is AMASS's, by its frame rate.
     is_amass: bool,
 }
@@ -59,11 +68,19 @@ pub(super) fn read(
     if rest.is_none() {
         notes.push("no body model (--smpl): strides are not scaled to the length of legs".into());
     }
-    let skeleton = smpl_skeleton(rest.clone().unwrap_or_default());
-    let rows = read.poses.iter().zip(&read.translations);
-    let rows = rows.map(|(pose, translation)| MotionRow {
-        rotations: pose.as_chunks::<3>().0.to_vec(),
-        translation: *translation,
+    let plain = smpl_skeleton(rest.clone().unwrap_or_default());
+    let skeleton = match &read.fingers {
+        Some(_) => skeleton_with_fingers(plain),
+        None => plain,
+    };
+    let rows = read.poses.iter().zip(&read.translations).enumerate();
+    let rows = rows.map(|(at, (pose, translation))| {
+        let fingers = read.fingers.as_ref().map(|it| it[at].as_chunks::<3>().0);
+        let body = pose.as_chunks::<3>().0;
+        MotionRow {
+            rotations: [body, fingers.unwrap_or_default()].concat(),
+            translation: *translation,
+        }
     });
     let (poses, fps) = gaps::filled(rows.collect(), fps, &skeleton.names, &mut notes)
         .map_err(|message| source.fault("NOT_FINITE", name, None, "poses", message))?;
@@ -101,6 +118,24 @@ pub(super) fn read(
     })
 }
 
+/// SMPL's `skeleton` with the fingers' joints.
+fn skeleton_with_fingers(skeleton: TrackSkeleton) -> TrackSkeleton {
+    let placed = Skeleton::from_track(&skeleton).ok();
+    match placed.and_then(|it| with_fingers(&it)) {
+        Some(placed) => placed.to_track(),
+        // Without rest joints it has the body's that it moves.
+        None => TrackSkeleton {
+            names: joints_with_fingers()
+                .map(|(name, _)| name.to_owned())
+                .collect(),
+            parents: joints_with_fingers()
+                .map(|(_, parent)| parent.map_or(-1, |parent| parent as i32))
+                .collect(),
+            rest_joints: skeleton.rest_joints,
+        },
+    }
+}
+
 /// The axis that is up, and a note about it, of a body with the rest joints `rest` or an average adult's.
 fn found_up(
     read: &Parameters,
@@ -116,7 +151,11 @@ fn found_up(
     };
     let rest = rest.map_or_else(average, <[Vec3]>::to_vec);
     let skeleton = Skeleton::from_track(&smpl_skeleton(rest)).map_err(|error| error.to_string())?;
-    let postures = posture::of_poses(&skeleton, poses).unwrap_or_default();
+    let body = poses.iter().cloned().map(|mut pose| {
+        pose.rotations.truncate(skeleton.joints());
+        pose
+    });
+    let postures = posture::of_poses(&skeleton, &body.collect::<Vec<_>>()).unwrap_or_default();
     let usual = Usual {
         up: Up::Z,
         who: "AMASS",
@@ -138,19 +177,25 @@ fn rate(root: &Part<'_>) -> Result<Option<f64>, ImportError> {
 
 fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
     let root = data.root();
-    let poses = match (
+    let (poses, fingers) = match (
         root.find("poses"),
         root.find("root_orient"),
         root.find("pose_body"),
     ) {
         (Some(part), ..) => poses(&part)?,
-        (None, Some(orient), Some(body)) => joined(&orient, &body)?,
+        (None, Some(orient), Some(body)) => {
+            let poses = joined(&orient, &body)?;
+            let hands = root.find("pose_hand");
+            let hands = hands.map(|it| it.unchecked_rows::<FINGERS>(Some(poses.len())));
+            (poses, hands.transpose()?.and_then(moving))
+        }
         _ => {
             let read = instant_avatar::read_poses(data)?;
             return Ok(Parameters {
                 betas: read.betas,
                 poses: read.poses,
                 translations: read.translations,
+                fingers: None,
                 is_amass: false,
             });
         }
@@ -164,13 +209,23 @@ fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
         betas: betas.transpose()?.unwrap_or_default(),
         translations: trans.unchecked_rows::<3>(Some(poses.len()))?,
         poses,
+        fingers,
         // Similar files of other programs lack it, and most of them have y up.
         is_amass: RATES[..2].iter().any(|name| root.find(name).is_some()),
     })
 }
 
+/// Poses of the body, and of the fingers if they move.
+type BodyAndFingers = (Vec<SmplPose>, Option<Vec<[f64; FINGERS]>>);
+
+/// The rotations of fingers; `None` if all are 0, as in files of bodies alone.
+fn moving(fingers: Vec<[f64; FINGERS]>) -> Option<Vec<[f64; FINGERS]>> {
+    let moves = fingers.as_flattened().iter().any(|it| *it != 0.0);
+    moves.then_some(fingers)
+}
+
 /// The poses of `[F, J · 3]` or `[F, J, 3]`.
-fn poses(part: &Part<'_>) -> Result<Vec<SmplPose>, ImportError> {
+fn poses(part: &Part<'_>) -> Result<BodyAndFingers, ImportError> {
     let array = part.unchecked()?;
     let (rows, width) = match array.shape[..] {
         [rows, width] => (rows, width),
@@ -194,12 +249,13 @@ fn poses(part: &Part<'_>) -> Result<Vec<SmplPose>, ImportError> {
             .for_each(|(to, from)| *to = *from);
         pose
     };
-    Ok(array
-        .values
-        .chunks_exact(width)
-        .take(rows)
-        .map(body)
-        .collect())
+    let rows = || array.values.chunks_exact(width).take(rows);
+    let first = WITH_HANDS.iter().find(|[all, _]| *all == width);
+    let fingers = first.map(|[_, first]| {
+        let own = |row: &[f64]| std::array::from_fn(|i| row[first + i]);
+        rows().map(own).collect()
+    });
+    Ok((rows().map(body).collect(), fingers.and_then(moving)))
 }
 
 /// The poses of AMASS's `root_orient` `[F, 3]` and `pose_body` `[F, 63]`.

@@ -147,17 +147,18 @@ impl AvatarSplats<'_> {
     ) -> Result<splat::Splats, ReadError> {
         let splats = &self.splats[posed.slot];
         let means = self.canonical_means(posed);
-        let (weights, bones) = (posed.weights.clone(), posed.transforms.clone());
+        let weights = posed.weights.clone();
         let transforms = match (&splats.bones, &splats.bone_weights) {
             (Some(own), Some(base)) => warp::skin_surface::skin_surface(
                 weights,
-                bones,
+                posed.transforms.clone(),
                 means.clone(),
                 own.val().detach(),
                 base.val().detach(),
+                body.known_joints,
                 &body.grid,
             ),
-            _ => warp::skin::skin(weights, bones, means.clone(), &body.grid),
+            _ => warp::skin::skin(weights, posed.known_transforms(), means.clone(), &body.grid),
         };
         let means = match (&self.avatar.pose_shapes, &posed.shaped_by) {
             (Some(shapes), Some(pose)) => {

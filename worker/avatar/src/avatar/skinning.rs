@@ -38,9 +38,12 @@ impl AvatarSplats<'_> {
             (Some(bones), Some(base)) => {
                 let bones = rows::<BONES>(chosen, &read(bones.val().detach())?);
                 let base = rows::<BONES>(chosen, &read(base.val().detach())?);
-                SkinningWeights::of_surface(&weights, &means, &bones, &base, BONES, &body.grid)
+                let factored = body.known_joints;
+                SkinningWeights::of_surface(
+                    &weights, factored, &means, &bones, &base, BONES, &body.grid,
+                )
             }
-            _ => SkinningWeights::new(&weights, body.skeleton.joints(), &means, &body.grid),
+            _ => SkinningWeights::new(&weights, body.known_joints, &means, &body.grid),
         })
     }
 }

@@ -2,6 +2,7 @@
 //! those of SMPL's joints in the rest pose; other skeletons have none.
 
 use std::f32::consts::TAU;
+use yoto_body::hand_of;
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::smpl::has_joints;
 use yoto_proto::smpl::JOINTS;
@@ -10,6 +11,8 @@ use yoto_proto::smpl::JOINTS;
 pub(crate) const PARTS: usize = 14;
 const TRUNK: usize = 0;
 const HEAD: usize = 1;
+/// The left hand; the right one is the next.
+const HAND: usize = 6;
 /// Joints at the ends of the parts of the left limbs; the right side's is the next in SMPL's order.
 const LIMBS: [[&str; 2]; 6] = [
     ["l_shoulder", "l_elbow"],
@@ -101,7 +104,11 @@ impl Parts {
 
     /// The part that the joint belongs to.
     pub(crate) fn part(joint: usize) -> usize {
-        PART_OF.get(joint).copied().unwrap_or(TRUNK)
+        let of_finger = || match u8::try_from(joint).ok().and_then(hand_of) {
+            Some(side) => HAND + side,
+            None => TRUNK,
+        };
+        PART_OF.get(joint).copied().unwrap_or_else(of_finger)
     }
 
     /// The part on the other side of the body.

@@ -21,7 +21,7 @@ use yoto_ops::warp::point_gradients::{PointGradient, point_gradients};
 pub(super) struct HostPose {
     /// `[K + 1, V]` motion weights.
     pub weights: Vec<f32>,
-    /// `[K, 12]` posed body to canonical.
+    /// `[J, 12]` posed body to canonical, of fingers' joints too.
     pub transforms: Vec<f32>,
     /// Place of each joint in the body frame.
     pub joints: Vec<Mat34>,
@@ -55,6 +55,7 @@ pub(super) fn rays(
         transforms,
         joints,
     } = pose;
+    let transforms = &transforms[..12 * body.known_joints];
     let bones = joints.len();
     let (points, _) = samples.points.as_chunks::<3>();
     let ray = |point: u32| samples.places[point as usize] as usize / samples.per_ray;

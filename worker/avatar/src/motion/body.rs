@@ -3,6 +3,7 @@
 use super::prior::{canonical_grid, prior};
 use crate::config::{Encoding, ModelConfig, Numerics};
 use burn::tensor::{Device, Tensor, TensorData};
+use yoto_capture::skeleton::smpl::joints_without_fingers;
 use yoto_capture::skeleton::{Skeleton, Vec3};
 use yoto_ops::hash::HashGrid;
 use yoto_ops::warp::WarpGrid;
@@ -17,6 +18,9 @@ pub struct CanonicalBody {
     pub skeleton: Skeleton,
     /// Rest positions of the person's own joints, metres, in the canonical box.
     pub rest: Vec<Vec3>,
+    /// Number of joints K that the model's networks and volumes know. Joints of fingers come after them: they carry splats that lie on
+    /// the fingers of a body's surface, and nothing else.
+    pub known_joints: usize,
     /// Box of the motion weights.
     pub grid: WarpGrid,
     /// Hash grid over the same box, if the encoding is one. This is the grid of the
@@ -34,7 +38,8 @@ impl CanonicalBody {
             config.motion.resolution.nodes(),
             config.box_epsilon(),
         );
-        let values: Vec<f32> = prior(&skeleton, &grid)
+        let known_joints = joints_without_fingers(&skeleton);
+        let values: Vec<f32> = prior(&first_joints(&skeleton, known_joints), &grid)
             .iter()
             .map(|p| match config.numerics {
                 Numerics::Sound => p.max(MIN_PRIOR).ln(),
@@ -42,16 +47,14 @@ impl CanonicalBody {
                 Numerics::Reference => p.ln(),
             })
             .collect();
-        let shape = [
-            skeleton.parents.len() + 1,
-            config.motion.resolution.voxels(),
-        ];
+        let shape = [known_joints + 1, config.motion.resolution.voxels()];
         let log_prior = Tensor::from_data(TensorData::new(values, shape), device);
         let encoding = config.appearance.encoding();
         let hash = encoding.and_then(|encoding| hash_grid(encoding, &grid));
         Self {
             rest: skeleton.rest.clone(),
             skeleton,
+            known_joints,
             grid,
             hash,
             log_prior,
@@ -65,6 +68,15 @@ impl CanonicalBody {
     pub fn on_bones_of(mut self, skeleton: Skeleton) -> Self {
         self.skeleton = skeleton;
         self
+    }
+}
+
+/// The skeleton of the first `count` joints.
+fn first_joints(skeleton: &Skeleton, count: usize) -> Skeleton {
+    Skeleton {
+        names: skeleton.names[..count].to_vec(),
+        parents: skeleton.parents[..count].to_vec(),
+        rest: skeleton.rest[..count].to_vec(),
     }
 }
 

@@ -21,19 +21,21 @@ fn levels(parents: &[Option<usize>]) -> Vec<Vec<usize>> {
     levels
 }
 
-/// The pose vector `[3 (K − 1)]`: rotations of all joints except the root, axis-angle in radians.
+/// The pose vector `[3 (K − 1)]`: rotations of all known joints except the root, axis-angle in radians.
 pub fn pose_vector(body: &CanonicalBody, pose: &Pose) -> Tensor<1> {
-    let values: Vec<f32> = pose.rotations.iter().skip(1).flatten().copied().collect();
+    let known = pose.rotations.iter().take(body.known_joints);
+    let values: Vec<f32> = known.skip(1).flatten().copied().collect();
     Tensor::from_data(
         TensorData::new(values.clone(), [values.len()]),
         &body.log_prior.device(),
     )
 }
 
-/// Positions of all joints except the root, relative to it, in the body frame: `[K − 1, 3]`,
+/// Positions of all known joints except the root, relative to it, in the body frame: `[K − 1, 3]`,
 /// metres.
 pub fn relative_joints(body: &CanonicalBody, pose: &Pose) -> Tensor<2> {
-    let joints = body.skeleton.body_frame_joints(pose);
+    let mut joints = body.skeleton.body_frame_joints(pose);
+    joints.truncate(body.known_joints);
     let root = joints[0];
     let values: Vec<f32> = joints[1..]
         .iter()
@@ -45,7 +47,7 @@ pub fn relative_joints(body: &CanonicalBody, pose: &Pose) -> Tensor<2> {
     )
 }
 
-/// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone, row-major 3x4.
+/// `[J, 12]`: G(rest) · G(pose)⁻¹ of each bone, row-major 3x4; J is K and the joints of fingers.
 pub fn transforms(body: &CanonicalBody, pose: &Pose) -> Tensor<2> {
     let globals = body.skeleton.global_transforms(&pose.unrooted());
     let mut values = Vec::with_capacity(globals.len() * 12);
@@ -68,7 +70,7 @@ pub fn transforms(body: &CanonicalBody, pose: &Pose) -> Tensor<2> {
 }
 
 /// As [`transforms`], with each rotation except the root's followed by its `correction`
-/// `[K − 1, 3, 3]`, to which gradients flow.
+/// `[K − 1, 3, 3]`, to which gradients flow. Those of fingers are not corrected.
 pub fn corrected_transforms(body: &CanonicalBody, pose: &Pose, correction: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();
     let joints = body.skeleton.parents.len();
@@ -82,11 +84,19 @@ pub fn corrected_transforms(body: &CanonicalBody, pose: &Pose, correction: Tenso
         })
         .collect();
     let locals = Tensor::<3>::from_data(TensorData::new(locals, [joints - 1, 3, 3]), &device);
+    let fingers = joints - body.known_joints;
+    let correction = match fingers {
+        0 => correction,
+        _ => {
+            let nothing = Tensor::<2>::eye(3, &device).unsqueeze::<3>();
+            Tensor::cat(vec![correction, nothing.repeat_dim(0, fingers)], 0)
+        }
+    };
     // Inverse local rotations (R ΔR)ᵀ.
     chain(body, locals.matmul(correction).swap_dims(1, 2))
 }
 
-/// `[K, 12]`: G(rest) · G(pose)⁻¹ of each bone from the `inverse` `[K − 1, 3, 3]` of each local
+/// `[J, 12]`: G(rest) · G(pose)⁻¹ of each bone from the `inverse` `[J − 1, 3, 3]` of each local
 /// rotation; the root has none.
 pub(super) fn chain(body: &CanonicalBody, inverse: Tensor<3>) -> Tensor<2> {
     let device = body.log_prior.device();

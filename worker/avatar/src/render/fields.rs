@@ -113,7 +113,7 @@ impl Renderer {
             field,
             actor_body: *actor_body,
             weights: read(posed.weights.clone())?,
-            transforms: read(posed.transforms.clone())?,
+            transforms: read(posed.known_transforms())?,
             posed,
             body_view: BodyView::new(&body.skeleton, pose, &view.camera),
         })

@@ -124,7 +124,7 @@ impl Renderer {
         );
         let (weights, transforms) = (
             read(posed.weights.clone())?,
-            read(posed.transforms.clone())?,
+            read(posed.known_transforms())?,
         );
         let body_view = BodyView::new(&body.skeleton, &actor.pose, &view.camera);
         // HumanNeRF's rays pass through pixel coordinates i, which is i + 0.5 with a principal

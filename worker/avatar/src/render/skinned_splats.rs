@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::smpl::joints_without_fingers;
 use yoto_ops::splat::light::LIGHTS;
 use yoto_ops::splat::{SplatRow, harmonics, means_of_rows, splat_rows};
 
@@ -33,7 +34,7 @@ pub struct SkinnedSplats {
 
 /// Pose blend shapes: before its bones carry it, a splat at x moves by Σᵣ hᵣ Σₖ aₖ(x) Bᵣₖ φ(Ωₖ). φ(Ωₖ) = R(Ωₖ) − I of the
 /// joint k, row-major, within limits about the range that was filmed, and 0 for the root; aₖ(x) = exp(−d²/2r²) of the distance d of x to
-/// the joint and the bones to its children, in the rest pose.
+/// the joint and the bones to its children, in the rest pose. Joints of fingers are not among the K.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkinnedShapes {
     /// R.
@@ -135,7 +136,8 @@ impl SkinnedSplats {
             return Cow::Borrowed(&self.splats);
         };
         let mut places: Vec<[f32; 3]> = self.splats.iter().map(|splat| splat.mean).collect();
-        let near = Nearness::new(&self.skeleton, &self.skeleton.rest, shapes.reach);
+        let known = joints_without_fingers(&self.skeleton);
+        let near = Nearness::new(&self.skeleton, &self.skeleton.rest[..known], shapes.reach);
         let limits = Limits::of(shapes.limits.clone());
         let (basis, weights) = (shapes.basis.clone(), shapes.weights.clone());
         let shapes = HostShapes::new(&near, basis, limits, weights, places.as_flattened());

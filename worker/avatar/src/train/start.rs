@@ -63,6 +63,12 @@ impl Trainer {
         device: &Device,
     ) -> Result<Self, TrainError> {
         let mut saved = ModelState::read(dir)?;
+        let people: Vec<TrainPerson> = (people.into_iter())
+            .map(|person| match saved.joints_of(person.slot) {
+                Some(joints) => person.with_known_fingers(joints),
+                None => person,
+            })
+            .collect();
         let (slots, joints) = check_people(&people)?;
         if joints != saved.joints {
             return Err(TrainError::People(format!(
@@ -82,7 +88,7 @@ impl Trainer {
         // What is known of people who do not take part stays known.
         let alone = options.learn.only().is_some();
         if alone || saved.config.refinement.who != Refine::Never {
-            state.poses = refinement_file::load(dir, saved.joints)?;
+            state.poses = refinement_file::load(dir, |slot| saved.joints_of(slot))?;
         }
         if alone || saved.config.exposure.who != LearnExposure::Never {
             state.exposures = exposure::file::load(dir)?;

@@ -3,14 +3,16 @@
 use super::nnls;
 use super::read::Bodies;
 use super::symmetry::distance;
-use crate::body::JOINTS;
 use crate::file::MOST_SHARES;
+use crate::fingers::WITH_FINGERS;
 use faer::Mat;
 use rayon::prelude::*;
 
 /// The joint on the other side of each.
-pub(crate) const OTHER: [usize; JOINTS] = [
-    0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20, 23, 22,
+pub(crate) const OTHER: [usize; WITH_FINGERS] = [
+    0, 2, 1, 3, 5, 4, 6, 8, 7, 9, 11, 10, 12, 14, 13, 15, 17, 16, 19, 18, 21, 20, 23, 22, //
+    39, 40, 41, 42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, //
+    24, 25, 26, 27, 28, 29, 30, 31, 32, 33, 34, 35, 36, 37, 38,
 ];
 /// How far around a joint its vertices are looked for, metres. A joint of the back or a hip needs vertices all around
 /// the body; one of a hand must not have them.
@@ -22,7 +24,7 @@ const BETTER: f64 = 0.9;
 /// Part of the mean square of a column that is added to the diagonal, so that neighbours are not dependent.
 const RIDGE: f64 = 1e-7;
 
-/// The regressor, `[K]`, of bodies with weights.
+/// The regressor, `[K]`, of bodies with weights; of the fingers' joints too, if the bodies have them.
 ///
 /// Right joints have the partners of the left joints' vertices, and middle joints a vertex and its partner in the same
 /// share, so that a symmetric body has symmetric joints.
@@ -53,7 +55,8 @@ pub(super) fn learn(
         }
         best.map(|(_, shares)| shares).unwrap_or_default()
     };
-    let fitted: Vec<Vec<(u32, f32)>> = (0..JOINTS)
+    let count = places.len();
+    let fitted: Vec<Vec<(u32, f32)>> = (0..count)
         .into_par_iter()
         .map(|joint| {
             if joint <= OTHER[joint] {
@@ -75,7 +78,7 @@ pub(super) fn learn(
         }
         merged([own.clone(), partners].concat(), 0.5)
     };
-    (0..JOINTS).map(joint).collect()
+    (0..count).map(joint).collect()
 }
 
 /// Shares times `factor`, one per vertex.

@@ -22,7 +22,8 @@ pub struct Report {
     /// Numbers of colour components, with the mean difference of a channel and the difference that 95 % are within, in
     /// steps of 255.
     pub colours: Vec<(usize, [f64; 2])>,
-    /// Mean distance of each joint from the joint of the bodies' own vertices, `[K]`, mm.
+    /// Mean distance of each joint from the joint of the bodies' own vertices, `[K]`, mm, with the fingers' joints after SMPL's if the
+    /// model has them.
     pub joints: Vec<f64>,
     /// Share of the triangles whose mirror image is a triangle, 0 to 1.
     pub mirrored: f64,
@@ -43,9 +44,11 @@ impl Body {
         let colours = Fit::new(&self.colour_mean, &self.colours);
         let length = |off: &[f64; 3]| 1e3 * off.iter().map(|off| off * off).sum::<f64>().sqrt();
         let channel = |off: &[f64; 3]| 255.0 * off.iter().map(|off| off.abs()).sum::<f64>() / 3.0;
-        let mut joints = vec![0.0; JOINTS];
+        let with_fingers = self.with_fingers();
+        let regressor = with_fingers.as_ref().unwrap_or(self);
+        let mut joints = vec![0.0; regressor.joints.len()];
         for body in &chosen {
-            let found = self.joints_of(&bodies.vertices[*body]);
+            let found = regressor.joints_of(&bodies.vertices[*body]);
             for ((sum, found), truth) in joints.iter_mut().zip(found).zip(&bodies.joints[*body]) {
                 *sum += 1e3 * f64::from(distance(found, *truth)) / chosen.len() as f64;
             }
@@ -154,9 +157,14 @@ impl fmt::Display for Report {
                 "{count:3} colour components: {mean:.1} of 255, 95 % within {most:.0}"
             )?;
         }
-        let mean = self.joints.iter().sum::<f64>() / self.joints.len().max(1) as f64;
-        let most = self.joints.iter().copied().fold(0.0, f64::max);
-        writeln!(out, "joints: {mean:.1} mm, {most:.1} mm for the worst")?;
+        let (body, fingers) = self.joints.split_at(JOINTS.min(self.joints.len()));
+        for (name, joints) in [("joints", body), ("fingers", fingers)] {
+            let mean = joints.iter().sum::<f64>() / joints.len().max(1) as f64;
+            let most = joints.iter().copied().fold(0.0, f64::max);
+            if !joints.is_empty() {
+                writeln!(out, "{name}: {mean:.1} mm, {most:.1} mm for the worst")?;
+            }
+        }
         write!(
             out,
             "mirror: {:.1} % of the vertices are mutual, {:.1} % of the triangles have an image",

@@ -4,6 +4,7 @@
 //! right exchanged, so that components are either symmetric or antisymmetric and the mean is symmetric.
 
 mod components;
+mod fingers;
 mod joints;
 mod measure;
 mod nnls;
@@ -16,7 +17,7 @@ mod triangles;
 pub use measure::Report;
 pub use read::{Bodies, BodyMesh, ReadError};
 
-use crate::body::Body;
+use crate::body::{Body, JOINTS};
 use thiserror::Error;
 
 /// How to learn.
@@ -83,8 +84,12 @@ impl Body {
         };
         let shapes = components::learn(both(&bodies.vertices, true), settings.shapes)?;
         let colours = components::learn(both(&bodies.colours, false), settings.colours)?;
+        let mut joints = joints::learn(bodies, &kept, &shapes.mean, &welded, &mirror);
+        let of_fingers = joints.split_off(JOINTS);
         Ok(Self {
-            joints: joints::learn(bodies, &kept, &shapes.mean, &welded, &mirror),
+            joints,
+            fingers: (topology.finger_weights.as_deref())
+                .map(|weights| fingers::of_rig(topology, weights, of_fingers)),
             mean: shapes.mean,
             shapes: shapes.components,
             colour_mean: colours.mean,

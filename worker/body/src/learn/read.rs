@@ -1,7 +1,9 @@
 //! The bodies to learn from, and how they are read.
 
 use super::LearnError;
+use super::fingers::{bones_of_rig, weights_of_rig};
 use crate::body::JOINTS;
+use crate::fingers::FINGERS;
 use thiserror::Error;
 use yoto_formats::npz::{self, NpzError};
 use yoto_formats::{Array, Value};
@@ -52,6 +54,8 @@ pub(crate) struct Topology {
     pub(crate) bones: Vec<[u8; 4]>,
     /// `[V]`.
     pub(crate) weights: Vec<[f32; 4]>,
+    /// The weight of each finger's joint, `[V, 30]`, if the rig of the bodies has fingers.
+    pub(crate) finger_weights: Option<Vec<[f32; FINGERS]>>,
 }
 
 /// N bodies in dense correspondence: vertex i is the same place of every body.
@@ -62,7 +66,7 @@ pub struct Bodies {
     pub(crate) vertices: Vec<Vec<[f32; 3]>>,
     /// `[N, V]`, 0 to 1, sRGB.
     pub(crate) colours: Vec<Vec<[f32; 3]>>,
-    /// `[N, K]`, metres.
+    /// `[N, K]`, metres, with the fingers' joints after SMPL's if the rig has them.
     pub(crate) joints: Vec<Vec<[f32; 3]>>,
     pub(crate) topology: Topology,
 }
@@ -102,7 +106,7 @@ impl Bodies {
             name: name.to_owned(),
             vertices: self.vertices[index].clone(),
             colours: self.colours[index].clone(),
-            joints: self.joints[index].clone(),
+            joints: self.joints[index][..JOINTS].to_vec(),
             faces: self.topology.faces.clone(),
             bones: self.topology.bones.clone(),
             weights: self.topology.weights.clone(),
@@ -113,12 +117,13 @@ impl Bodies {
     ///
     /// `bodies.npz` has `names` `[N]`, `vertices` `[N, V, 3]` in tenths of a millimetre, `colours` `[N, V, 3]` from 0 to
     /// 255 and `joints` `[N, 24, 3]` in metres. `topology.npz` has `faces` `[F, 3]`, `uv` `[V, 2]`, `part` `[V]`, and
-    /// `weight_joint` and `weight` `[V, 4]`, weights from 0 to 255.
+    /// `weight_joint` and `weight` `[V, 4]`, weights from 0 to 255. Bodies have fingers if their rig's bones are there: in
+    /// `topology.npz` `rig_names` `[R]`, and `rig_weight_joint` and `rig_weight` `[V, 4]`, in `bodies.npz` `rig_rest` `[N, R, 3]`.
     ///
     /// # Errors
     /// If the bytes are no such archives. The error names the array.
     pub fn read(bodies: &[u8], topology: &[u8]) -> Result<Self, ReadError> {
-        let bodies = npz::read_without(bodies, MOST_BYTES, &["rig_rest"])?;
+        let bodies = npz::read(bodies, MOST_BYTES)?;
         let names = bodies
             .get("names")
             .and_then(Value::items)
@@ -150,11 +155,20 @@ impl Bodies {
                     .collect())
             };
         let archive = npz::read(topology, MOST_BYTES)?;
+        let mut joints = of_bodies("joints", JOINTS, 1.0)?;
+        let names_of_rig = archive.get("rig_names");
+        let fingers = names_of_rig.and_then(bones_of_rig);
+        if let Some(fingers) = &fingers {
+            let bones = names_of_rig.and_then(Value::items).map_or(0, <[_]>::len);
+            for (joints, rig) in joints.iter_mut().zip(of_bodies("rig_rest", bones, 1.0)?) {
+                joints.extend(fingers.iter().map(|bone| rig[*bone]));
+            }
+        }
         Ok(Self {
             vertices: of_bodies("vertices", v, PER_METRE)?,
             colours: of_bodies("colours", v, 255.0)?,
-            joints: of_bodies("joints", JOINTS, 1.0)?,
-            topology: Topology::read(&archive, v)?,
+            joints,
+            topology: Topology::read(&archive, v, fingers.as_deref())?,
             names,
         })
     }
@@ -218,7 +232,7 @@ impl Bodies {
 }
 
 impl Topology {
-    fn read(archive: &Value, v: usize) -> Result<Self, ReadError> {
+    fn read(archive: &Value, v: usize, fingers: Option<&[usize]>) -> Result<Self, ReadError> {
         let f = array(archive, "faces")?.shape.first().copied().unwrap_or(0);
         let weights = shaped(archive, "weight", &[v, 4])?
             .as_chunks::<4>()
@@ -253,6 +267,19 @@ impl Topology {
                 .map(|row| row.map(|bone| bone as u8))
                 .collect(),
             weights: weights.collect::<Result<_, _>>()?,
+            finger_weights: match fingers {
+                None => None,
+                Some(fingers) => {
+                    let bones = shaped(archive, "rig_weight_joint", &[v, 4])?;
+                    let weights = shaped(archive, "rig_weight", &[v, 4])?;
+                    let of_rig = weights_of_rig(fingers, bones, weights);
+                    let none = ReadError::Number {
+                        array: "rig_weight",
+                        number: 0.0,
+                    };
+                    Some(of_rig.ok_or(none)?)
+                }
+            },
         })
     }
 }

@@ -3,7 +3,7 @@
 
 use super::mesh::neighbours;
 use super::shape::Outline;
-use crate::Body;
+use crate::{Body, JOINTS};
 
 /// Weight of the difference to each neighbour, in outlines.
 const SMOOTH: f32 = 4.0;
@@ -33,6 +33,8 @@ const LIMITS: [(u8, f32); 12] = [
     (23, 0.008),
 ];
 const MOST: f32 = 0.10;
+/// That of fingers.
+const FINGER: f32 = 0.008;
 
 /// Offsets `[V]`, metres, that minimise Σᵢ cᵢ (hᵢ − dᵢ)² + λ Σ (hᵢ − hⱼ)² + ε Σ hᵢ², over vertices i with outlines at dᵢ, and
 /// neighbours i and j.
@@ -85,7 +87,11 @@ fn limit(body: &Body, vertex: usize) -> f32 {
     bones
         .map(|(bone, weight)| {
             let own = LIMITS.iter().find(|(joint, _)| joint == bone);
-            weight * own.map_or(MOST, |(_, most)| *most)
+            let other = match usize::from(*bone) < JOINTS {
+                true => MOST,
+                false => FINGER,
+            };
+            weight * own.map_or(other, |(_, most)| *most)
         })
         .sum()
 }

@@ -1,15 +1,24 @@
 //! The body in a person's rest pose: each bone is rotated and stretched from the body's joints to the person's.
 
-use crate::Body;
+use crate::{Body, JOINTS, WITH_FINGERS};
 use rayon::prelude::*;
 
 /// Length below which a bone has no direction, metres.
 const LEAST: f32 = 1e-4;
 
-/// The parents of SMPL's joints, whose order the body has; a root's is itself.
-pub(crate) const PARENTS: [usize; 24] = [
-    0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
+/// The parents of SMPL's joints, whose order the body has, and of the fingers' joints after them; a root's is itself.
+pub(crate) const PARENTS: [usize; WITH_FINGERS] = [
+    0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21, //
+    20, 24, 25, 20, 27, 28, 20, 30, 31, 20, 33, 34, 20, 36, 37, //
+    21, 39, 40, 21, 42, 43, 21, 45, 46, 21, 48, 49, 21, 51, 52,
 ];
+
+/// Whether the bone of a joint's parent ends at the joint, of a body with `count` joints. A hand ends at its middle finger, if it has
+/// fingers.
+fn is_end(joint: usize, count: usize) -> bool {
+    let of_wrist = PARENTS[joint] == 20 || PARENTS[joint] == 21;
+    !of_wrist || count == JOINTS || joint == 27 || joint == 42
+}
 
 /// An affine map of points: `linear` x + `shift`.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +27,7 @@ struct Affine {
     shift: [f32; 3],
 }
 
-/// Maps of the body's 24 bones to those of a person.
+/// Maps of the body's bones to those of a person.
 #[derive(Clone, Debug)]
 pub struct RestPose {
     maps: Vec<Affine>,
@@ -27,8 +36,8 @@ pub struct RestPose {
 }
 
 impl RestPose {
-    /// The maps that take bones with joints `from` `[24]` to the person's joints `to` `[24]`, metres. Along its own axis a bone
-    /// is as long as the person's. Across it, it grows as the sum of all bones does.
+    /// The maps that take bones with joints `from` `[K]` to the person's joints `to` `[K]`, metres, K of SMPL or with fingers. Along its
+    /// own axis a bone is as long as the person's. Across it, it grows as the sum of SMPL's bones does.
     pub fn new(from: &[[f32; 3]], to: &[[f32; 3]]) -> Self {
         let total = |joints: &[[f32; 3]]| -> f32 {
             bones()
@@ -38,7 +47,9 @@ impl RestPose {
         let scale = total(to) / total(from).max(LEAST);
         let mut maps: Vec<Affine> = Vec::with_capacity(from.len());
         for joint in 0..from.len() {
-            let mut children = bones().filter(|(_, parent)| *parent == joint);
+            let mut children = (1..from.len())
+                .map(|child| (child, PARENTS[child]))
+                .filter(|(child, parent)| *parent == joint && is_end(*child, from.len()));
             let linear = match (children.next(), children.next()) {
                 (Some((child, _)), None) => stretch(
                     sub(from[child], from[joint]),
@@ -47,7 +58,7 @@ impl RestPose {
                 ),
                 // Several children, as of pelvis and chest: the bone keeps its direction.
                 (Some(_), Some(_)) => times(IDENTITY, scale),
-                // A hand, a foot's tip and the head go on as the bone before them.
+                // A hand, a finger's tip, a foot's tip and the head go on as the bone before them.
                 (None, _) => times(maps[PARENTS[joint]].rotation(), scale),
             };
             maps.push(Affine {
@@ -113,9 +124,9 @@ impl Affine {
     }
 }
 
-/// Joints with their parents, without the root.
+/// SMPL's joints with their parents, without the root.
 pub(crate) fn bones() -> impl Iterator<Item = (usize, usize)> {
-    PARENTS.into_iter().enumerate().skip(1)
+    PARENTS.into_iter().enumerate().take(JOINTS).skip(1)
 }
 
 const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -34,6 +34,7 @@ use crate::FrameImage;
 use crate::skeleton::{Skeleton, SkeletonError};
 use observe::Observation;
 use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::smpl;
 
 /// Indices of frames before which a joint jumps faster than any body can: the pose estimator lost track,
 /// or the film was cut.
@@ -41,8 +42,10 @@ use yoto_proto::pose_track::PoseTrack;
 /// # Errors
 /// If the track's skeleton is invalid.
 pub fn jumps(track: &PoseTrack) -> Result<Vec<u32>, SkeletonError> {
+    let mut track = track.clone();
+    smpl::drop_fingers(&mut track);
     let skeleton = Skeleton::from_track(&track.skeleton)?;
-    Ok(motion::Motion::of(track, &skeleton).jumps)
+    Ok(motion::Motion::of(&track, &skeleton).jumps)
 }
 
 /// Takes the frames of a capture one by one, and then reports on all of them.
@@ -55,11 +58,12 @@ pub struct Checker {
 }
 
 impl Checker {
-    /// A check of `track`, which must have passed [`PoseTrack::check`].
+    /// A check of `track`, which must have passed [`PoseTrack::check`]. Fingers are too thin for what masks tell, and take no part.
     ///
     /// # Errors
     /// If the track's skeleton is invalid.
-    pub fn new(track: PoseTrack) -> Result<Self, SkeletonError> {
+    pub fn new(mut track: PoseTrack) -> Result<Self, SkeletonError> {
+        smpl::drop_fingers(&mut track);
         Ok(Self {
             skeleton: Skeleton::from_track(&track.skeleton)?,
             wanted: plan::positions(track.frames.len()),

@@ -5,6 +5,7 @@
 
 mod bounds;
 pub mod feet;
+pub mod fingers;
 pub mod kinematics;
 mod pose;
 pub mod readings;

@@ -1,17 +1,26 @@
 //! The joint tree of SMPL, as in the contract, and an average adult's rest joints on it, for people
 //! without a known skeleton.
 
-pub use yoto_proto::smpl::JOINTS;
+pub use yoto_proto::smpl::{FINGERS, JOINTS, WITH_FINGERS, joints_with_fingers};
 
 use super::{Skeleton, Vec3};
 
-/// Whether the joints of a skeleton are those of SMPL, in its order.
+/// Whether the joints of a skeleton are those of SMPL in its order, with or without fingers behind them.
 pub fn has_joints(skeleton: &Skeleton) -> bool {
+    let joints = skeleton.joints();
     let own = skeleton.names.iter().zip(&skeleton.parents);
-    skeleton.joints() == JOINTS.len()
+    (joints == JOINTS.len() || joints == WITH_FINGERS)
         && own
-            .zip(JOINTS)
+            .zip(joints_with_fingers())
             .all(|((name, parent), joint)| (name.as_str(), *parent) == joint)
+}
+
+/// The number of joints of a skeleton without the fingers that follow SMPL's joints; all joints of other skeletons.
+pub fn joints_without_fingers(skeleton: &Skeleton) -> usize {
+    match has_joints(skeleton) {
+        true => JOINTS.len(),
+        false => skeleton.joints(),
+    }
 }
 
 /// An average adult of [`AVERAGE_HEIGHT`] in T-pose: y up from the floor, facing +z, left hand at +x;

@@ -3,10 +3,9 @@
 use super::cloud::{Cloud, dot, minus};
 use super::surface::{OUTWARD, Surface};
 use rayon::prelude::*;
-use std::ops::RangeInclusive;
-use yoto_body::Body;
 use yoto_body::person::fit::{FittedBody, fit};
 use yoto_body::person::shape::Outline;
+use yoto_body::{Body, hand_of};
 use yoto_capture::skeleton::Skeleton;
 
 /// Standard deviation of a plane's weight, metres.
@@ -22,9 +21,6 @@ const CLOSE: f32 = 5e-4;
 const FARTHEST: f32 = 0.08;
 /// Frames that a vertex counts as in the body's fit.
 const FRAMES: u32 = 1;
-/// Joints of wrist and hand.
-const HANDS: RangeInclusive<u8> = 20..=23;
-const SIDES: [[u8; 2]; 2] = [[20, 22], [21, 23]];
 /// Rings of faces of the forearm that belong to a hand, so that it reaches into the sleeve.
 const CUFF: usize = 3;
 /// Distance of a splat that shows a vertex of a hand, metres, and the share of the vertices that splats must show.
@@ -33,14 +29,14 @@ const SHOWN: f64 = 0.3;
 
 /// The surface `through` the splats of `cloud` with the body's hands, where splats show hands.
 pub(super) fn with_hands(cloud: &Cloud, skeleton: &Skeleton, through: Surface) -> Surface {
-    let body = Body::people();
+    let body = Body::for_joints(skeleton.joints());
     let joints: Vec<[f32; 3]> = (skeleton.rest.iter())
         .map(|at| at.map(|v| v as f32))
         .collect();
     // Fingers are nearer to each other than splats are: the planes of one would be taken for those of another.
     let fitted = fit(body, &joints, |vertices, normals, _| {
         (vertices.par_iter().zip(normals).enumerate())
-            .filter(|(vertex, _)| !HANDS.contains(&body.bones[*vertex][0]))
+            .filter(|(vertex, _)| hand_of(body.bones[*vertex][0]).is_none())
             .filter_map(|(vertex, (at, normal))| {
                 let distance = to_planes(cloud, *at, *normal)?;
                 Some(Outline {
@@ -51,10 +47,10 @@ pub(super) fn with_hands(cloud: &Cloud, skeleton: &Skeleton, through: Surface) -
             })
             .collect()
     });
-    let hands: Vec<[u8; 2]> = (SIDES.into_iter())
-        .filter(|bones| is_shown(cloud, body, &fitted, *bones))
+    let hands: Vec<usize> = (0..2)
+        .filter(|side| is_shown(cloud, body, &fitted, *side))
         .collect();
-    replaced(body, &fitted, through, hands.as_flattened())
+    replaced(body, &fitted, through, &hands)
 }
 
 /// The distance from a point along a normal to the planes around it, metres; `None` if too few splats tell.
@@ -90,10 +86,10 @@ fn to_planes(cloud: &Cloud, from: [f32; 3], normal: [f32; 3]) -> Option<f32> {
     None
 }
 
-/// Whether splats show the hand of these bones: a person may lack it, or a film may not show it.
-fn is_shown(cloud: &Cloud, body: &Body, fitted: &FittedBody, bones: [u8; 2]) -> bool {
+/// Whether splats show the hand of this side: a person may lack it, or a film may not show it.
+fn is_shown(cloud: &Cloud, body: &Body, fitted: &FittedBody, side: usize) -> bool {
     let own: Vec<&[f32; 3]> = (fitted.vertices.iter().zip(&body.bones))
-        .filter(|(_, own)| bones.contains(&own[0]))
+        .filter(|(_, own)| hand_of(own[0]) == Some(side))
         .map(|(at, _)| at)
         .collect();
     let has_splat = |at: &&&[f32; 3]| {
@@ -108,13 +104,13 @@ fn is_shown(cloud: &Cloud, body: &Body, fitted: &FittedBody, bones: [u8; 2]) -> 
     shown as f64 >= SHOWN * own.len() as f64
 }
 
-/// `through` with the body's hands of these `bones` in place of its own.
-fn replaced(body: &Body, fitted: &FittedBody, through: Surface, bones: &[u8]) -> Surface {
-    if bones.is_empty() {
+/// `through` with the body's hands of these `sides` in place of its own.
+fn replaced(body: &Body, fitted: &FittedBody, through: Surface, sides: &[usize]) -> Surface {
+    if sides.is_empty() {
         return through;
     }
     let of_hand: Vec<bool> = (body.bones.iter())
-        .map(|own| bones.contains(&own[0]))
+        .map(|own| hand_of(own[0]).is_some_and(|side| sides.contains(&side)))
         .collect();
     let on_hand: Vec<bool> = (through.positions.par_iter())
         .map(|at| of_hand[nearest(&fitted.vertices, *at)])

@@ -25,7 +25,7 @@ pub(super) struct AllInfluences<'a> {
     pub grad: &'a [[f32; 12]],
     /// Posed to canonical of each bone `[K, 12]`.
     pub bones: &'a [[f32; 12]],
-    /// Volumes `[C, V]`, the first K those of the bones.
+    /// Volumes `[C, V]`, the first those of the bones; bones may lack one.
     pub volumes: &'a [f32],
     pub grid: &'a WarpGrid,
 }
@@ -40,12 +40,16 @@ impl AllInfluences<'_> {
         let (voxels, sides) = (self.grid.voxels(), self.grid.sides());
         let mut to_volumes = vec![0f32; self.volumes.len()];
         let mut to_transforms = vec![0f32; 12 * self.bones.len()];
-        to_volumes
-            .par_chunks_mut(voxels)
+        let volumes = to_volumes.chunks_mut(voxels).map(Some);
+        let volumes: Vec<_> = volumes
+            .chain(std::iter::repeat_with(|| None))
+            .take(self.bones.len())
+            .collect();
+        volumes
+            .into_par_iter()
             .zip(to_transforms.par_chunks_mut(12))
             .enumerate()
-            .for_each(|(bone, (to_volume, to_transform))| {
-                let volume = &self.volumes[bone * voxels..(bone + 1) * voxels];
+            .for_each(|(bone, (mut to_volume, to_transform))| {
                 let mut to_forward = [0f32; 12];
                 for influence in self.blocks.iter().flat_map(|block| &block[bone]) {
                     let point = influence.point as usize;
@@ -53,8 +57,10 @@ impl AllInfluences<'_> {
                         *to += influence.weight * from;
                     }
                     if influence.to_value != 0.0
+                        && let Some(to_volume) = &mut to_volume
                         && let Some(cell) = cell(point)
                     {
+                        let volume = &self.volumes[bone * voxels..(bone + 1) * voxels];
                         cell.spread(volume, to_volume, influence.to_value, sides);
                     }
                 }

@@ -79,12 +79,25 @@ impl Points {
     }
 }
 
-type Form = fn(Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, &WarpGrid) -> Tensor<2>;
+type Form =
+    fn(Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, usize, &WarpGrid) -> Tensor<2>;
 
-/// The blended transforms, and the gradients of their product with `towards` to factors, transforms and points.
+/// The blended transforms, and the gradients of their product with `towards` to factors, transforms and points. All bones have factors.
 fn run(
     form: Form,
     factors: &[f32],
+    points: &Points,
+    towards: &[f32],
+    grid: &WarpGrid,
+) -> [Vec<f32>; 4] {
+    run_with(form, factors, BONES, points, towards, grid)
+}
+
+/// As [`run`], with factors of the first `factored` bones.
+fn run_with(
+    form: Form,
+    factors: &[f32],
+    factored: usize,
     points: &Points,
     towards: &[f32],
     grid: &WarpGrid,
@@ -104,6 +117,7 @@ fn run(
         at.clone(),
         bones,
         weights,
+        factored,
         grid,
     );
     let towards = TensorData::new(towards.to_vec(), [points.count(), 12]);
@@ -159,6 +173,30 @@ fn skinning_of_a_surface_equals_the_reference_inside_and_outside_of_the_box() {
             assert!(error < 1e-5, "{part} with {width} bones: {error:e}");
         }
         let background = &ours[1][BONES * VOXELS..];
+        assert!(background.iter().all(|gradient| *gradient == 0.0));
+    }
+}
+
+#[test]
+fn bones_without_factors_have_the_factor_1() {
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    let factored = 2;
+    let own = drawn(&mut rng, (factored + 1) * VOXELS, 0.2, 3.0);
+    let mut all = own[..factored * VOXELS].to_vec();
+    all.resize(BONES * VOXELS, 1.0);
+    let points = Points::new(&mut rng, 700, 4, 0.7);
+    let towards = drawn(&mut rng, 12 * 700, -1.0, 1.0);
+    let expected = run(skin_surface, &all, &points, &towards, &grid());
+    for form in [skin_surface, reference::skin_surface] {
+        let found = run_with(form, &own, factored, &points, &towards, &grid());
+        for part in [0, 2, 3] {
+            assert!(
+                relative_error(&found[part], &expected[part]) < 1e-5,
+                "{part}"
+            );
+        }
+        let (to_factors, background) = found[1].split_at(factored * VOXELS);
+        assert!(relative_error(to_factors, &expected[1][..factored * VOXELS]) < 1e-5);
         assert!(background.iter().all(|gradient| *gradient == 0.0));
     }
 }
@@ -299,7 +337,7 @@ fn weights_for_pictures_are_those_of_the_operation() {
         weights,
         width,
     } = &points;
-    let found = SkinningWeights::of_surface(&factors, at, bones, weights, *width, &grid());
+    let found = SkinningWeights::of_surface(&factors, BONES, at, bones, weights, *width, &grid());
     let towards = vec![1.0; 12 * 600];
     let [expected, ..] = run(skin_surface, &factors, &points, &towards, &grid());
     assert!(found.skin(&transforms()) == expected);
@@ -311,7 +349,15 @@ fn no_points_are_skinned_to_nothing() {
     let [at, bones] = [3, 4].map(|columns| Tensor::<2>::zeros([0, columns], &device));
     let factors = Tensor::ones([BONES, VOXELS], &device);
     let transforms = Tensor::ones([BONES, 12], &device);
-    let skinned = skin_surface(factors, transforms, at, bones.clone(), bones, &grid());
+    let skinned = skin_surface(
+        factors,
+        transforms,
+        at,
+        bones.clone(),
+        bones,
+        BONES,
+        &grid(),
+    );
     assert_eq!(skinned.dims(), [0, 12]);
 }
 

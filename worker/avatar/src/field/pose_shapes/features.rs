@@ -9,10 +9,10 @@ pub(super) const FEATURES: usize = 9;
 /// How far beyond its filmed range a feature still takes part, as a share of the range (docs/research/splats.md, "Pose blend shapes").
 const BEYOND: f32 = 3.0;
 
-/// `[9 K]`: R − I of each joint; 0 for the root, since clothes do not move when a person turns.
-pub(super) fn features(pose: &Pose) -> Vec<f32> {
+/// `[9 K]`: R − I of each of the first K `joints`; 0 for the root, since clothes do not move when a person turns.
+pub(super) fn features(pose: &Pose, joints: usize) -> Vec<f32> {
     let mut all = vec![0.0; FEATURES];
-    for rotation in pose.rotations.iter().skip(1) {
+    for rotation in pose.rotations.iter().take(joints).skip(1) {
         let turned = rodrigues(rotation.map(f64::from));
         let less = |i: usize| turned[i / 3][i % 3] - f64::from(u8::from(i.is_multiple_of(4)));
         all.extend((0..FEATURES).map(|i| less(i) as f32));
@@ -40,7 +40,7 @@ impl FeatureRange {
         let half = self.bounds.len() / 2;
         let (least, greatest) = self.bounds.split_at_mut(half);
         for pose in poses {
-            for (i, value) in features(pose).into_iter().enumerate() {
+            for (i, value) in features(pose, half / FEATURES).into_iter().enumerate() {
                 least[i] = least[i].min(value);
                 greatest[i] = greatest[i].max(value);
             }

@@ -52,7 +52,11 @@ impl HostShapes {
         let weights = read(shapes.weights(config, body, places, code).detach())?;
         let basis = read((shapes.basis.val() + shapes.own[slot].val()).detach())?;
         let limits = shapes.pose_range(slot)?.limits();
-        let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
+        let near = Nearness::new(
+            &body.skeleton,
+            &body.rest[..body.known_joints],
+            config.reach as f32,
+        );
         Ok(Self::new(&near, basis, limits, weights, means))
     }
 
@@ -96,7 +100,7 @@ impl HostShapes {
             |group: &Vec<(usize, f32)>| mixed(&self.weights, self.count, group.iter().copied());
         let weights = groups.iter().flat_map(mixed).collect();
         let (basis, limits) = (self.basis.clone(), self.limits.clone());
-        let near = Nearness::new(&body.skeleton, &body.rest, self.reach);
+        let near = Nearness::new(&body.skeleton, &body.rest[..body.known_joints], self.reach);
         Self::new(&near, basis, limits, weights, means)
     }
 
@@ -107,8 +111,9 @@ impl HostShapes {
 
     /// `[K, 3 R]`: what each joint's rotation gives each shape.
     fn by_joint(&self, pose: &Pose) -> Vec<f32> {
-        let features = self.limits.clamp(features(pose));
         let width = 3 * self.count;
+        let joints = self.basis.len() / (FEATURES * width);
+        let features = self.limits.clamp(features(pose, joints));
         let joints = self.basis.chunks_exact(FEATURES * width);
         let mut all = Vec::with_capacity(self.basis.len() / FEATURES);
         for (basis, features) in joints.zip(features.chunks_exact(FEATURES)) {

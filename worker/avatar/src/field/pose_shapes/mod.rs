@@ -129,11 +129,14 @@ impl PoseShapes {
         let means = means.clone().detach();
         let device = means.device();
         let [n, _] = means.dims();
-        let joints = body.rest.len();
-        let near = Nearness::new(&body.skeleton, &body.rest, config.reach as f32);
+        let joints = body.known_joints;
+        let near = Nearness::new(&body.skeleton, &body.rest[..joints], config.reach as f32);
         let near = TensorData::new(near.dense(&read(means.clone())?), [n, joints]);
         let near = Tensor::<2>::from_data(near, &device);
-        let features = self.pose_range(slot)?.limits().clamp(features(pose));
+        let features = self
+            .pose_range(slot)?
+            .limits()
+            .clamp(features(pose, joints));
         let features = TensorData::new(features, [joints, 1, FEATURES]);
         let features = Tensor::<3>::from_data(features, &device);
         let basis = self.basis.val() + self.own[slot].val();

@@ -27,10 +27,10 @@ struct Bone {
 }
 
 impl Nearness {
-    /// The nearness to a body whose joints are at `rest`. At the distance `reach`, metres, the nearness is e^(−1/2).
+    /// The nearness to a body whose first K joints are at `rest`. At the distance `reach`, metres, the nearness is e^(−1/2).
     pub(crate) fn new(skeleton: &Skeleton, rest: &[Vec3], reach: f32) -> Self {
         let joints: Vec<[f32; 3]> = rest.iter().map(|at| at.map(|v| v as f32)).collect();
-        let children = skeleton.parents.iter().enumerate();
+        let children = skeleton.parents.iter().take(rest.len()).enumerate();
         let bones = children.filter_map(|(child, parent)| {
             let parent = (*parent)?;
             let (from, to) = (joints[parent], joints[child]);

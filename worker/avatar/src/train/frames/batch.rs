@@ -110,7 +110,7 @@ pub fn outcome(
             scene.schedule_progress,
         );
         let weights = read(posed.weights.clone())?;
-        let transforms = read(posed.transforms.clone())?;
+        let transforms = read(posed.known_transforms())?;
         Ok::<_, RenderError>((posed, weights, transforms))
     })?;
     let volume = Volume {

@@ -1,5 +1,6 @@
 //! The people that a model is trained on: their bodies and frames.
 
+mod fingers;
 pub(crate) mod learn;
 pub mod leaving;
 
@@ -15,6 +16,7 @@ use yoto_capture::skeleton::readings::Sides;
 use yoto_capture::{CroppedFrames, FrameImage, Shard};
 use yoto_proto::correction::other_sides;
 use yoto_proto::pose_track::PoseTrack;
+use yoto_proto::smpl;
 
 /// One identity's training data.
 #[derive(Clone)]
@@ -152,6 +154,16 @@ pub(crate) fn covered(image: &FrameImage) -> Vec<u32> {
         .collect()
 }
 
+/// The joint tree of a person, without fingers: people with and without them fit one model.
+fn tree(person: &TrainPerson) -> (&[String], &[i32]) {
+    let skeleton = &person.shard.track.skeleton;
+    let count = match smpl::is_smpls(skeleton) {
+        true => smpl::JOINTS.len(),
+        false => skeleton.parents.len(),
+    };
+    (&skeleton.names[..count], &skeleton.parents[..count])
+}
+
 /// The first difference of two people's joint trees, in words.
 fn difference(one: &TrainPerson, other: &TrainPerson) -> String {
     let trees = [one, other].map(|person| &person.shard.track.skeleton);
@@ -167,18 +179,12 @@ fn difference(one: &TrainPerson, other: &TrainPerson) -> String {
     }
 }
 
-/// Checks that the people fit one model: equal joint trees, and one slot each. Returns the number
-/// of slots that they need and their number of joints.
+/// Checks that the people fit one model: equal joint trees, but for fingers, and one slot each. Returns the number
+/// of slots that they need and their number of joints, fingers not counted.
 pub(crate) fn check_people(people: &[TrainPerson]) -> Result<(usize, usize), TrainError> {
     let first = people
         .first()
         .ok_or_else(|| TrainError::People("no people to train on".into()))?;
-    let tree = |person: &TrainPerson| {
-        (
-            person.shard.track.skeleton.names.clone(),
-            person.shard.track.skeleton.parents.clone(),
-        )
-    };
     let mut slots: Vec<usize> = people.iter().map(|p| p.slot).collect();
     slots.sort_unstable();
     if slots.windows(2).any(|pair| pair[0] == pair[1]) {
@@ -192,7 +198,7 @@ pub(crate) fn check_people(people: &[TrainPerson]) -> Result<(usize, usize), Tra
             difference(first, other)
         )));
     }
-    let joints = first.shard.track.joints();
+    let joints = tree(first).0.len();
     if joints < 2 {
         return Err(TrainError::People(format!(
             "{}: a body needs at least 2 joints",

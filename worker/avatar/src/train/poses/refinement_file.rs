@@ -56,9 +56,12 @@ pub(crate) fn keep(dir: &Path, slot: usize, file: &[u8]) -> Result<(), TrainErro
     std::fs::write(&path, file).map_err(|e| failed(&path, e))
 }
 
-/// The refined poses of each slot of a checkpoint in `dir`, for skeletons with `joints` joints; none
-/// where nobody's poses were refined.
-pub(crate) fn load(dir: &Path, joints: usize) -> Result<Vec<Option<PoseRefinement>>, TrainError> {
+/// The refined poses of each slot of a checkpoint in `dir`; none where nobody's poses were refined. The skeleton of a slot has as many
+/// `joints`, where that is known.
+pub(crate) fn load(
+    dir: &Path,
+    joints: impl Fn(usize) -> Option<usize>,
+) -> Result<Vec<Option<PoseRefinement>>, TrainError> {
     let path = dir.join(files::REFINEMENT);
     if !path.exists() {
         return Ok(Vec::new());
@@ -67,7 +70,10 @@ pub(crate) fn load(dir: &Path, joints: usize) -> Result<Vec<Option<PoseRefinemen
     let poses: Vec<Option<PoseRefinement>> =
         serde_json::from_slice(&bytes).map_err(|e| failed(&path, e))?;
     for (slot, poses) in poses.iter().enumerate() {
-        if poses.as_ref().is_some_and(|poses| !poses.fits(joints)) {
+        let (Some(poses), Some(joints)) = (poses, joints(slot)) else {
+            continue;
+        };
+        if !poses.fits(joints) {
             return Err(failed(
                 &path,
                 format!("slot {slot}: its changes are not of a skeleton with {joints} joints"),
@@ -87,7 +93,7 @@ pub fn refined_track(
     slot: usize,
     given: &PoseTrack,
 ) -> Result<Option<PoseTrack>, TrainError> {
-    let known = load(dir, given.joints())?;
+    let known = load(dir, |it| (it == slot).then(|| given.joints()))?;
     let of_this_film = |it: &PoseRefinement| it.is_of(given);
     if !known
         .get(slot)

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::smpl::joints_without_fingers;
 use yoto_proto::manifest::files;
 
 /// Version of [`ModelState`] that this program reads and writes.
@@ -134,7 +135,13 @@ impl ModelState {
         Ok(state)
     }
 
-    /// Checks that every skeleton is valid and has `joints` joints.
+    /// The number of joints of the person in `slot`, fingers counted, if the model knows somebody there.
+    pub(crate) fn joints_of(&self, slot: usize) -> Option<usize> {
+        let skeleton = self.slots.get(slot).and_then(Option::as_ref);
+        skeleton.map(Skeleton::joints)
+    }
+
+    /// Checks that every skeleton is valid and has `joints` joints, fingers not counted.
     fn check_skeletons(&self) -> Result<(), String> {
         if self.joints < 2 {
             return Err(format!("joints: {}, at least 2 are needed", self.joints));
@@ -143,10 +150,10 @@ impl ModelState {
             let Some(skeleton) = skeleton else { continue };
             Skeleton::from_track(&skeleton.to_track())
                 .map_err(|error| format!("slots[{slot}]: {error}"))?;
-            if skeleton.joints() != self.joints {
+            let joints = joints_without_fingers(skeleton);
+            if joints != self.joints {
                 return Err(format!(
-                    "slots[{slot}]: {} joints, expected {}",
-                    skeleton.joints(),
+                    "slots[{slot}]: {joints} joints, expected {}",
                     self.joints
                 ));
             }
@@ -315,7 +322,7 @@ pub(crate) fn load_avatar(
         return Err(failed(&path, format!("missing tensor: {name}")));
     }
     for (slot, splats) in avatar.splats.iter().enumerate() {
-        let good = splats.has_good_bones(state.joints);
+        let good = splats.has_good_bones(state.joints_of(slot).unwrap_or(state.joints));
         if !good.map_err(|e| failed(&path, e))? {
             let [bones, weights] = skinning_paths(slot);
             return Err(failed(

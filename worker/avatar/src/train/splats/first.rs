@@ -52,7 +52,7 @@ pub(crate) fn initial_splats(
     }
     let skeleton = &subject.body.skeleton;
     let person = (config.surface && has_joints(skeleton))
-        .then(|| PersonSurface::new(Body::people(), skeleton, &hull));
+        .then(|| PersonSurface::new(Body::for_joints(skeleton.joints()), skeleton, &hull));
     let first = match &person {
         Some(person) => on_body(&hull, person, &shell, count),
         None => on_shell(&shell, count),

@@ -54,6 +54,8 @@ fn skinning_of_a_surface_equals_the_cpus_inside_and_outside_of_the_box() {
             });
             let towards = Numbers::drawn(&mut rng, [n, 12], -1.0, 1.0)
                 .with(|values| values[12 * 2_000..].fill(0.0));
+            // The other bones have the factor 1.
+            let factored = count - 1;
             let run = |device: &Device| {
                 let device = device.clone().autodiff();
                 let factors = factors.learned_on(&device);
@@ -65,6 +67,7 @@ fn skinning_of_a_surface_equals_the_cpus_inside_and_outside_of_the_box() {
                     points.clone(),
                     bones.on(&device),
                     weights.on(&device),
+                    factored,
                     &grid,
                 );
                 let grads = (output.clone() * towards.on(&device)).sum().backward();
@@ -106,7 +109,7 @@ fn a_surface_without_points_is_skinned_to_nothing() {
         let [points, bones] = [3, 4].map(|columns| Tensor::<2>::zeros([0, columns], &vulkan));
         let factors = Tensor::ones([1, 27], &vulkan);
         let transforms = Tensor::ones([1, 12], &vulkan);
-        let skinned = skin_surface(factors, transforms, points, bones.clone(), bones, &grid);
+        let skinned = skin_surface(factors, transforms, points, bones.clone(), bones, 1, &grid);
         assert_eq!(skinned.dims(), [0, 12]);
         assert!(values(skinned).is_empty());
     });

@@ -13,6 +13,7 @@ struct SavedSkinSurface<B: Backend> {
     points: FloatTensor<B>,
     bones: FloatTensor<B>,
     weights: FloatTensor<B>,
+    factored: usize,
     grid: WarpGrid,
 }
 
@@ -25,6 +26,7 @@ impl<B: SkinSurfaceOps> Saved<B, 3> for SavedSkinSurface<B> {
             self.bones,
             self.weights,
             grad,
+            self.factored,
             self.grid,
         )
         .into()
@@ -38,6 +40,7 @@ impl<B: SkinSurfaceOps, C: CheckpointStrategy> SkinSurfaceOps for Autodiff<B, C>
         points: FloatTensor<Self>,
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> FloatTensor<Self> {
         let [bones, weights] = [bones, weights].map(|constant| constant.into_primitive());
@@ -50,6 +53,7 @@ impl<B: SkinSurfaceOps, C: CheckpointStrategy> SkinSurfaceOps for Autodiff<B, C>
                     points.clone(),
                     bones.clone(),
                     weights.clone(),
+                    factored,
                     grid.clone(),
                 );
                 let saved = SavedSkinSurface {
@@ -58,6 +62,7 @@ impl<B: SkinSurfaceOps, C: CheckpointStrategy> SkinSurfaceOps for Autodiff<B, C>
                     points,
                     bones,
                     weights,
+                    factored,
                     grid,
                 };
                 (blended, saved)
@@ -72,13 +77,16 @@ impl<B: SkinSurfaceOps, C: CheckpointStrategy> SkinSurfaceOps for Autodiff<B, C>
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
         grad: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         constants::<B, C, _, _>(
             [factors, transforms, points, bones, weights, grad],
             |[factors, transforms, points, bones, weights, grad]| {
-                B::skin_surface_backward(factors, transforms, points, bones, weights, grad, grid)
-                    .into()
+                B::skin_surface_backward(
+                    factors, transforms, points, bones, weights, grad, factored, grid,
+                )
+                .into()
             },
         )
         .into()

@@ -22,6 +22,7 @@ impl SkinSurfaceOps for Flex {
         points: FloatTensor<Self>,
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> FloatTensor<Self> {
         let [n, width] = bones.shape().dims();
@@ -29,6 +30,7 @@ impl SkinSurfaceOps for Flex {
             [factors, transforms, points, bones, weights].map(|tensor| tensor.to_contiguous());
         let surface = Surface::new(
             factors.storage(),
+            factored,
             bones.storage(),
             weights.storage(),
             width,
@@ -45,6 +47,7 @@ impl SkinSurfaceOps for Flex {
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
         grad: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         let ([rows, voxels], count) = (factors.shape().dims(), transforms.shape()[0]);
@@ -54,6 +57,7 @@ impl SkinSurfaceOps for Flex {
                 .map(|tensor| tensor.to_contiguous());
         let surface = Surface::new(
             factors.storage(),
+            factored,
             bones.storage(),
             weights.storage(),
             width,
@@ -228,11 +232,12 @@ fn influences<const FMA: bool>(block: InfluenceBlock<'_, '_>) -> Influences {
         let mean = dot(grad, &blend::<FMA>(&weights, forward));
         for share in weights.shares() {
             let mut to_factor = 0.0;
-            if let Some((cell, sum)) = &weights.learned {
+            if let Some((cell, sum)) = &weights.learned
+                && let Some(slope) = surface.slope(share.bone, cell)
+            {
                 // ∂L/∂fᵢ = bᵢ ⟨∂L/∂G, Gᵢ − Σ wⱼ Gⱼ⟩ / Σ b f
                 to_factor = share.base * (dot(grad, &forward[share.bone]) - mean) / sum;
                 // ∂L/∂x = Σ ∂L/∂fᵢ ∇fᵢ(x)
-                let slope = surface.slope(share.bone, cell);
                 for (to, slope) in to_point.iter_mut().zip(slope) {
                     *to += to_factor * slope;
                 }

@@ -18,6 +18,7 @@ impl SkinSurfaceOps for CubeBackend {
         points: FloatTensor<Self>,
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> FloatTensor<Self> {
         let [factors, transforms, points, bones, weights] =
@@ -37,6 +38,7 @@ impl SkinSurfaceOps for CubeBackend {
                 bones.into_buffer_arg(),
                 weights.into_buffer_arg(),
                 output.clone().into_buffer_arg(),
+                factored as u32,
                 lattice(&grid),
             );
         }
@@ -50,6 +52,7 @@ impl SkinSurfaceOps for CubeBackend {
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
         grad: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>) {
         let [factors, transforms, points, bones, weights, grad] =
@@ -74,6 +77,7 @@ impl SkinSurfaceOps for CubeBackend {
                 grad.clone().into_buffer_arg(),
                 shares.clone().into_buffer_arg(),
                 to_points.clone().into_buffer_arg(),
+                factored as u32,
                 lattice(&grid),
             );
             launch_adding!(
@@ -95,15 +99,24 @@ impl SkinSurfaceOps for CubeBackend {
     }
 }
 
-/// A bone's factor at a point inside the box.
+/// A bone's factor at a point inside the box: 1 of bones after the first `factored`.
 #[cube]
-fn factor(factors: &[f32], bone: usize, point: &GridPoint, lattice: &Lattice) -> f32 {
-    let volume = bone * voxels(lattice);
-    let mut sum = 0.0f32;
-    for corner in 0..8u32 {
-        let tap = tap(point, corner, lattice);
-        if tap.inside {
-            sum += tap.u * tap.v * tap.w * factors[volume + tap.node];
+fn factor(
+    factors: &[f32],
+    bone: usize,
+    point: &GridPoint,
+    factored: u32,
+    lattice: &Lattice,
+) -> f32 {
+    let mut sum = 1.0f32;
+    if bone < factored as usize {
+        sum = 0.0f32;
+        let volume = bone * voxels(lattice);
+        for corner in 0..8u32 {
+            let tap = tap(point, corner, lattice);
+            if tap.inside {
+                sum += tap.u * tap.v * tap.w * factors[volume + tap.node];
+            }
         }
     }
     sum
@@ -111,6 +124,7 @@ fn factor(factors: &[f32], bone: usize, point: &GridPoint, lattice: &Lattice) ->
 
 /// Σ bⱼ fⱼ over the entries from `first` to `end`, those of a point; 0 where its weights are the base weights.
 #[cube]
+#[allow(clippy::too_many_arguments)]
 fn sum_of_weights(
     factors: &[f32],
     bones: &[f32],
@@ -118,6 +132,7 @@ fn sum_of_weights(
     first: usize,
     end: usize,
     point: &GridPoint,
+    factored: u32,
     lattice: &Lattice,
 ) -> f32 {
     let mut sum = 0.0f32;
@@ -125,7 +140,8 @@ fn sum_of_weights(
         for at in first..end {
             let base = weights[at];
             if base != 0.0 {
-                sum += base * factor(factors, usize::cast_from(bones[at]), point, lattice);
+                let bone = usize::cast_from(bones[at]);
+                sum += base * factor(factors, bone, point, factored, lattice);
             }
         }
     }
@@ -145,11 +161,12 @@ fn normalized(
     base: f32,
     sum: f32,
     point: &GridPoint,
+    factored: u32,
     lattice: &Lattice,
 ) -> f32 {
     let mut weight = base;
     if sum > 0.0 {
-        weight = base * factor(factors, bone, point, lattice) / sum;
+        weight = base * factor(factors, bone, point, factored, lattice) / sum;
     }
     weight
 }
@@ -164,6 +181,7 @@ fn skin_points(
     bones: &[f32],
     weights: &[f32],
     output: &mut [f32],
+    factored: u32,
     lattice: &Lattice,
 ) {
     let i = ABSOLUTE_POS;
@@ -174,7 +192,9 @@ fn skin_points(
     let width = bones.len() / n;
     let (first, end) = (width * i, width * i + width);
     let point = point_in_box(points, i, lattice);
-    let sum = sum_of_weights(factors, bones, weights, first, end, &point, lattice);
+    let sum = sum_of_weights(
+        factors, bones, weights, first, end, &point, factored, lattice,
+    );
     let mut blend = Array::<f32>::new(12usize);
     #[unroll]
     for k in 0..12usize {
@@ -184,7 +204,7 @@ fn skin_points(
         let base = weights[at];
         if base != 0.0 {
             let bone = usize::cast_from(bones[at]);
-            let weight = normalized(factors, bone, base, sum, &point, lattice);
+            let weight = normalized(factors, bone, base, sum, &point, factored, lattice);
             let bone_to_posed = bone_to_posed(transforms, bone);
             #[unroll]
             for k in 0..12usize {
@@ -212,6 +232,7 @@ fn points_backward(
     grad: &[f32],
     shares: &mut [f32],
     to_points: &mut [f32],
+    factored: u32,
     lattice: &Lattice,
 ) {
     let i = ABSOLUTE_POS;
@@ -234,12 +255,14 @@ fn points_backward(
         shares[2 * at + 1] = 0.0;
     }
     if has_grad {
-        sum = sum_of_weights(factors, bones, weights, first, end, &point, lattice);
+        sum = sum_of_weights(
+            factors, bones, weights, first, end, &point, factored, lattice,
+        );
         for at in first..end {
             let base = weights[at];
             if base != 0.0 {
                 let bone = usize::cast_from(bones[at]);
-                let weight = normalized(factors, bone, base, sum, &point, lattice);
+                let weight = normalized(factors, bone, base, sum, &point, factored, lattice);
                 shares[2 * at] = weight;
                 mean += weight * product(grad, i, &bone_to_posed(transforms, bone));
             }
@@ -253,19 +276,21 @@ fn points_backward(
             let base = weights[at];
             if base != 0.0 {
                 let bone = usize::cast_from(bones[at]);
-                // ∂L/∂fᵢ = bᵢ ⟨∂L/∂G, Gᵢ − Σ wⱼ Gⱼ⟩ / Σ b f
-                let along = product(grad, i, &bone_to_posed(transforms, bone)) - mean;
-                let to_factor = base * along / sum;
-                shares[2 * at + 1] = to_factor;
-                // ∂L/∂x = Σ ∂L/∂fᵢ ∇fᵢ(x)
-                let volume = bone * voxels(lattice);
-                for corner in 0..8u32 {
-                    let tap = tap(&point, corner, lattice);
-                    if tap.inside {
-                        let value = to_factor * factors[volume + tap.node];
-                        to_x += tap.du * tap.v * tap.w * value;
-                        to_y += tap.u * tap.dv * tap.w * value;
-                        to_z += tap.u * tap.v * tap.dw * value;
+                if bone < factored as usize {
+                    // ∂L/∂fᵢ = bᵢ ⟨∂L/∂G, Gᵢ − Σ wⱼ Gⱼ⟩ / Σ b f
+                    let along = product(grad, i, &bone_to_posed(transforms, bone)) - mean;
+                    let to_factor = base * along / sum;
+                    shares[2 * at + 1] = to_factor;
+                    // ∂L/∂x = Σ ∂L/∂fᵢ ∇fᵢ(x)
+                    let volume = bone * voxels(lattice);
+                    for corner in 0..8u32 {
+                        let tap = tap(&point, corner, lattice);
+                        if tap.inside {
+                            let value = to_factor * factors[volume + tap.node];
+                            to_x += tap.du * tap.v * tap.w * value;
+                            to_y += tap.u * tap.dv * tap.w * value;
+                            to_z += tap.u * tap.v * tap.dw * value;
+                        }
                     }
                 }
             }

@@ -2,7 +2,8 @@
 //! that surface, and a volume of factors changes the weights. A point x moves by Σ wᵢ Gᵢ with
 //! wᵢ = bᵢ fᵢ(x) / Σ bⱼ fⱼ(x), base weights b, and fᵢ the trilinear interpolation of the factors of the i-th bone. So
 //! only the bones of a point can move it, whatever the factors are, while [`super::skin`] looks all weights up in a
-//! volume, whose nodes at one side of a gap between limbs also count at the other side.
+//! volume, whose nodes at one side of a gap between limbs also count at the other side. Bones too small for the volume, as
+//! those of fingers, have the factor 1 everywhere.
 
 mod autodiff;
 pub mod cpu;
@@ -35,10 +36,11 @@ pub trait SkinSurfaceOps: Backend {
         points: FloatTensor<Self>,
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> FloatTensor<Self>;
     /// Gradients of [`skin_surface`] to factors, transforms and points, from `grad` `[N, 12]`.
-    #[fusion(meta = |factors, transforms, points, _, _, _, _| {
+    #[fusion(meta = |factors, transforms, points, _, _, _, _, _| {
         (factors.clone(), transforms.clone(), points.clone())
     })]
     fn skin_surface_backward(
@@ -48,6 +50,7 @@ pub trait SkinSurfaceOps: Backend {
         bones: FloatTensor<Self>,
         weights: FloatTensor<Self>,
         grad: FloatTensor<Self>,
+        factored: usize,
         grid: WarpGrid,
     ) -> (FloatTensor<Self>, FloatTensor<Self>, FloatTensor<Self>);
 }
@@ -60,8 +63,8 @@ fn output_shape(points: &burn::tensor::Shape) -> burn::tensor::Shape {
 
 /// Canonical to posed `[N, 12]`, row-major 3x4, of canonical `points` `[N, 3]`, metres.
 ///
-/// `factors` `[C, V]`, positive, C at least K and V the grid's nodes (bone, then z, y, x; rows after the K-th are not
-/// read). `transforms` `[K, 12]`, rigid, posed body to canonical, as for [`super::warp`]. `bones` `[N, B]`, B at most
+/// `factors` `[C, V]`, positive, C at least `factored` and V the grid's nodes (bone, then z, y, x; rows after those of the first
+/// `factored` bones are not read). Bones after them have the factor 1. `transforms` `[K, 12]`, rigid, posed body to canonical, as for [`super::warp`]. `bones` `[N, B]`, B at most
 /// [`MAX_BONES`], are the indices of each point's bones, integers below K. `weights` `[N, B]` are the base weights of
 /// these bones, at least 0, which sum to 1.
 ///
@@ -76,6 +79,7 @@ pub fn skin_surface(
     points: Tensor<2>,
     bones: Tensor<2>,
     weights: Tensor<2>,
+    factored: usize,
     grid: &WarpGrid,
 ) -> Tensor<2> {
     if has_own_form(&points.device()) {
@@ -85,9 +89,10 @@ pub fn skin_surface(
             points.into_dispatch(),
             bones.into_dispatch(),
             weights.into_dispatch(),
+            factored,
             grid.clone(),
         ))
     } else {
-        reference::skin_surface(factors, transforms, points, bones, weights, grid)
+        reference::skin_surface(factors, transforms, points, bones, weights, factored, grid)
     }
 }

@@ -11,11 +11,19 @@ pub fn skin_surface(
     points: Tensor<2>,
     bones: Tensor<2>,
     weights: Tensor<2>,
+    factored: usize,
     grid: &WarpGrid,
 ) -> Tensor<2> {
     let [n, width] = bones.dims();
     let weights = weights.detach();
     let bones = bones.int();
+    let ([rows, voxels], [count, _]) = (factors.dims(), transforms.dims());
+    assert!(
+        factored <= rows,
+        "factors of {factored} bones in {rows} rows"
+    );
+    let ones = Tensor::ones([count.saturating_sub(factored), voxels], &points.device());
+    let factors = Tensor::cat(vec![factors.slice([0..factored, 0..voxels]), ones], 0);
     let weighted = weights.clone() * interpolated(factors, points, bones.clone(), grid);
     let sum = weighted.clone().sum_dim(1);
     let empty = sum.clone().greater_equal_scalar(MIN_SUM).bool_not();

@@ -6,6 +6,8 @@ use super::{MAX_BONES, MIN_SUM, WarpGrid};
 /// Points of a surface with their bones and base weights, and the factors that change these weights.
 pub struct Surface<'a> {
     factors: &'a [f32],
+    /// Bones with factors: the first ones.
+    factored: usize,
     bones: &'a [f32],
     weights: &'a [f32],
     /// B.
@@ -42,12 +44,14 @@ impl PointWeights {
 }
 
 impl<'a> Surface<'a> {
-    /// `factors` `[C, V]`, `bones` `[N, width]` and base `weights` `[N, width]` as for [`super::skin_surface`].
+    /// `factors` `[C, V]` of the first `factored` bones, `bones` `[N, width]` and base `weights` `[N, width]` as for
+    /// [`super::skin_surface`].
     ///
     /// # Panics
-    /// If sizes do not match, `width` is 0 or more than [`MAX_BONES`], or a bone has no factors.
+    /// If sizes do not match, `width` is 0 or more than [`MAX_BONES`], or an index of a bone is not an integer.
     pub fn new(
         factors: &'a [f32],
+        factored: usize,
         bones: &'a [f32],
         weights: &'a [f32],
         width: usize,
@@ -69,15 +73,21 @@ impl<'a> Surface<'a> {
             "{} factors: {voxels} per bone",
             factors.len()
         );
+        assert!(
+            factors.len() >= factored * voxels,
+            "{} factors: {voxels} for each of {factored} bones",
+            factors.len()
+        );
         let surface = Self {
             factors,
+            factored,
             bones,
             weights,
             width,
             grid,
             scale: grid.scale(),
         };
-        surface.check_bones(factors.len() / voxels);
+        surface.check_bones(usize::from(u16::MAX));
         surface
     }
 
@@ -109,16 +119,17 @@ impl<'a> Surface<'a> {
         Cell::inside(at, self.grid.min, self.scale, self.grid.sides())
     }
 
+    /// The factors of a bone; `None` if it has the factor 1 everywhere.
     #[inline(always)]
-    fn volume(&self, bone: usize) -> &'a [f32] {
+    fn volume(&self, bone: usize) -> Option<&'a [f32]> {
         let voxels = self.grid.voxels();
-        &self.factors[bone * voxels..(bone + 1) * voxels]
+        (bone < self.factored).then(|| &self.factors[bone * voxels..(bone + 1) * voxels])
     }
 
-    /// Derivative of a bone's factor with respect to the point in `cell`, 1/m.
-    pub(super) fn slope(&self, bone: usize, cell: &Cell) -> [f32; 3] {
-        let slope = cell.slope(self.volume(bone), self.grid.sides());
-        std::array::from_fn(|a| slope[a] * self.scale[a])
+    /// Derivative of a bone's factor with respect to the point in `cell`, 1/m; `None` if it has the factor 1 everywhere.
+    pub(super) fn slope(&self, bone: usize, cell: &Cell) -> Option<[f32; 3]> {
+        let slope = cell.slope(self.volume(bone)?, self.grid.sides());
+        Some(std::array::from_fn(|a| slope[a] * self.scale[a]))
     }
 
     /// The skinning weights of the point with the index `i`, which is at `at`. Bones with a base weight of 0 are left
@@ -147,7 +158,11 @@ impl<'a> Surface<'a> {
         let shares = &mut found.shares[..found.count];
         let (mut weighted, mut sum) = ([0f32; MAX_BONES], 0f32);
         for (weighted, share) in weighted.iter_mut().zip(shares.iter()) {
-            *weighted = share.base * cell.sample(self.volume(share.bone), self.grid.sides());
+            let factor = match self.volume(share.bone) {
+                Some(volume) => cell.sample(volume, self.grid.sides()),
+                None => 1.0,
+            };
+            *weighted = share.base * factor;
             sum += *weighted;
         }
         // Comparisons are false for a NaN.

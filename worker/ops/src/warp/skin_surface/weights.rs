@@ -10,19 +10,20 @@ const BLOCK: usize = 512;
 
 impl SkinningWeights {
     /// The skinning weights of canonical `points` `[N, 3]` of a surface with `width` bones per point, as in
-    /// [`super::skin_surface`]: `factors` `[C, V]`, `bones` `[N, width]` and base `weights` `[N, width]`.
+    /// [`super::skin_surface`]: `factors` `[C, V]` of the first `factored` bones, `bones` `[N, width]` and base `weights` `[N, width]`.
     ///
     /// # Panics
     /// As [`Surface::new`], and if `points` are not as many as `bones` has rows.
     pub fn of_surface(
         factors: &[f32],
+        factored: usize,
         points: &[f32],
         bones: &[f32],
         weights: &[f32],
         width: usize,
         grid: &WarpGrid,
     ) -> Self {
-        let surface = Surface::new(factors, bones, weights, width, grid);
+        let surface = Surface::new(factors, factored, bones, weights, width, grid);
         let points = points.as_chunks::<3>().0;
         assert_eq!(points.len(), surface.points(), "points of the surface");
         let lists = points

@@ -106,7 +106,7 @@ fn written(
         files: rewrite::left_out(from, slot)?,
         ..Removed::default()
     };
-    let mut poses = refinement_file::load(from, state.joints)?;
+    let mut poses = refinement_file::load(from, |slot| state.joints_of(slot))?;
     removed.refinement = poses.get_mut(slot).and_then(Option::take).is_some();
     refinement_file::save(to, &poses)?;
     let mut films = exposure::file::load(from)?;

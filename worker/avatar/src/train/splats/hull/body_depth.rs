@@ -94,7 +94,8 @@ impl HullFrames<'_> {
         let body = &self.subject.body;
         let rest = Pose::rest(body.skeleton.joints());
         let rest = read(posed::transforms(body, &rest).inner())?;
-        let skinning = Skinning::new(&self.weights, &rest, &body.grid);
+        let known = &rest[..12 * body.known_joints];
+        let skinning = Skinning::new(&self.weights, known, &body.grid);
         let bones = points.par_iter().map(|point| strongest(&skinning, *point));
         Ok(bones.collect())
     }

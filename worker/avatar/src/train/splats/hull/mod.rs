@@ -55,7 +55,7 @@ const MOSTLY_BESIDE: f64 = 0.1;
 
 /// A frame, ready to be asked for canonical points.
 pub(crate) struct HullFrame {
-    /// `[K, 12]` posed body to canonical.
+    /// `[J, 12]` posed body to canonical, of fingers' joints too.
     transforms: Vec<f32>,
     /// Body frame to homogeneous pixels.
     projection: [[f32; 4]; 3],
@@ -106,7 +106,7 @@ impl HullFrame {
         [u / w, v / w, w]
     }
 
-    /// `[K, 12]` posed body to canonical.
+    /// `[J, 12]` posed body to canonical, of fingers' joints too.
     pub(super) fn transforms(&self) -> &[f32] {
         &self.transforms
     }
@@ -182,9 +182,10 @@ impl<'a> HullFrames<'a> {
 
     /// Finds `points` in a frame.
     pub(super) fn sightings(&self, points: &[[f32; 3]], frame: &HullFrame) -> Vec<Sighting> {
-        let grid = &self.subject.body.grid;
+        let body = &self.subject.body;
         let numbers = points.as_flattened();
-        let transforms = forward(&self.weights, &frame.transforms, numbers, grid);
+        let known = &frame.transforms[..12 * body.known_joints];
+        let transforms = forward(&self.weights, known, numbers, &body.grid);
         let placed = transforms.as_chunks::<12>().0.par_iter();
         placed
             .zip(points)
@@ -253,10 +254,11 @@ impl<'a> HullFrames<'a> {
     }
 
     /// Number of frames in which a point of the hull may be off the person: the number that covers
-    /// [`BONES_INSIDE`] of the points along the bones, which are known to be inside the body.
+    /// [`BONES_INSIDE`] of the points along the bones, which are known to be inside the body. Fingers are too thin to tell.
     pub(super) fn forgiven(&self) -> usize {
-        let skeleton = &self.subject.body.skeleton;
-        let joints = skeleton.rest.iter().zip(&skeleton.parents);
+        let body = &self.subject.body;
+        let skeleton = &body.skeleton;
+        let joints = (skeleton.rest.iter().zip(&skeleton.parents)).take(body.known_joints);
         let bones = joints.filter_map(|(end, parent)| Some((end, skeleton.rest[(*parent)?])));
         let points = bones.flat_map(|(end, start)| {
             ALONG.map(|share| {

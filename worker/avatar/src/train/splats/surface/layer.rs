@@ -8,7 +8,7 @@ use super::silhouette::outside;
 use crate::train::splats::hull::{HullFrame, Shell};
 use rayon::prelude::*;
 use tracing::debug;
-use yoto_body::JOINTS;
+use yoto_body::WITH_FINGERS;
 use yoto_body::person::sample::strongest;
 
 /// Distance to the body's surface from which a point is beside it, metres.
@@ -24,7 +24,7 @@ const LOOKED_FOR: Search = Search {
 const FEWEST: usize = 3;
 const MOSTLY: f64 = 0.15;
 /// Joints of the arms, which touch the body in every frame of many films.
-const ARMS: std::ops::RangeInclusive<u8> = 16..=23;
+const ARMS: std::ops::Range<u8> = 16..WITH_FINGERS as u8;
 /// Distance that weights spread over a layer, metres.
 const SPREAD: f64 = 0.15;
 /// Neighbours that a point takes weights from.
@@ -136,7 +136,7 @@ fn at_edges(
 
 /// The weights of a point, one per bone.
 fn dense(skinning: &[(u8, f32); 4]) -> Vec<f32> {
-    let mut row = vec![0.0; JOINTS];
+    let mut row = vec![0.0; WITH_FINGERS];
     for (bone, weight) in skinning {
         row[usize::from(*bone)] += weight;
     }

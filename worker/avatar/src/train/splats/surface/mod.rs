@@ -33,6 +33,7 @@ const CLOTHES: Search = Search {
 
 /// A person's surface in the rest pose.
 pub(super) struct PersonSurface {
+    body: &'static Body,
     /// `[V, 3]`, metres.
     pub vertices: Vec<[f32; 3]>,
     /// `[V, 3]`, unit vectors, outward.
@@ -43,7 +44,7 @@ pub(super) struct PersonSurface {
 
 impl PersonSurface {
     /// The surface of the person whom the frames of `hull` show.
-    pub(super) fn new(body: &Body, skeleton: &Skeleton, hull: &HullFrames<'_>) -> Self {
+    pub(super) fn new(body: &'static Body, skeleton: &Skeleton, hull: &HullFrames<'_>) -> Self {
         let _span = trace_span!("surface").entered();
         let joints: Vec<[f32; 3]> = (skeleton.rest.iter())
             .map(|at| at.map(|v| v as f32))
@@ -56,6 +57,7 @@ impl PersonSurface {
             seen(body, vertices, normals, hull, search)
         });
         Self {
+            body,
             skirt: Skirt::find(body, &joints, &fitted, hull),
             normals: fitted.normals,
             vertices: fitted.vertices,
@@ -88,7 +90,7 @@ fn seen(
 impl PersonSurface {
     /// `count` points, each with an equal share of the area that can be seen, and that area, square metres. Their spacing is not given.
     pub(super) fn points(&self, count: usize) -> (SurfacePoints, f64) {
-        let body = Body::people();
+        let body = self.body;
         let shown = visible_faces(body);
         let area = areas(body, &self.vertices).into_iter().zip(shown);
         let area = area
