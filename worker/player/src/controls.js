@@ -34,6 +34,14 @@
 
   const [X, Y, Z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
   const minus = (v) => v.map((x) => -x);
+  // Fingers bend towards the palm, which faces down in the rest pose.
+  const fingers = (side, axis) =>
+    Object.fromEntries(
+      ["index", "middle", "ring", "pinky"].flatMap((finger) =>
+        [1, 2, 3].map((joint) => [`${side}_${finger}${joint}`, axis]),
+      ),
+    );
+  // A label, the joints that it bends about their axes, and the share of the angle that each gets: an equal one by default.
   const groups = [
     ["Head", { neck: Y, head: Y }],
     ["Torso, turn", { spine1: Y, spine2: Y, spine3: Y }],
@@ -46,13 +54,15 @@
     ["Right leg", { r_hip: minus(X) }],
     ["Left knee", { l_knee: X }],
     ["Right knee", { r_knee: X }],
+    ["Left fingers", fingers("l", minus(Z)), 1],
+    ["Right fingers", fingers("r", Z), 1],
   ];
   const sliders = [];
   function bend() {
     const bends = {};
-    for (const [members, slider] of sliders) {
+    for (const [members, slider, share] of sliders) {
       slider.ariaValueText = `${Math.round((180 / Math.PI) * slider.value)} degrees`;
-      const half = Number(slider.value) / 2 / Object.keys(members).length;
+      const half = (Number(slider.value) / 2) * share;
       for (const [name, axis] of Object.entries(members)) {
         const joint = person.joints.indexOf(name);
         const q = [Math.cos(half), ...axis.map((x) => Math.sin(half) * x)];
@@ -61,14 +71,14 @@
     }
     change({ bends });
   }
-  for (const [label, members] of groups) {
+  for (const [label, members, share = 1 / Object.keys(members).length] of groups) {
     if (!Object.keys(members).every((name) => person.joints.includes(name))) continue;
     const row = document.createElement("label");
     const slider = Object.assign(document.createElement("input"), {
       type: "range", min: -1.5, max: 1.5, step: 0.01, value: 0,
       ariaValueText: "0 degrees", oninput: bend,
     });
-    sliders.push([members, slider]);
+    sliders.push([members, slider, share]);
     row.append(label, slider);
     element("bends").append(row);
   }

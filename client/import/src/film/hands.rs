@@ -1,4 +1,4 @@
-//! Tells whether the hands are in sight, and open to the camera. The pose model marks the knuckles of thumb, index and little
+//! Tells whether the hands are in sight, large enough, and open to the camera. The pose model marks the knuckles of thumb, index and little
 //! finger: too few points to tell a fist from an open hand, but enough to tell the flat of a hand from its edge.
 
 use yoto_capture::camera::{Camera, Pose};
@@ -8,10 +8,13 @@ use yoto_capture::skeleton::transform::{add, dot, normalised, position, rotate, 
 use yoto_pose::FrameKeyPoints;
 use yoto_proto::pose_track::{Frame, PoseTrack};
 
-/// A hand's name, BlazePose's knuckles of its little finger and its index finger, and its wrist's joint in a fitted track.
-type Hand = (&'static str, [usize; 2], usize);
+/// A hand's name, BlazePose's wrist and its knuckles of little finger and index finger, and its wrist's joint in a fitted track.
+type Hand = (&'static str, [usize; 3], usize);
 
-const HANDS: [Hand; 2] = [("left hand", [17, 19], 20), ("right hand", [18, 20], 21)];
+const HANDS: [Hand; 2] = [
+    ("left hand", [15, 17, 19], 20),
+    ("right hand", [16, 18, 20], 21),
+];
 /// Least confidence of a point in sight.
 const IN_SIGHT: f64 = 0.5;
 /// A hand should be in sight in this share of the frames.
@@ -21,13 +24,17 @@ const FLAT: f64 = 0.5;
 /// The flat of a hand should be seen in this share of the frames that show the hand.
 const OPEN: f64 = 0.1;
 
-/// The hands that are in sight too seldom, or hardly ever open to the camera; `track` has the fitted poses of `frames`.
+/// Length of a hand from which its fingers can be told, pixels, and its length in distances from the wrist to the first knuckles.
+const SMALLEST: f64 = 24.0;
+const LENGTH: f64 = 2.0;
+
+/// The hands that are in sight too seldom, too small, or hardly ever open to the camera; `track` has the fitted poses of `frames`.
 pub(super) fn lacks(frames: &[FrameKeyPoints], track: &PoseTrack) -> Vec<Lack> {
     let lack = |hand: Hand| -> Option<Lack> {
-        let (name, knuckles, wrist) = hand;
+        let (name, points, wrist) = hand;
         let is_in_sight = |frame: &FrameKeyPoints| {
             let sure = |at: usize| frame.picture.get(at).is_some_and(|it| it[2] >= IN_SIGHT);
-            knuckles.into_iter().all(sure)
+            points.into_iter().skip(1).all(sure)
         };
         let poses = frames.iter().zip(&track.frames);
         let seen: Vec<&Frame> = poses
@@ -40,6 +47,12 @@ pub(super) fn lacks(frames: &[FrameKeyPoints], track: &PoseTrack) -> Vec<Lack> {
                 seen.len(),
                 frames.len()
             )
+        } else if let Some(pixels) = length(frames, points).filter(|it| *it < SMALLEST) {
+            return Some(Lack {
+                what: format!("{name} {pixels:.0} pixels long"),
+                effect: "its fingers can't be told, and stay half open".to_owned(),
+                instead: "nearer to the camera, or with more pixels".to_owned(),
+            });
         } else {
             let skeleton = Skeleton::from_track(&track.skeleton).ok()?;
             let is_flat = |frame: &&&Frame| is_flat(&skeleton, frame, track.image_size, wrist);
@@ -60,6 +73,18 @@ pub(super) fn lacks(frames: &[FrameKeyPoints], track: &PoseTrack) -> Vec<Lack> {
         })
     };
     HANDS.into_iter().filter_map(lack).collect()
+}
+
+/// The median length of the hand with these points, pixels; `None` if no frame has them.
+fn length(frames: &[FrameKeyPoints], points: [usize; 3]) -> Option<f64> {
+    let length = |frame: &FrameKeyPoints| {
+        let [wrist, little, index] = points.map(|at| frame.picture.get(at).copied());
+        let ([x, y, _], [u, v, _], [s, t, _]) = (wrist?, little?, index?);
+        Some(LENGTH * (x - 0.5 * (u + s)).hypot(y - 0.5 * (v + t)))
+    };
+    let mut lengths: Vec<f64> = frames.iter().filter_map(length).collect();
+    lengths.sort_by(f64::total_cmp);
+    lengths.get(lengths.len() / 2).copied()
 }
 
 /// Whether palm or back of the hand at the joint `wrist` faces the camera.
@@ -93,8 +118,9 @@ mod tests {
 
     fn points(left: f64, right: f64) -> FrameKeyPoints {
         let mut picture = vec![[0.0, 0.0, 0.9]; 33];
-        picture[17][2] = left;
-        picture[18][2] = right;
+        for (point, confidence) in [(17, left), (19, 0.9), (18, right), (20, 0.9)] {
+            picture[point] = [30.0, 0.0, confidence];
+        }
         FrameKeyPoints {
             picture,
             ..FrameKeyPoints::default()
@@ -126,6 +152,18 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(found[0].what, "right hand in sight in 1 of 3 frames");
         assert!(found[0].instead.contains("hands open"), "{found:?}");
+    }
+
+    #[test]
+    fn a_hand_of_few_pixels_is_told() {
+        let mut far = points(0.9, 0.9);
+        far.picture.iter_mut().for_each(|point| point[0] *= 0.3);
+        let found = lacks(&vec![far; 3], &stands(1.5, 3));
+        let what: Vec<&str> = found.iter().map(|it| &*it.what).collect();
+        assert_eq!(
+            what,
+            ["left hand 18 pixels long", "right hand 18 pixels long"]
+        );
     }
 
     #[test]

@@ -133,7 +133,7 @@ fn wanted(
 fn fingers([left, right]: [usize; 2], frames: usize) -> Option<String> {
     (left + right > 0).then(|| {
         format!(
-            "fingers: read off the left hand in {left} and off the right hand in {right} of {}, and half open elsewhere",
+            "fingers: read off the left hand in {left} and off the right hand in {right} of {}, and as usual elsewhere",
             count(frames, "frame")
         )
     })

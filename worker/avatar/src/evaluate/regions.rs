@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::smpl::joints_without_fingers;
 
 /// Half the width of the outline is the picture's longest side divided by this: 4 of 512 pixels.
 const OUTLINE: usize = 128;
@@ -184,20 +185,22 @@ struct Bone {
     to: [f64; 2],
 }
 
-/// The bones in front of the camera; a joint without children is a bone without length.
+/// The bones in front of the camera; a joint without children is a bone without length. Fingers belong to the bone of their hand, so that
+/// regions of people with and without them compare.
 fn bones(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<Bone> {
     let joints = skeleton.posed_joints(pose);
     let seen: Vec<Option<[f64; 2]>> = joints.iter().map(|j| camera.project(*j)).collect();
     let children = skeleton.children();
+    let known = joints_without_fingers(skeleton);
     let mut bones = Vec::new();
-    for (joint, name) in skeleton.names.iter().enumerate() {
+    for (joint, name) in skeleton.names.iter().enumerate().take(known) {
         let region = Region::of_joint(name);
         let itself = [joint];
         let ends: &[usize] = match children[joint].as_slice() {
             [] => &itself,
             some => some,
         };
-        for &end in ends {
+        for &end in ends.iter().filter(|end| **end < known) {
             if let (Some(from), Some(to)) = (seen[joint], seen[end]) {
                 bones.push(Bone { region, from, to });
             }

@@ -175,11 +175,12 @@ impl PoseFitter<'_> {
                 normal.add_residual(row, difference, grid.independent() * trust / noise.powi(2));
             }
         }
-        let evidence = evidence(normal.clone(), &priors.given);
+        let known = 3 * self.body.known_joints;
+        let evidence = evidence(normal.clone(), &priors.given, known);
         for (i, prior) in priors.all.iter().enumerate() {
             normal.add_prior(i, prior.mean, prior.precision);
         }
-        let found = normal.solve().map(limited).zip(misfit.share());
+        let found = (normal.solve().map(|step| limited(step, known))).zip(misfit.share());
         Ok(found.map(|(step, misfit)| Fit {
             step,
             misfit,
@@ -249,8 +250,9 @@ struct PixelValues {
     jacobian: Vec<f64>,
 }
 
-/// Evidence of a picture's equations about the expected errors in the priors for the `given` pose.
-fn evidence(mut normal: Normal, given: &[StepPrior]) -> [Evidence; 2] {
+/// Evidence of a picture's equations about the expected errors in the priors for the `given` pose. The first `known` parameters are those of
+/// joints that are not of fingers, whose errors are others.
+fn evidence(mut normal: Normal, given: &[StepPrior], known: usize) -> [Evidence; 2] {
     let mut evidence = [Evidence::default(); 2];
     for (i, prior) in given.iter().enumerate() {
         normal.add_prior(i, prior.mean, prior.precision);
@@ -259,7 +261,8 @@ fn evidence(mut normal: Normal, given: &[StepPrior]) -> [Evidence; 2] {
         return evidence;
     };
     let rotations = given.len() - 3;
-    for (i, prior) in given.iter().enumerate() {
+    let of_body = (0..given.len()).filter(|i| *i < known || *i >= rotations);
+    for (i, prior) in of_body.map(|i| (i, &given[i])) {
         let of = &mut evidence[usize::from(i >= rotations)];
         of.squares += prior.precision * (step[i] - prior.mean).powi(2);
         of.determined += 1.0 - prior.precision * variances[i];
@@ -315,14 +318,18 @@ fn truth(image: &FrameImage, pixel: usize, weights: [f32; 4]) -> f32 {
     sum.sum::<f32>() / 255.0
 }
 
-/// `step`, shortened if a joint turns too far.
-fn limited(mut step: Vec<f64>) -> Vec<f64> {
+/// `step`, shortened if a joint turns too far. The first `known` parameters are those of joints that are not of fingers; a finger that turns
+/// too far shortens its own step alone, since pictures hardly tell how it does.
+fn limited(mut step: Vec<f64>, known: usize) -> Vec<f64> {
     let rotations = step.len() - 3;
-    let longest = step[..rotations]
-        .as_chunks::<3>()
-        .0
-        .iter()
-        .map(|rotation| rotation.iter().map(|v| v * v).sum::<f64>().sqrt())
+    let (of_body, of_fingers) = step[..rotations].split_at_mut(known.min(rotations));
+    let length = |rotation: &[f64; 3]| rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
+    for finger in of_fingers.as_chunks_mut::<3>().0 {
+        let shorter = MAX_ROTATION / length(finger).max(MAX_ROTATION);
+        finger.iter_mut().for_each(|v| *v *= shorter);
+    }
+    let longest = (of_body.as_chunks::<3>().0.iter())
+        .map(length)
         .fold(0.0, f64::max);
     if longest > MAX_ROTATION {
         step.iter_mut().for_each(|v| *v *= MAX_ROTATION / longest);

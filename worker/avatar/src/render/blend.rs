@@ -5,6 +5,7 @@ use crate::config::Variant;
 use crate::identity::blend::Blend;
 use crate::motion::body::CanonicalBody;
 use yoto_capture::skeleton::Skeleton;
+use yoto_capture::skeleton::fingers::with_joints_of;
 
 impl Renderer {
     /// Adds somebody between the identities in the slots `from` and `to`, and returns the model and the
@@ -59,6 +60,7 @@ impl Renderer {
     /// If the slot is empty, or the skeletons have different numbers of joints.
     pub fn with_bones(self, slot: usize, bones: &Skeleton) -> Result<(Self, usize), RenderError> {
         let own = self.skeleton(slot).ok_or_else(|| self.absence(slot))?;
+        let bones = with_joints_of(bones, own);
         if own.joints() != bones.joints() {
             return Err(RenderError::Settings(format!(
                 "bones: {} joints, the person has {}",
@@ -72,7 +74,7 @@ impl Renderer {
             to: slot,
             share: 0.0,
         };
-        Ok(self.with_person(itself, body.on_bones_of(bones.clone())))
+        Ok(self.with_person(itself, body.on_bones_of(bones)))
     }
 
     /// The bones between those of two people.
@@ -80,6 +82,7 @@ impl Renderer {
         let skeleton = |slot| self.skeleton(slot).ok_or_else(|| self.absence(slot));
         let (first, second) = (skeleton(from)?, skeleton(to)?);
         let mut mixed = first.clone();
+        let second = with_joints_of(second, first);
         for (joint, other) in mixed.rest.iter_mut().zip(&second.rest) {
             for (a, b) in joint.iter_mut().zip(other) {
                 *a += f64::from(share) * (b - *a);

@@ -40,6 +40,9 @@ pub enum LearnError {
     /// A body is unknown.
     #[error("there is no body {0} among the bodies; one of them is {1}")]
     Body(String, String),
+    /// Fingers are asked for.
+    #[error("the bodies have no fingers: their archives lack the bones of their rig")]
+    NoFingers,
     /// Nobody is left.
     #[error("{bodies} bodies are left to learn from, which is too few for {components} components")]
     TooFew {

@@ -1,7 +1,7 @@
 //! The bodies to learn from, and how they are read.
 
 use super::LearnError;
-use super::fingers::{bones_of_rig, weights_of_rig};
+use super::fingers::{bones_of_rig, of_rig, weights_of_rig};
 use crate::body::JOINTS;
 use crate::fingers::FINGERS;
 use thiserror::Error;
@@ -91,18 +91,18 @@ pub struct BodyMesh {
 }
 
 impl Bodies {
-    /// The body called `name`.
+    /// The body called `name`, with the joints of `fingers` or without.
     ///
     /// # Errors
-    /// If no body has this name. The error gives the name of one that exists.
-    pub fn mesh(&self, name: &str) -> Result<BodyMesh, LearnError> {
+    /// If no body has this name, or the bodies have no fingers. The error gives the name of a body that exists.
+    pub fn mesh(&self, name: &str, fingers: bool) -> Result<BodyMesh, LearnError> {
         let index = self
             .names
             .iter()
             .position(|it| it.eq_ignore_ascii_case(name));
         let index =
             index.ok_or_else(|| LearnError::Body(name.to_owned(), self.names[0].clone()))?;
-        Ok(BodyMesh {
+        let mut mesh = BodyMesh {
             name: name.to_owned(),
             vertices: self.vertices[index].clone(),
             colours: self.colours[index].clone(),
@@ -110,7 +110,18 @@ impl Bodies {
             faces: self.topology.faces.clone(),
             bones: self.topology.bones.clone(),
             weights: self.topology.weights.clone(),
-        })
+        };
+        if fingers {
+            let weights = self.topology.finger_weights.as_deref();
+            let weights = weights.ok_or(LearnError::NoFingers)?;
+            let own = of_rig(&self.topology, weights, Vec::new());
+            for (i, vertex) in own.vertices.iter().enumerate() {
+                mesh.bones[*vertex as usize] = own.bones[i];
+                mesh.weights[*vertex as usize] = own.weights[i];
+            }
+            mesh.joints.clone_from(&self.joints[index]);
+        }
+        Ok(mesh)
     }
 
     /// Reads bodies from the bytes of two archives of numpy.

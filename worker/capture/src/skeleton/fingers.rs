@@ -23,6 +23,13 @@ pub const AVERAGE: [Vec3; FINGERS.len() / 2] = [
     [0.0325, -0.0286, 0.0455],
     [0.0561, -0.0383, 0.0653],
 ];
+/// How far the three joints of index, middle, little and ring finger bend in a hand at rest, radians.
+pub const RELAXED: [[f64; 3]; 4] = [
+    [0.3, 0.4, 0.25],
+    [0.3, 0.4, 0.25],
+    [0.4, 0.4, 0.25],
+    [0.35, 0.4, 0.25],
+];
 /// Sum of the lengths of SMPL's 23 bones of these bodies, metres.
 const BONES: f64 = 4.581;
 /// Index of the middle finger's first joint among the fingers' joints: the end of the hand's bone.
@@ -61,6 +68,32 @@ pub fn with_fingers(skeleton: &Skeleton) -> Option<Skeleton> {
     })
 }
 
+/// The bones of `skeleton` for somebody with the joints of `own`, where the two differ by fingers alone: fingers are left out, or are an
+/// average adult's.
+pub fn with_joints_of(skeleton: &Skeleton, own: &Skeleton) -> Skeleton {
+    let (wanted, count) = (own.joints(), skeleton.joints());
+    let both = smpl::has_joints(skeleton) && smpl::has_joints(own);
+    let mut bones = skeleton.clone();
+    if both && wanted < count {
+        bones.names.truncate(wanted);
+        bones.parents.truncate(wanted);
+        bones.rest.truncate(wanted);
+    } else if both && wanted > count {
+        bones = with_fingers(skeleton).unwrap_or(bones);
+    }
+    bones
+}
+
+/// The rotation of a joint of a finger of a hand at rest, by its index in a skeleton with fingers; `None` for other joints. In the T-pose
+/// palms face down and arms point to the sides, so fingers bend about z.
+pub(super) fn relaxed(joint: usize) -> Option<[f32; 3]> {
+    let index = joint.checked_sub(JOINTS.len())?;
+    let half = FINGERS.len() / 2;
+    let bend = RELAXED.as_flattened().get(index % half);
+    let sign = if index < half { -1.0 } else { 1.0 };
+    (index < FINGERS.len()).then(|| [0.0, 0.0, bend.map_or(0.0, |bend| (sign * bend) as f32)])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -91,6 +124,8 @@ mod tests {
         let off = rotation_between(along, knuckle).map(|it| it[0][0]);
         assert!(off.is_none_or(|it| it > 0.999_99), "{off:?}");
         assert!((0.08..0.1).contains(&length(knuckle)));
+        assert_eq!(with_joints_of(&hands, &plain), plain);
+        assert_eq!(with_joints_of(&plain, &hands), hands);
         // There is no second pair of hands, and none for other trees.
         assert_eq!(with_fingers(&hands), None);
         let mut other = plain;

@@ -1,6 +1,8 @@
 //! One person's motion on another person's skeleton.
 
 use super::feet::Footing;
+use super::fingers::relaxed;
+use super::smpl::joints_without_fingers;
 use super::transform::{add, compose_axis_angle, dot, scale, sub};
 use super::{Pose, Skeleton, SkeletonError, Vec3};
 use yoto_proto::pose_track;
@@ -72,7 +74,7 @@ fn carry(
 ///
 /// Joints of the same name have the same rotation. The rotation of a driver's joint that the target lacks is
 /// composed into the next joint below, so that a hand has the right direction although a collarbone is
-/// missing. Joints of the target that the driver lacks stay at rest.
+/// missing. Joints of the target that the driver lacks stay at rest; fingers are slightly bent then.
 fn turned_alike(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pose, SkeletonError> {
     driver.check_pose(pose)?;
     let matches: Vec<Option<usize>> = target
@@ -90,10 +92,11 @@ fn turned_alike(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
             body: lacking(target, driver),
         });
     }
-    let rotation = |(joint, found): (usize, &Option<usize>)| {
-        found.map_or([0.0; 3], |found| {
-            folded(driver, pose, found, above(target, joint, &matches))
-        })
+    let has_fingers = joints_without_fingers(target) < target.joints();
+    let rotation = |(joint, found): (usize, &Option<usize>)| match found {
+        Some(found) => folded(driver, pose, *found, above(target, joint, &matches)),
+        None if has_fingers => relaxed(joint).unwrap_or_default(),
+        None => [0.0; 3],
     };
     Ok(Pose {
         rotations: matches.iter().enumerate().map(rotation).collect(),
@@ -186,6 +189,7 @@ impl Skeleton {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::skeleton::fingers::with_fingers;
     use yoto_synthetic::SyntheticPerson;
 
     fn legs(names: &[&str], hip: f64) -> Skeleton {
@@ -318,6 +322,25 @@ mod tests {
                 assert!(off < 1e-6, "{}: {off}", driver.names[*joint]);
             }
         }
+    }
+
+    #[test]
+    fn fingers_are_those_of_the_driver_or_half_open() {
+        let person = SyntheticPerson::cast(1, 7)[0].skeleton();
+        let plain = Skeleton::from_track(&person).expect("a skeleton");
+        let fingered = with_fingers(&plain).expect("SMPL's joints");
+        let mut pose = Pose::rest(54);
+        pose.rotations[25] = [0.0, 0.1, -0.9];
+        let moved = on(&fingered, &fingered, &pose).expect("the same joints");
+        assert_eq!(moved.rotations[25], pose.rotations[25]);
+        // Somebody without fingers lets them hang; the thumb stays.
+        let moved = on(&plain, &fingered, &Pose::rest(24)).expect("24 names are shared");
+        let [left, right] = [25, 40].map(|joint| moved.rotations[joint][2]);
+        assert!(left < -0.3 && (left + right).abs() < 1e-6, "{left} {right}");
+        assert_eq!(moved.rotations[36], [0.0; 3]);
+        assert_eq!(moved.rotations[..24], vec![[0.0; 3]; 24]);
+        let moved = on(&fingered, &plain, &pose).expect("24 names are shared");
+        assert_eq!(moved.rotations, vec![[0.0; 3]; 24]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! People to film: their truth is known in every pose, unless they come with a film.
 
+pub(crate) mod gestures;
 mod mesh;
 
 use crate::captures::Recording;
@@ -9,7 +10,7 @@ use yoto_avatar::train::TrainPerson;
 use yoto_body::learn::BodyMesh;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::smpl::has_joints;
+use yoto_capture::skeleton::smpl::{has_joints, joints_with_fingers};
 use yoto_capture::{FrameImage, ShardBuilder};
 use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::{SyntheticPerson, calm_motion};
@@ -44,14 +45,16 @@ impl Actor {
         })
     }
 
-    /// A body, whose clothes its bones carry. `pattern` is a skeleton with its joints' names and parents.
-    pub(crate) fn mesh(mesh: BodyMesh, pattern: &Skeleton) -> Self {
-        let rest = mesh.joints.iter().map(|joint| joint.map(f64::from));
+    /// A body, whose clothes its bones carry, with SMPL's joints or with fingers too.
+    pub(crate) fn mesh(mesh: BodyMesh) -> Self {
+        let rest: Vec<_> = mesh.joints.iter().map(|it| it.map(f64::from)).collect();
+        let tree = || joints_with_fingers().take(rest.len());
         Self {
             name: mesh.name.clone(),
             skeleton: Skeleton {
-                rest: rest.collect(),
-                ..pattern.clone()
+                names: tree().map(|(name, _)| name.to_owned()).collect(),
+                parents: tree().map(|(_, parent)| parent).collect(),
+                rest,
             },
             look: Look::Mesh(Box::new(mesh)),
         }
@@ -83,6 +86,7 @@ impl Actor {
     }
 
     /// The film of the person: their own, or a calm one, `size` pixels wide, in a whole turn or within `sector` radians to either side.
+    /// Fingers open and close if the skeleton has them.
     pub(crate) fn film(
         &self,
         slot: usize,
@@ -93,7 +97,10 @@ impl Actor {
             return Ok(recording.person(slot));
         }
         let camera = SyntheticPerson::train_camera(size);
-        let poses = calm_motion(&self.skeleton, FRAMES, sector);
+        let mut poses = calm_motion(&self.skeleton, FRAMES, sector);
+        for (frame, pose) in poses.iter_mut().enumerate() {
+            gestures::wave(pose, frame as f64 / FPS);
+        }
         let track = PoseTrack {
             skeleton: self.skeleton.to_track(),
             image_size: [size, size],

@@ -47,10 +47,14 @@ fn bodies(folder: &Path) -> anyhow::Result<Bodies> {
     bodies.with_context(|| format!("the bodies {}", folder.display()))
 }
 
-/// Reads those bodies in `folder` that have these `names`.
-pub(super) fn meshes(folder: &Path, names: &[String]) -> anyhow::Result<Vec<BodyMesh>> {
+/// Reads those bodies in `folder` that have these `names`, with joints of `fingers` or without.
+pub(super) fn meshes(
+    folder: &Path,
+    names: &[String],
+    fingers: bool,
+) -> anyhow::Result<Vec<BodyMesh>> {
     let read = bodies(folder)?;
-    let meshes = names.iter().map(|name| read.mesh(name));
+    let meshes = names.iter().map(|name| read.mesh(name, fingers));
     let meshes = meshes.collect::<Result<_, _>>();
     meshes.with_context(|| format!("the bodies {}", folder.display()))
 }

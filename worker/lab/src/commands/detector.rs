@@ -41,7 +41,7 @@ pub(super) struct DetectorCommand {
 impl DetectorCommand {
     pub(super) fn run(self) -> anyhow::Result<()> {
         let options = DetectorOptions {
-            bodies: self.bodies.meshes()?,
+            bodies: self.bodies.meshes(false)?,
             motions: read_motions(&self.motions)?,
             size: self.size,
             model: &self.pose_model,

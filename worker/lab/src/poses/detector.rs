@@ -15,7 +15,6 @@ use yoto_landmarks::{PoseModel, Watcher};
 use yoto_pose::KeyPointSet;
 use yoto_pose::lift::learn::{DetectorErrors, ErrorFilm, MotionClip, places};
 use yoto_pose::lift::{COUNT, HIPS, POINTS};
-use yoto_synthetic::SyntheticPerson;
 
 /// Lean and noise beside the measured errors, so that a network does not learn these by heart (docs/research/poses.md).
 const LEAN: f64 = 0.1;
@@ -89,10 +88,8 @@ pub fn measure(options: DetectorOptions, screen: &dyn Screen) -> anyhow::Result<
         !options.bodies.is_empty() && !options.motions.is_empty(),
         "nobody to look at: give bodies and motions"
     );
-    let cast = SyntheticPerson::cast(1, 0);
-    let pattern = Skeleton::from_track(&cast[0].skeleton()).context("a synthetic skeleton")?;
     let bodies = options.bodies.into_iter();
-    let actors: Vec<Actor> = bodies.map(|body| Actor::mesh(body, &pattern)).collect();
+    let actors: Vec<Actor> = bodies.map(Actor::mesh).collect();
     let mut films = Vec::new();
     for (position, clip) in options.motions.iter().enumerate() {
         let actor = &actors[position % actors.len()];

@@ -5,8 +5,9 @@ use anyhow::{Context, ensure};
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::{Camera, Pose};
+use yoto_capture::skeleton::smpl::{self, WITH_FINGERS};
 use yoto_capture::skeleton::transform::{
-    Mat3, add, apply, dot, length, log_map, matmul, matvec, scale, sub, transpose,
+    Mat3, add, apply, dot, length, log_map, matmul, matvec, rodrigues, scale, sub, transpose,
 };
 use yoto_capture::skeleton::{Mat34, Skeleton, Vec3};
 use yoto_proto::pose_track::PoseTrack;
@@ -60,6 +61,9 @@ pub struct FilmErrors {
     pub wrist_degrees: f64,
     /// Error of the rotation of the head, degrees.
     pub head_degrees: f64,
+    /// Error of the rotations of fingers' joints relative to the joints before, without thumbs, degrees; absent if fingers do not move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub finger_degrees: Option<f64>,
     /// Error of the lengths of arms' and legs' bones, as a share.
     pub bones: f64,
     /// Share of the frames in which left is taken for right.
@@ -71,6 +75,8 @@ struct Seen {
     joints: [Vec3; 13],
     head: Mat3,
     hands: [Mat3; 2],
+    /// Rotations of the fingers' joints relative to those before; those of a hand at rest if the skeleton has no fingers.
+    fingers: Vec<Mat3>,
 }
 
 impl Seen {
@@ -88,6 +94,14 @@ impl Seen {
             joints: joints.map(|joint| sub(joint, root)),
             head: turn(HEAD),
             hands: HANDS.map(turn),
+            fingers: (smpl::JOINTS.len()..)
+                .zip(smpl::FINGERS)
+                .filter(|(_, (name, _))| !name.contains("thumb"))
+                .map(|(joint, _)| {
+                    let own = pose.rotations.get(joint).copied().unwrap_or_default();
+                    rodrigues(own.map(f64::from))
+                })
+                .collect(),
         }
     }
 }
@@ -149,6 +163,13 @@ impl FilmErrors {
                 0.5 * (pair(0) + pair(1))
             }),
             head_degrees: mean(&|fitted, exact| degrees(&fitted.head, &exact.head)),
+            finger_degrees: (known.skeleton.joints() == WITH_FINGERS).then(|| {
+                mean(&|fitted, exact| {
+                    let pairs = fitted.fingers.iter().zip(&exact.fingers);
+                    let sum: f64 = pairs.map(|(fitted, exact)| degrees(fitted, exact)).sum();
+                    sum / exact.fingers.len() as f64
+                })
+            }),
             bones: bones(&skeleton, &known.skeleton, grown),
             mistaken: mean(&|fitted, exact| {
                 let error = |other: bool| {
@@ -224,7 +245,6 @@ fn aligned(from: &[Vec3; 13], to: &[Vec3; 13]) -> f64 {
 mod tests {
     use super::*;
     use yoto_capture::skeleton::smpl::AVERAGE_REST;
-    use yoto_capture::skeleton::transform::rodrigues;
 
     fn joints() -> [Vec3; 13] {
         JOINTS.map(|joint| AVERAGE_REST[joint])

@@ -1,6 +1,7 @@
 //! Films as a phone makes them, of people whose poses are known: a wall and a floor, light that drifts, a lens that blurs, and noise.
 
 use crate::actor::Actor;
+use crate::actor::gestures::wave;
 use anyhow::Context;
 use image::{Rgb, RgbImage, imageops};
 use rand::{RngExt, SeedableRng};
@@ -168,7 +169,8 @@ fn filmed(
     folder: &Path,
 ) -> anyhow::Result<KnownFilm> {
     let mut frames = Vec::new();
-    for (position, pose) in poses.into_iter().enumerate() {
+    for (position, mut pose) in poses.into_iter().enumerate() {
+        wave(&mut pose, position as f64 / FPS);
         let person = actor
             .render(&pose, camera)
             .context("a person without a truth")?;

@@ -18,7 +18,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use yoto_body::learn::BodyMesh;
 use yoto_capture::CaptureFolder;
-use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::smpl::has_joints;
 use yoto_import::{Format, Options, read};
 use yoto_pose::lift::learn::MotionClip;
@@ -64,10 +63,9 @@ pub struct Poses {
 /// be written.
 pub fn run(options: &PosesOptions, screen: &dyn Screen) -> anyhow::Result<Poses> {
     let cast = SyntheticPerson::cast(options.people.max(1), CAST_SEED);
-    let pattern = Skeleton::from_track(&cast[0].skeleton()).context("a synthetic skeleton")?;
     let people = cast.into_iter().take(options.people).map(Actor::synthetic);
     let bodies = options.bodies.iter().cloned();
-    let bodies = bodies.map(|body| Ok(Actor::mesh(body, &pattern)));
+    let bodies = bodies.map(|body| Ok(Actor::mesh(body)));
     let actors: Vec<Actor> = people.chain(bodies).collect::<anyhow::Result<_>>()?;
     let mut measured = Measured::default();
     for (position, clip) in options.motions.iter().enumerate() {

@@ -2,10 +2,12 @@
 //! every pose of [`stress_poses`] is rendered from two sides. The same is done from eight sides in the pose of the first frame. Of people
 //! who come with a film, there is only what the model makes of them.
 
+mod hands;
 mod outline;
 mod sheet;
 mod table;
 
+pub use hands::Hands;
 pub use outline::Outline;
 
 use crate::actor::Actor;
@@ -16,6 +18,7 @@ use crate::training::{self, pick_device};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+use std::sync::Arc;
 use yoto_avatar::config::{ModelConfig, Setting};
 use yoto_avatar::evaluate::{Protocol, compare};
 use yoto_avatar::render::{RenderView, Renderer};
@@ -26,6 +29,7 @@ use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::dot;
 use yoto_media::picture_file;
 use yoto_proto::protocols::HELD_OUT;
+use yoto_proto::smpl::drop_fingers;
 use yoto_proto::tiers::VARIANTS;
 use yoto_proto::v1::Progress;
 use yoto_synthetic::{SyntheticPerson, calm_motion, stress_poses};
@@ -56,6 +60,8 @@ pub struct StressOptions {
     pub bodies: Vec<BodyMesh>,
     /// Captures of people.
     pub captures: Vec<CaptureSource>,
+    /// Whether tracks have no fingers though the bodies' fingers move.
+    pub hide_fingers: bool,
     /// Radians to either side of the camera that a film shows; all sides if absent.
     pub sector: Option<f64>,
     /// Longest side of the pictures, pixels.
@@ -88,6 +94,9 @@ pub struct Person {
     pub poses: Vec<Figures>,
     /// Eight pictures of the first pose of the film, from the front to the left around the person.
     pub sides: Vec<Figures>,
+    /// The hands of bodies with fingers.
+    #[serde(default)]
+    pub hands: Hands,
 }
 
 /// Figures of a picture.
@@ -115,7 +124,12 @@ pub fn run(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Stres
     );
     let films = actors.iter().enumerate();
     let films = films.map(|(slot, it)| it.film(slot, options.size, options.sector));
-    let films = films.collect::<anyhow::Result<Vec<_>>>()?;
+    let mut films = films.collect::<anyhow::Result<Vec<_>>>()?;
+    if options.hide_fingers {
+        for film in &mut films {
+            drop_fingers(&mut Arc::make_mut(&mut film.shard).track);
+        }
+    }
     let picked = pick_device(screen);
     let config = ModelConfig::named(&options.tier, VARIANTS[0].0)?.with(&options.settings)?;
     let budget = Budget::Steps(options.steps * actors.len() as u64);
@@ -144,11 +158,10 @@ pub fn run(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Stres
 
 fn actors(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Vec<Actor>> {
     let cast = SyntheticPerson::cast(options.people.max(1), CAST_SEED);
-    let pattern = Skeleton::from_track(&cast[0].skeleton()).context("a synthetic skeleton")?;
     let people = cast.into_iter().take(options.people);
     let people = people.map(Actor::synthetic);
     let bodies = options.bodies.iter().cloned();
-    let bodies = bodies.map(|body| Ok(Actor::mesh(body, &pattern)));
+    let bodies = bodies.map(|body| Ok(Actor::mesh(body)));
     let protocol = Protocol::named(HELD_OUT)?;
     let films = read_sources(
         &options.captures,
@@ -213,6 +226,7 @@ fn person(
         name: actor.name.clone(),
         poses,
         sides,
+        hands: hands::measure(renderer, slot, actor, options)?,
     })
 }
 
@@ -224,9 +238,12 @@ fn picture(
     (name, pose): (&str, &Pose),
     (degrees, camera): (f64, &Camera),
 ) -> anyhow::Result<(Option<Figures>, sheet::Cell)> {
+    let mut shown = pose.clone();
+    let joints = renderer.skeleton(slot).map_or(0, Skeleton::joints);
+    shown.rotations.truncate(joints);
     let rendered = renderer.render(&RenderView {
         slot,
-        pose: pose.clone(),
+        pose: shown,
         camera: camera.clone(),
         background: [0.0; 3],
     })?;

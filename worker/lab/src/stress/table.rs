@@ -24,9 +24,20 @@ impl Stress {
                 worst_poses(poses)
             )
         };
+        let hands = |person: &Person| -> Option<String> {
+            let gestures = person.hands.0.iter();
+            let gestures = gestures.map(|(name, psnr)| format!("{name} {psnr:.2}"));
+            let gestures = gestures.collect::<Vec<_>>().join(", ");
+            let mean = person.hands.mean()?;
+            Some(format!(
+                "{:<22} hands {mean:.2} dB: {gestures}",
+                person.name
+            ))
+        };
         let measured = || self.people.iter().filter(|it| !it.poses.is_empty());
         for person in measured() {
             lines.push(row(&person.name, &person.poses, &person.sides));
+            lines.extend(hands(person));
         }
         match measured().count() {
             0 => return "sheets alone: nobody's truth is known".to_owned(),

@@ -3,6 +3,7 @@
 //! Directions are in the axes of the hand: along straight fingers, away from its back, and towards the index finger. A finger bends by θ from the first axis against the second, and spreads by φ towards the third. Right hands mirror left ones, so
 //! both have the same angles.
 
+use yoto_capture::skeleton::fingers::RELAXED;
 use yoto_capture::skeleton::transform::{
     Mat3, add, cross, dot, length, log_map, matmul, matvec, normalised, rodrigues,
     rotation_between, scale, sub, transpose,
@@ -15,10 +16,13 @@ pub(super) const NUMBERS: usize = 25;
 pub(super) type Angles = [f64; NUMBERS];
 
 /// A hand at rest, whose fingers are slightly bent.
-pub(super) const RELAXED: Angles = [
-    0.3, 0.0, 0.4, 0.25, 0.3, 0.0, 0.4, 0.25, 0.4, 0.0, 0.4, 0.25, 0.35, 0.0, 0.4, 0.25, //
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-];
+pub(super) fn relaxed() -> Angles {
+    let mut angles = [0.0; NUMBERS];
+    for (own, [first, second, third]) in angles.chunks_exact_mut(4).zip(RELAXED) {
+        own.copy_from_slice(&[first, 0.0, second, third]);
+    }
+    angles
+}
 
 /// Least and greatest θ and φ of the first joint, and θ of the second and the third one, radians.
 const LIMITS: [[f64; 2]; 4] = [[-0.5, 1.6], [-0.4, 0.4], [-0.1, 1.9], [-0.1, 1.4]];
@@ -273,7 +277,7 @@ mod tests {
     #[test]
     fn angles_come_back_from_the_points_of_both_hands() {
         let skeleton = person();
-        let mut fist = RELAXED;
+        let mut fist = relaxed();
         fist[..16].copy_from_slice(&[1.4, 0.0, 1.7, 1.0].repeat(4));
         fist[16..19].copy_from_slice(&[0.2, -0.3, 0.1]);
         let mut wide = [0.0; NUMBERS];
@@ -283,7 +287,7 @@ mod tests {
         }
         for side in 0..2 {
             let shape = HandShape::of(&skeleton, side).expect("a hand");
-            for angles in [RELAXED, fist, wide] {
+            for angles in [relaxed(), fist, wide] {
                 let found = shape
                     .read(&points(&skeleton, side, &angles))
                     .expect("a hand");
@@ -308,7 +312,7 @@ mod tests {
     fn points_of_no_hand_are_refused_and_angles_are_limited() {
         let skeleton = person();
         let shape = HandShape::of(&skeleton, 0).expect("a hand");
-        let mut points = points(&skeleton, 0, &RELAXED);
+        let mut points = points(&skeleton, 0, &relaxed());
         let bent_back = {
             let mut points = points;
             for tip in 6..9 {

@@ -9,7 +9,7 @@ mod smooth;
 
 use crate::parts::sight;
 use crate::{HandPoints, KeyPoints};
-use angles::{HandShape, RELAXED};
+use angles::{HandShape, relaxed};
 use smooth::{Seen, smoothed};
 use yoto_capture::skeleton::fingers::with_fingers;
 use yoto_capture::skeleton::smpl::JOINTS;
@@ -57,7 +57,7 @@ pub(crate) fn add(points: &KeyPoints, focal: f64, track: &mut PoseTrack) -> [usi
         let smoothed = smoothed(
             &times.collect::<Vec<_>>(),
             &seen.collect::<Vec<_>>(),
-            &RELAXED,
+            &relaxed(),
         );
         (shape, smoothed)
     });

@@ -99,7 +99,7 @@ pub(crate) fn fitted_pose(
     };
     let config = &model.config.refinement;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut change = PoseChange::none(model.joints);
+    let mut change = PoseChange::none(pose.rotations.len());
     for step in 0..FIT_STEPS {
         let passed = f64::from(step) / f64::from(FIT_STEPS - 1);
         let given = change.priors(config, [1.0; 2]);
