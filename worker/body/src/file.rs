@@ -239,13 +239,16 @@ pub(crate) fn regressor(
     joints_of_rows(&pairs, shares)
 }
 
+/// Joints of vertices, `[V]`, and their shares, `[V]`.
+type Skinning = (Vec<[u8; 4]>, Vec<[f32; 4]>);
+
 /// Joints of vertices, of which there are `v`, below `joints`, and their shares.
 pub(crate) fn skinning(
     file: &Tensors<'_>,
     [bones, weights]: [&'static str; 2],
     v: usize,
     joints: usize,
-) -> Result<(Vec<[u8; 4]>, Vec<[f32; 4]>), FileError> {
+) -> Result<Skinning, FileError> {
     let of_joints = file.get(bones, Dtype::U8, &[v, 4])?;
     if of_joints.iter().any(|bone| usize::from(*bone) >= joints) {
         return Err(FileError::Number(bones));

@@ -27,6 +27,7 @@ pub(super) const MIN_SUM: f32 = 1e-12;
 /// Forward skinning of a surface as a backend implements it. Call [`skin_surface`] instead, which chooses the form for
 /// the tensors' device.
 #[backend_extension(Autodiff, Flex, Cube: cfg(feature = "gpu"), Fusion: cfg(feature = "gpu"))]
+#[allow(clippy::too_many_arguments)]
 pub trait SkinSurfaceOps: Backend {
     /// Forward of [`skin_surface`].
     #[fusion(dtype = points, shape = output_shape(points))]
