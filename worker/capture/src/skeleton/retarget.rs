@@ -154,7 +154,7 @@ fn lacking(skeleton: &Skeleton, other: &Skeleton) -> String {
 
 impl Skeleton {
     /// The checked skeleton of a motion. Without rest joints it takes those of `body` by name, so that the
-    /// motion has the size of that body.
+    /// motion has the size of that body. Joints that the body lacks, such as fingers, are where their parents are.
     ///
     /// # Errors
     /// The same errors as [`Self::from_track`].
@@ -163,12 +163,16 @@ impl Skeleton {
             return Self::from_track(motion);
         }
         let root = body.rest.first().copied().unwrap_or_default();
-        let rest = |name: &String| {
+        let mut rest: Vec<Vec3> = Vec::with_capacity(motion.names.len());
+        for (joint, name) in motion.names.iter().enumerate() {
             let at = body.names.iter().position(|other| other == name);
-            at.and_then(|at| body.rest.get(at)).copied().unwrap_or(root)
-        };
+            let own = at.and_then(|at| body.rest.get(at));
+            let parent = motion.parents.get(joint);
+            let above = parent.and_then(|it| rest.get(usize::try_from(*it).ok()?));
+            rest.push(own.or(above).copied().unwrap_or(root));
+        }
         Self::from_track(&pose_track::Skeleton {
-            rest_joints: motion.names.iter().map(rest).collect(),
+            rest_joints: rest,
             ..motion.clone()
         })
     }
@@ -341,6 +345,22 @@ mod tests {
         assert_eq!(moved.rotations[..24], vec![[0.0; 3]; 24]);
         let moved = on(&fingered, &plain, &pose).expect("24 names are shared");
         assert_eq!(moved.rotations, vec![[0.0; 3]; 24]);
+    }
+
+    #[test]
+    fn fingers_of_a_motion_that_the_body_lacks_stay_at_the_wrists() {
+        let person = SyntheticPerson::cast(1, 7)[0].skeleton();
+        let body = Skeleton::from_track(&person).expect("a skeleton");
+        let motion = pose_track::Skeleton {
+            rest_joints: Vec::new(),
+            ..with_fingers(&body).expect("SMPL's joints").to_track()
+        };
+        let driver = Skeleton::of_motion(&motion, &body).expect("a skeleton");
+        assert_eq!(driver.rest[..24], body.rest);
+        for joint in 24..54 {
+            let wrist = if joint < 39 { 20 } else { 21 };
+            assert_eq!(driver.rest[joint], body.rest[wrist], "{joint}");
+        }
     }
 
     #[test]
