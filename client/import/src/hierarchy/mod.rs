@@ -9,6 +9,7 @@
 //! posed joints: their mean (measured) ─┴→ TPoseRetarget → rest joints; rotations of each frame
 //! ```
 
+mod hands;
 mod measured;
 
 pub(crate) use measured::{Measured, measure};
@@ -126,10 +127,14 @@ impl JointHierarchy {
                 .parent
                 .and_then(|above| limb_rotations.get(above))
                 .copied();
-            limb_rotations.push(match (limb, role) {
+            let before = before.unwrap_or(IDENTITY_ROTATION);
+            let hand = role.and_then(|role| hands::rotation(self, positions, role, &before));
+            limb_rotations.push(match (limb.or(hand), role) {
                 (Some(rotation), _) => rotation,
-                (None, Some(role)) if !FOLLOW.contains(&role) => IDENTITY_ROTATION,
-                (None, _) => before.unwrap_or(IDENTITY_ROTATION),
+                (None, Some(role)) if !FOLLOW.contains(&role) && !hands::is_finger(role) => {
+                    IDENTITY_ROTATION
+                }
+                (None, _) => before,
             });
         }
         limb_rotations

@@ -47,6 +47,7 @@ fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
         let picture = faulty.keep(flat(&points, count))?;
         let seen = frames.entry((number, name)).or_default();
         seen.extend(picture.map(|picture| Detection {
+            hands: [None, None],
             mask: None,
             own: None,
             person,

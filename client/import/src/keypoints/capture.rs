@@ -153,6 +153,7 @@ fn key_points(
         index: *frame as u32,
         picture: detection.picture.clone(),
         space: detection.space.clone(),
+        hands: detection.hands.clone(),
         ..FrameKeyPoints::default()
     });
     KeyPoints {

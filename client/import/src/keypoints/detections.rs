@@ -8,7 +8,7 @@ use crate::source::{Part, is_number};
 use std::path::Path;
 use std::sync::Arc;
 use yoto_formats::rle::RunLengths;
-use yoto_pose::KeyPointSet;
+use yoto_pose::{HandPoints, KeyPointSet};
 
 /// Points above this confidence locate a person.
 pub(super) const SURE: f64 = 0.3;
@@ -32,6 +32,8 @@ pub(super) struct Detection {
     pub mask: Option<Arc<RunLengths>>,
     /// The detector's own skeleton, if it has one.
     pub own: Option<OwnPose>,
+    /// All points of the left and the right hand with depths, if the detector looks at hands.
+    pub hands: [Option<HandPoints>; 2],
 }
 
 /// A skeleton of the detector's own in one frame.

@@ -45,6 +45,7 @@ fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
                 part.fault("SIZE_MISMATCH", message)
             })?;
             people.push(Detection {
+                hands: [None, None],
                 mask: None,
                 own: None,
                 person: Some(person),

@@ -183,6 +183,7 @@ mod tests {
             picture.extend([at(28.0, down), at(12.0, down)]);
         }
         Detection {
+            hands: [None, None],
             person: Some(name.into()),
             picture,
             space: Vec::new(),

@@ -9,6 +9,7 @@
 
 use super::detections::{Detection, Detections, FrameDetections, whole};
 use super::form::{DetectorForm, RecognisedBy};
+use super::hands::LandmarkHand;
 use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::Part;
@@ -22,12 +23,14 @@ pub(super) const POINTS: usize = 33;
 const MOST_SHARE: f64 = 5.0;
 
 /// One frame's landmarks, as they are written.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct LandmarkFrame {
     pub number: usize,
     /// Whether the file has the number, and not only the order.
     pub is_numbered: bool,
     pub people: Vec<Points>,
+    /// The left and the right hand of a single person, if the file has them.
+    pub hands: [Option<LandmarkHand>; 2],
 }
 
 /// A person's points: x, y, visibility; and x, y, z in space, if the file has them.
@@ -91,6 +94,7 @@ fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
                 .collect(),
             space.iter().map(|&[x, y, z, _]| [x, y, z]).collect(),
         )],
+        ..LandmarkFrame::default()
     });
     let found = detections(rows.collect(), NAME, KeyPointSet::BlazePose33, given, size);
     found.map_err(|message| part.fault("SIZE_MISMATCH", message))
@@ -154,6 +158,7 @@ pub(super) fn detections(
     let person = |(points, space): (Vec<[f64; 3]>, Vec<Vec3>)| Detection {
         mask: None,
         own: None,
+        hands: [None, None],
         person: None,
         picture: points
             .iter()
@@ -162,10 +167,16 @@ pub(super) fn detections(
         space,
     };
     let are_numbered = rows.iter().any(|row| row.is_numbered);
-    let frames = rows.into_iter().map(|row| FrameDetections {
-        number: row.number,
-        image: None,
-        people: row.people.into_iter().map(person).collect(),
+    let frames = rows.into_iter().map(|row| {
+        let mut people: Vec<Detection> = row.people.into_iter().map(person).collect();
+        if let [only] = &mut people[..] {
+            only.hands = row.hands.map(|hand| hand?.points(by));
+        }
+        FrameDetections {
+            number: row.number,
+            image: None,
+            people,
+        }
     });
     let mut found = Detections::new(name, set, frames.collect());
     if are_numbered {

@@ -1,9 +1,11 @@
 //! MediaPipe's landmarks as JSON: a list of frames (or `frames`) with `pose_landmarks` (or `landmarks`)
 //! and `pose_world_landmarks` (or `world_landmarks`), of dictionaries with x, y, z and visibility, or of
-//! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks.
+//! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks. The holistic model's
+//! `left_hand_landmarks` and `right_hand_landmarks`, and `left_hand_world_landmarks` and so on if they are there, move fingers.
 
 use super::detections::Detections;
 use super::form::{DetectorForm, RecognisedBy};
+use super::hands::{self, LandmarkHand};
 use super::mediapipe::{LandmarkFrame, NAME, POINTS, Points, any, detections, number};
 use crate::ImportError;
 use crate::geometry::Vec3;
@@ -13,6 +15,11 @@ use yoto_pose::KeyPointSet;
 
 const PICTURE: [&str; 2] = ["pose_landmarks", "landmarks"];
 const SPACE: [&str; 2] = ["pose_world_landmarks", "world_landmarks"];
+/// Points of the left and the right hand, in the picture and in space: those of MediaPipe's holistic model.
+const HANDS: [[&str; 2]; 2] = [
+    ["left_hand_landmarks", "left_hand_world_landmarks"],
+    ["right_hand_landmarks", "right_hand_world_landmarks"],
+];
 
 pub(super) static FORM: DetectorForm = DetectorForm {
     detector: None,
@@ -44,6 +51,7 @@ fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
             number,
             is_numbered: numbered.is_some(),
             people: faulty.keep(of_frame(&entry))?.unwrap_or_default(),
+            hands: faulty.keep(hands(&entry))?.unwrap_or_default(),
         });
     }
     let given = match root.find("size") {
@@ -58,8 +66,8 @@ fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
 
 /// The landmarks of the people of a frame, in the picture and in space.
 fn of_frame(entry: &Part<'_>) -> Result<Vec<Points>, ImportError> {
-    let picture = people(any(entry, &PICTURE))?;
-    let space = people(any(entry, &SPACE))?;
+    let picture = people(any(entry, &PICTURE), POINTS)?;
+    let space = people(any(entry, &SPACE), POINTS)?;
     if !space.is_empty() && space.len() != picture.len() {
         let message = format!(
             "{} people in space, {} in the picture",
@@ -80,8 +88,25 @@ fn of_frame(entry: &Part<'_>) -> Result<Vec<Points>, ImportError> {
         .collect())
 }
 
-/// The landmarks of each person: x, y, z, visibility.
-fn people(part: Option<Part<'_>>) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
+/// The hands of a frame's person.
+fn hands(entry: &Part<'_>) -> Result<[Option<LandmarkHand>; 2], ImportError> {
+    let [left, right] = HANDS.map(|[picture, space]| {
+        let points = |name: &str| {
+            let all = people(entry.find(name), hands::POINTS)?;
+            let first = all.into_iter().next();
+            Ok(first.map(|points| points.into_iter().map(|[x, y, z, _]| [x, y, z]).collect()))
+        };
+        let Some(picture) = points(picture)? else {
+            return Ok(None);
+        };
+        let space = points(space)?;
+        Ok(Some(LandmarkHand { picture, space }))
+    });
+    Ok([left?, right?])
+}
+
+/// The landmarks of each person, or hand, of `points` points: x, y, z, visibility.
+fn people(part: Option<Part<'_>>, points: usize) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
     let Some(part) = part.filter(|part| !matches!(part.value(), Value::Nothing)) else {
         return Ok(Vec::new());
     };
@@ -94,15 +119,15 @@ fn people(part: Option<Part<'_>>) -> Result<Vec<Vec<[f64; 4]>>, ImportError> {
     let first = part.at(0)?;
     let is_nested = first.is_list() && first.at(0).is_ok_and(|inner| inner.number().is_err());
     if !is_nested {
-        return Ok(vec![person(&part)?]);
+        return Ok(vec![person(&part, points)?]);
     }
-    (0..count).map(|at| person(&part.at(at)?)).collect()
+    (0..count).map(|at| person(&part.at(at)?, points)).collect()
 }
 
-fn person(part: &Part<'_>) -> Result<Vec<[f64; 4]>, ImportError> {
+fn person(part: &Part<'_>, points: usize) -> Result<Vec<[f64; 4]>, ImportError> {
     let count = part.len()?;
-    if count != POINTS {
-        let message = format!("{count} landmarks instead of {POINTS}");
+    if count != points {
+        let message = format!("{count} landmarks instead of {points}");
         return Err(part.fault("SIZE_MISMATCH", message));
     }
     (0..count).map(|at| landmark(&part.at(at)?)).collect()

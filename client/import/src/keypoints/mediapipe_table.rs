@@ -91,5 +91,6 @@ fn row(line: &str) -> Result<LandmarkFrame, String> {
         number: number as usize,
         is_numbered: true,
         people: vec![(values.chunks_exact(width).map(point).collect(), Vec::new())],
+        ..LandmarkFrame::default()
     })
 }

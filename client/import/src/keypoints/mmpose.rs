@@ -84,6 +84,7 @@ fn instance(part: &Part<'_>) -> Result<Detection, ImportError> {
     let point = |([x, y], score): (&[f64; 2], &f64)| from_centre([*x, *y, *score]);
     let all: Vec<[f64; 3]> = positions.iter().zip(&sure).map(point).collect();
     Ok(Detection {
+        hands: [None, None],
         mask: None,
         own: None,
         person,

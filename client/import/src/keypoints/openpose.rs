@@ -71,6 +71,7 @@ fn person(part: &Part<'_>) -> Result<Detection, ImportError> {
     let mut picture = flat(&points, POINTS)?;
     picture.extend(hands::knuckles(&left, &right));
     Ok(Detection {
+        hands: [None, None],
         mask: None,
         own: None,
         person: number.map(|number| number.to_string()),

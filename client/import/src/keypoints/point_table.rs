@@ -176,6 +176,7 @@ fn read(
             number: *number,
             is_numbered: columns.frame.is_some(),
             people: vec![(picture, Vec::new())],
+            ..LandmarkFrame::default()
         }
     });
     let found = detections(rows.collect(), NAME, fitted, None, size);

@@ -113,7 +113,7 @@ fn read(
         let mut row = LandmarkFrame {
             number: number.unwrap_or(at),
             is_numbered: number.is_some(),
-            people: Vec::new(),
+            ..LandmarkFrame::default()
         };
         for body in people {
             let points: Vec<Point> = if body.names.is_empty() {

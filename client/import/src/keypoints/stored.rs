@@ -131,6 +131,7 @@ mod tests {
             number,
             image: None,
             people: vec![Detection {
+                hands: [None, None],
                 person: None,
                 picture: points.to_vec(),
                 space: Vec::new(),

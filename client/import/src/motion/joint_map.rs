@@ -10,11 +10,14 @@
 use crate::ImportError;
 use std::collections::HashSet;
 use std::path::Path;
-use yoto_proto::smpl::Spelled;
+use yoto_proto::smpl::{FINGERS, Spelled};
 
 /// The default map: names of CMU's conversions, Mixamo, HumanIK (MotionBuilder), Unity, VRM, Unreal, Rigify, 3ds Max's
 /// Biped, Poser, Daz, Kinect, Xsens, Bandai-Namco and SMPL itself. `yoto motion --write-map` writes it for editing.
 pub const DEFAULT: &str = include_str!("joint_map.json");
+
+/// Joints of a hand that a rig with fingers has at least, of fifteen. CMU's conversions have a thumb and an index finger alone.
+const FEWEST_OF_A_HAND: usize = 8;
 
 /// Joints of a person, each with the names that motions have for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,22 +67,42 @@ impl JointMap {
     /// For each joint of the map that `names` has, the joint and the index of its name.
     pub fn matches(&self, names: &[String]) -> Vec<(String, usize)> {
         let known = Spelled::all(names);
-        let mut taken = HashSet::new();
-        let mut found = Vec::new();
-        for (joint, wanted) in &self.0 {
-            let own = names.iter().position(|name| name == joint);
-            let index = own.filter(|at| !taken.contains(at)).or_else(|| {
-                wanted.iter().chain([joint]).find_map(|wanted| {
-                    let wanted = Spelled::of(wanted);
-                    let agrees = |at: &usize| known.get(*at).is_some_and(|it| it.agrees(&wanted));
-                    (0..known.len()).find(|at| agrees(at) && !taken.contains(at))
-                })
-            });
-            if let Some(index) = index {
-                taken.insert(index);
-                found.push((joint.clone(), index));
+        let choose = |joints: &mut dyn Iterator<Item = &(String, Vec<String>)>,
+                      taken: &mut HashSet<usize>| {
+            let mut found = Vec::new();
+            for (joint, wanted) in joints {
+                let own = names.iter().position(|name| name == joint);
+                let index = own.filter(|at| !taken.contains(at)).or_else(|| {
+                    wanted.iter().chain([joint]).find_map(|wanted| {
+                        let wanted = Spelled::of(wanted);
+                        let agrees =
+                            |at: &usize| known.get(*at).is_some_and(|it| it.agrees(&wanted));
+                        (0..known.len()).find(|at| agrees(at) && !taken.contains(at))
+                    })
+                });
+                if let Some(index) = index {
+                    taken.insert(index);
+                    found.push((joint.clone(), index));
+                }
+            }
+            found
+        };
+        // Fingers choose first: in a rig without them, the hand's joint may have the name of one.
+        let (mut taken, mut fingers) = (HashSet::new(), Vec::new());
+        for side in ["l_", "r_"] {
+            let mut with_hand = taken.clone();
+            let mut of_hand = self
+                .0
+                .iter()
+                .filter(|(joint, _)| is_finger(joint) && joint.starts_with(side));
+            let hand = choose(&mut of_hand, &mut with_hand);
+            if hand.len() >= FEWEST_OF_A_HAND {
+                taken = with_hand;
+                fingers.extend(hand);
             }
         }
+        let mut body = self.0.iter().filter(|(joint, _)| !is_finger(joint));
+        let mut found = choose(&mut body, &mut taken);
         // A shoulder without an arm is the shoulder.
         for [collar, shoulder] in [["l_collar", "l_shoulder"], ["r_collar", "r_shoulder"]] {
             let has_shoulder = found.iter().any(|(joint, _)| joint == shoulder);
@@ -90,8 +113,13 @@ impl JointMap {
                 shoulder.clone_into(joint);
             }
         }
+        found.extend(fingers);
         found
     }
+}
+
+fn is_finger(joint: &str) -> bool {
+    FINGERS.iter().any(|(name, _)| *name == joint)
 }
 
 #[cfg(test)]
@@ -138,6 +166,45 @@ mod tests {
         assert_eq!(
             matched(&["LeftShoulder", "LeftElbow"]),
             ["l_shoulder=LeftShoulder", "l_elbow=LeftElbow"]
+        );
+    }
+
+    #[test]
+    fn fingers_are_those_of_rigs_that_have_them() {
+        type Finger = fn(usize) -> String;
+        let rigs: [(&str, &str, Finger); 4] = [
+            ("Mixamo", "mixamorig:LeftHand", |at| {
+                let finger = ["Index", "Middle", "Pinky", "Ring", "Thumb"][at / 3];
+                format!("mixamorig:LeftHand{finger}{}", at % 3 + 1)
+            }),
+            ("Unity", "LeftHand", |at| {
+                let finger = ["Index", "Middle", "Little", "Ring", "Thumb"][at / 3];
+                let part = ["Proximal", "Intermediate", "Distal"][at % 3];
+                format!("Left{finger}{part}")
+            }),
+            ("Unreal", "hand_l", |at| {
+                let finger = ["index", "middle", "pinky", "ring", "thumb"][at / 3];
+                format!("{finger}_0{}_l", at % 3 + 1)
+            }),
+            ("3ds Max Biped", "Bip001 L Hand", |at| {
+                let finger = [1, 2, 4, 3, 0][at / 3];
+                let part = ["", "1", "2"][at % 3];
+                format!("Bip001 L Finger{finger}{part}")
+            }),
+        ];
+        for (rig, hand, name) in rigs {
+            let fingers: Vec<String> = (0..15).map(name).collect();
+            let mut names = vec![hand];
+            names.extend(fingers.iter().map(String::as_str));
+            let mut wanted = vec![format!("l_wrist={hand}")];
+            let joints = FINGERS.iter().zip(&fingers);
+            wanted.extend(joints.map(|((joint, _), name)| format!("{joint}={name}")));
+            assert_eq!(matched(&names), wanted, "{rig}");
+        }
+        // Two fingers are no hand: one of them is where the hand's joint is.
+        assert_eq!(
+            matched(&["LeftHand", "LeftHandIndex1", "LThumb"]),
+            ["l_wrist=LeftHand", "l_hand=LeftHandIndex1"]
         );
     }
 

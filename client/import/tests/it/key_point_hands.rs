@@ -1,10 +1,13 @@
 //! Hands of full-body sets of key points.
 
+use crate::format;
 use crate::key_points::{files, import, options, spoiled};
 use serde_json::{Value, json};
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_import::Imported;
+use yoto_capture::skeleton::fingers::with_fingers;
+use yoto_import::{Imported, read};
+use yoto_synthetic::SyntheticPerson;
 
 /// A hand of 21 points that is bent at the wrist by 90° in the picture: x, y and confidence.
 fn bent_hand(elbow: [f64; 2], wrist: [f64; 2]) -> Vec<[f64; 3]> {
@@ -109,4 +112,88 @@ fn hands_of_full_body_sets_bend_the_wrist() {
         let bent = bend(&import(&options(with)));
         assert!(bare < 20.0 && bent > 50.0, "{without}: {bare}° and {bent}°");
     }
+}
+
+/// The 21 points of a hand of an average adult whose four fingers bend by `bend` at each joint, as MediaPipe has them: shares of a square
+/// picture, the wrist at `wrist`.
+fn holistic_hand(side: usize, bend: f32, wrist: [f64; 2]) -> Value {
+    let body = SyntheticPerson::cast(1, 7)[0].skeleton();
+    let body = Skeleton::from_track(&body).expect("a skeleton");
+    let skeleton = with_fingers(&body).expect("SMPL's joints");
+    let first = 24 + 15 * side;
+    let sign = if side == 0 { -1.0 } else { 1.0 };
+    let mut pose = Pose::rest(skeleton.joints());
+    for joint in first..first + 12 {
+        pose.rotations[joint] = [0.0, 0.0, sign * bend];
+    }
+    let joints = skeleton.posed_joints(&pose);
+    // Thumb, index, middle, ring and little finger, whose tips go on as the bone above, bent once more or not.
+    let mut points = vec![joints[20 + side]];
+    for finger in [4, 0, 1, 3, 2] {
+        let at = first + 3 * finger;
+        let [_, middle, last] = [0, 1, 2].map(|joint| joints[at + joint]);
+        points.extend_from_slice(&joints[at..at + 3]);
+        points.push(std::array::from_fn(|axis| 2.0 * last[axis] - middle[axis]));
+    }
+    let origin = points[0];
+    let shares = points.into_iter().map(|[x, y, z]| {
+        // From above, with the fingers down in the picture.
+        let [x, y, z] = [x - origin[0], y - origin[1], z - origin[2]];
+        json!({"x": wrist[0] + 5.0 * z * f64::from(sign), "y": wrist[1] + 5.0 * x.abs(), "z": -5.0 * y, "visibility": 0.0})
+    });
+    shares.collect()
+}
+
+#[test]
+fn hands_of_the_holistic_model_bend_fingers() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read(files("mediapipe/landmarks.json")).expect("a file");
+    let with_hands = |name: &str, bend: f32, left_out: &str| {
+        let mut frames: Value = serde_json::from_slice(&text).expect("JSON");
+        for frame in frames.as_array_mut().expect("frames") {
+            for (side, (hand, wrist)) in [("left", 15), ("right", 16)].into_iter().enumerate() {
+                let at = ["x", "y"].map(|axis| frame["pose_landmarks"][wrist][axis].as_f64());
+                let at = at.map(|it| it.expect("a number"));
+                if hand != left_out {
+                    frame[format!("{hand}_hand_landmarks")] = holistic_hand(side, bend, at);
+                }
+            }
+        }
+        let path = dir.path().join(name);
+        std::fs::write(&path, frames.to_string()).expect("writes");
+        path
+    };
+    let bends = |found: &Imported, side: usize| -> f64 {
+        let frame = &found.track.frames[found.track.frames.len() / 2];
+        let joints = (0..4).map(|finger| 24 + 15 * side + 3 * finger);
+        let z = joints.map(|joint| frame.pose[3 * joint + 2].abs());
+        z.sum::<f64>().to_degrees() / 4.0
+    };
+    let fist = import(&options(with_hands("fist.json", 1.0, "")));
+    let flat = import(&options(with_hands("flat.json", 0.05, "")));
+    assert_eq!(fist.track.joints(), 54);
+    for side in 0..2 {
+        let (closed, open) = (bends(&fist, side), bends(&flat, side));
+        assert!(closed > 45.0 && open < 15.0, "{side}: {closed}°, {open}°");
+    }
+    // A hand that the file lacks is half open.
+    let left = import(&options(with_hands("left.json", 1.0, "right")));
+    let half = bends(&left, 1);
+    assert!(
+        bends(&left, 0) > 45.0 && (12.0..30.0).contains(&half),
+        "{half}°"
+    );
+    let short = with_hands("short.json", 1.0, "");
+    let mut frames: Value =
+        serde_json::from_slice(&std::fs::read(&short).expect("a file")).expect("JSON");
+    for frame in frames.as_array_mut().expect("frames") {
+        frame["left_hand_landmarks"]
+            .as_array_mut()
+            .expect("points")
+            .pop();
+    }
+    std::fs::write(&short, frames.to_string()).expect("writes");
+    let error = read(format("key-points"), &files("clip/frames"), &options(short));
+    let error = format!("{:?}", error.expect_err("a point is missing"));
+    assert!(error.contains("20 landmarks instead of 21"), "{error}");
 }

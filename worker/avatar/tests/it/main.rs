@@ -7,8 +7,6 @@ mod extremes;
 mod fingers;
 mod finite_diff;
 mod floor;
-#[cfg(feature = "gpu")]
-mod gpu;
 mod harmonics;
 mod humannerf;
 mod joining;

@@ -7,6 +7,9 @@ use super::transform::{add, compose_axis_angle, dot, scale, sub};
 use super::{Pose, Skeleton, SkeletonError, Vec3};
 use yoto_proto::pose_track;
 
+/// The joints of SMPL's hands, and the joints of fingers that lie there.
+const MITTENS: [(&str, &str); 2] = [("l_hand", "l_middle1"), ("r_hand", "r_middle1")];
+
 /// The driver's motion on the body of `target`: joints of the same name turn alike, the root moves as [`carry`] says,
 /// and on a body with other proportions feet are planted, which would slide otherwise. The `poses` are at the times
 /// `seconds`, in a world with the unit vector `up`.
@@ -77,10 +80,17 @@ fn carry(
 /// missing. Joints of the target that the driver lacks stay at rest; fingers are slightly bent then.
 fn turned_alike(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pose, SkeletonError> {
     driver.check_pose(pose)?;
+    let find = |name: &str| driver.names.iter().position(|other| other == name);
     let matches: Vec<Option<usize>> = target
         .names
         .iter()
-        .map(|name| driver.names.iter().position(|other| other == name))
+        .map(|name| {
+            find(name).or_else(|| {
+                // A hand without fingers bends as its middle finger does.
+                let (_, finger) = MITTENS.iter().find(|(hand, _)| hand == name)?;
+                find(finger).filter(|_| !target.names.iter().any(|other| other == finger))
+            })
+        })
         .collect();
     let shared = matches.iter().flatten().count();
     let of = driver.joints().min(target.joints());
@@ -287,6 +297,28 @@ mod tests {
         };
         same(places(&moved_by(driver.clone(), -1.26), &shifted, &target));
         same(places(&driver, &poses, &moved_by(target.clone(), 0.7)));
+    }
+
+    #[test]
+    fn a_hand_without_fingers_bends_as_the_middle_finger_does() {
+        let body = SyntheticPerson::cast(1, 7)[0].skeleton();
+        let body = Skeleton::from_track(&body).expect("a skeleton");
+        let mut driver = with_fingers(&body).expect("SMPL's joints");
+        let at = |skeleton: &Skeleton, name: &str| {
+            let found = skeleton.names.iter().position(|other| other == name);
+            found.expect("a joint")
+        };
+        let hand = at(&driver, "l_hand");
+        driver.names[hand] = "tool".into();
+        let mut pose = Pose::rest(driver.joints());
+        pose.rotations[at(&driver, "l_middle1")] = [0.0, 0.0, -0.8];
+        let moved = on(&driver, &body, &pose).expect("fits");
+        assert_eq!(moved.rotations[hand], [0.0, 0.0, -0.8]);
+        // A hand with fingers bends those.
+        let hands = with_fingers(&body).expect("SMPL's joints");
+        let moved = on(&driver, &hands, &pose).expect("fits");
+        assert_eq!(moved.rotations[hand], [0.0; 3]);
+        assert_eq!(moved.rotations[at(&hands, "l_middle1")], [0.0, 0.0, -0.8]);
     }
 
     #[test]

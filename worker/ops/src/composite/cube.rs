@@ -114,7 +114,7 @@ fn transmitted(alpha: f32) -> f32 {
     (1.0 - alpha) + OPAQUE
 }
 
-/// Writes `[R, 5]` as in [`super::composite`]. `lengths` `[n, 2]` are steps and depths.
+/// Writes `[R, 5]` as the operation `composite` does. `lengths` `[n, 2]` are steps and depths.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 fn composite_ray(
@@ -160,7 +160,7 @@ fn composite_ray(
     output[5 * ray + 4] = depth;
 }
 
-/// Writes the gradients to the inputs of [`composite_ray`], from `grad` `[R, 5]`.
+/// Writes the gradients to the inputs of `composite_ray`, from `grad` `[R, 5]`.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 fn composite_ray_backward(

@@ -188,7 +188,7 @@ fn weight_derivative(upper: u32) -> f32 {
     2.0 * f32::cast_from(upper) - 1.0
 }
 
-/// Writes the features of each point at each level, Σ wₖ table[rowₖ] over the corners k of its cell.
+/// Writes the features of each point at each level, `Σ wₖ table[rowₖ]` over the corners k of its cell.
 #[cube(launch)]
 fn encode_points(
     table: &[f32],
@@ -232,7 +232,7 @@ fn encode_points(
     }
 }
 
-/// Adds the gradient to the table: ∂L/∂table[rowₖ] += wₖ ∂L/∂feature. A thread per point and level.
+/// Adds the gradient to the table: `∂L/∂table[rowₖ] += wₖ ∂L/∂feature`. A thread per point and level.
 #[cube(launch)]
 fn table_backward<A: AddFloat>(
     points: &[f32],
@@ -275,7 +275,7 @@ fn table_backward<A: AddFloat>(
     }
 }
 
-/// Writes the gradient to the points: Σ ∂L/∂feature · table[rowₖ] ∇wₖ over levels and corners. A thread per point.
+/// Writes the gradient to the points: `Σ ∂L/∂feature · table[rowₖ] ∇wₖ` over levels and corners. A thread per point.
 #[cube(launch)]
 fn points_backward(
     table: &[f32],

@@ -393,7 +393,7 @@ fn gradient_of_picture<A: AddFloat>(
     add_of_group::<A>(mask_error, &mut sums[2]);
 }
 
-/// Writes the numbers of [`super::picture_loss`] from the sums over all pixels.
+/// Writes the numbers of the operation `picture_loss` from the sums over all pixels.
 #[cube(launch)]
 fn weighted_terms(sums: &[f32], terms: &mut [f32], region: &Region, weights: &TermWeights) {
     let area = f32::cast_from(area(region));

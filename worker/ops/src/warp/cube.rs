@@ -198,7 +198,7 @@ fn find_supports(
     }
 }
 
-/// Writes `[N, 4]` as in [`super::warp`]. A thread per point.
+/// Writes `[N, 4]` as the operation `warp` does. A thread per point.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 fn warp_points(

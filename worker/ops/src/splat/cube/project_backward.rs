@@ -20,7 +20,7 @@ pub(super) const GROUP: usize = 64;
 const ALL_LIGHTS: usize = 3 * LIGHTS;
 
 /// Writes the gradients `to_transforms` `[N, 12]` and `to_rows` `[N, 14]`, and adds to `to_light` `[3, 8]`, from
-/// the sums `to_splats` `[N, 9]` of [`rasterize_tiles_backward`](super::rasterize_backward::rasterize_tiles_backward).
+/// the sums `to_splats` `[N, 9]` of `rasterize_tiles_backward`.
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]
 pub(super) fn project_splats_backward<A: AddFloat>(

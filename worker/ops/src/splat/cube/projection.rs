@@ -249,7 +249,7 @@ pub(super) fn projection(
     }
 }
 
-/// The terms bᵢ of the light at the unit vector n, as [`terms`](super::super::light::terms).
+/// The terms bᵢ of the light at the unit vector n, as `terms` of the module `light` gives them.
 #[cube]
 pub(super) fn light_terms(n: &Vec3) -> Array<f32> {
     let mut terms = Array::<f32>::new(LIGHTS);

@@ -15,7 +15,7 @@ pub(super) const SUMS: usize = 9;
 /// that every Vulkan device has.
 const BATCH: usize = 6;
 
-/// Adds the sums of each splat, `to_splats` `[N, 9]`, from the `picture` of [`rasterize_tiles`](super::rasterize::rasterize_tiles)
+/// Adds the sums of each splat, `to_splats` `[N, 9]`, from the `picture` of `rasterize_tiles`
 /// and the gradient `grad` to it, both `[H W, 4]`.
 ///
 /// The splats are blended again, near to far: what is behind a splat is the whole sum less what is in front of

@@ -153,7 +153,7 @@ fn sum_of_weights(
     learned
 }
 
-/// The normalised weight of a bone with the base weight `base`, where `sum` is that of [`sum_of_weights`].
+/// The normalised weight of a bone with the base weight `base`, where `sum` is that of `sum_of_weights`.
 #[cube]
 fn normalized(
     factors: &[f32],
@@ -301,7 +301,7 @@ fn points_backward(
     to_points[3 * i + 2] = to_z * lattice.scale_z;
 }
 
-/// Adds the gradients to factors and transforms, from the `shares` of [`points_backward`]. A group of threads per run
+/// Adds the gradients to factors and transforms, from the `shares` of `points_backward`. A group of threads per run
 /// of points (x) and bone (y).
 #[cube(launch)]
 #[allow(clippy::too_many_arguments)]

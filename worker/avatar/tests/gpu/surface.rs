@@ -1,7 +1,7 @@
 //! Forward skinning of a surface against the form for CPU threads, values and gradients.
 
-use crate::gpu::compare::{Numbers, assert_close, values};
-use crate::gpu::device::on_vulkan;
+use crate::compare::{Numbers, assert_close, values};
+use crate::device::on_vulkan;
 use burn::tensor::{Device, Tensor};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

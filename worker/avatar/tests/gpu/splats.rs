@@ -1,8 +1,8 @@
 //! The operations of a training of splats: their pictures, forward skinning, and the loss of a picture,
 //! each against the form for CPU threads, values and gradients.
 
-use crate::gpu::compare::{Numbers, assert_close, values};
-use crate::gpu::device::on_vulkan;
+use crate::compare::{Numbers, assert_close, values};
+use crate::device::on_vulkan;
 use burn::tensor::{Device, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,7 @@
 //! Training steps and frames of the smallest tier and of splats, on the Vulkan device and on the CPU.
 
-use crate::gpu::compare::{relative_error, values};
-use crate::gpu::device::on_vulkan;
+use crate::compare::{relative_error, values};
+use crate::device::on_vulkan;
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};

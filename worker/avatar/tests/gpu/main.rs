@@ -1,5 +1,5 @@
 //! The `cube` forms on a Vulkan device against the CPU: each operation, a whole training step,
-//! a frame. Only with the feature `gpu`.
+//! a frame. A program of its own, since few builds have the feature `gpu`.
 //!
 //! Any Vulkan device will do, including software ones, since no time is measured: Debian's
 //! `mesa-vulkan-drivers`, by `VK_DRIVER_FILES=/usr/share/vulkan/icd.d/lvp_icd.x86_64.json`, or the

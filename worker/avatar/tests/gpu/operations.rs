@@ -1,8 +1,8 @@
 //! Each operation's `cube` form against its reference on the CPU, values and gradients: on
 //! points inside, at the border of and outside its box, and where gradients are exactly zero.
 
-use crate::gpu::compare::{Numbers, assert_close, values};
-use crate::gpu::device::on_vulkan;
+use crate::compare::{Numbers, assert_close, values};
+use crate::device::on_vulkan;
 use burn::tensor::{Device, Tensor};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
