@@ -77,7 +77,7 @@ pub(in crate::train::splats) fn beside(
         points: chosen.iter().map(|i| points[*i]).collect(),
         normals: chosen.iter().map(|i| normals[*i]).collect(),
         skinning: chosen.iter().map(|i| skinning[*i]).collect(),
-        spacing: vec![shell.spacing; chosen.len()],
+        ..SurfacePoints::default()
     }
 }
 

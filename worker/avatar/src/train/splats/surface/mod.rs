@@ -88,7 +88,7 @@ fn seen(
 }
 
 impl PersonSurface {
-    /// `count` points, each with an equal share of the area that can be seen, and that area, square metres. Their spacing is not given.
+    /// `count` points, each with an equal share of the area that can be seen, and that area, square metres. Spacing and density are not given.
     pub(super) fn points(&self, count: usize) -> (SurfacePoints, f64) {
         let body = self.body;
         let shown = visible_faces(body);
@@ -105,7 +105,7 @@ impl PersonSurface {
                 .map(|it| unit(it.of(body, &self.normals)))
                 .collect(),
             skinning: own.iter().map(|it| it.skinning(body)).collect(),
-            spacing: Vec::new(),
+            ..SurfacePoints::default()
         };
         (points, area)
     }

@@ -11,6 +11,8 @@ pub(in crate::train::splats) struct SurfacePoints {
     pub normals: Vec<[f32; 3]>,
     /// `[N]`, the distance to the next point, metres.
     pub spacing: Vec<f64>,
+    /// `[N]`: whether points are sparse here, as where no frame faces the surface.
+    pub sparse: Vec<bool>,
     /// `[N]`: bones and weights; empty where the prior of motion weights has them.
     pub skinning: Vec<[(u8, f32); 4]>,
 }
@@ -39,6 +41,7 @@ impl SurfacePoints {
                 thinned.normals.push(self.normals[i]);
                 thinned.skinning.push(self.skinning[i]);
                 thinned.spacing.push((area * each / own.min(1.0)).sqrt());
+                thinned.sparse.push(own < 1.0);
             }
         }
         thinned
@@ -48,6 +51,7 @@ impl SurfacePoints {
         self.points.extend(other.points);
         self.normals.extend(other.normals);
         self.spacing.extend(other.spacing);
+        self.sparse.extend(other.sparse);
         self.skinning.extend(other.skinning);
     }
 
@@ -70,8 +74,8 @@ mod tests {
         let points = SurfacePoints {
             points: (0..300).map(|i| [i as f32, 0.0, 0.0]).collect(),
             normals: vec![[0.0, 1.0, 0.0]; 300],
-            spacing: Vec::new(),
             skinning: vec![[(0, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]; 300],
+            ..SurfacePoints::default()
         };
         let density = |i: usize| [0.0, 0.25, 1.0][i / 100];
         let thinned = points.thinned(density, 50, 1e-4);
@@ -83,6 +87,7 @@ mod tests {
         let apart = |area: f64| (area * 2.5).sqrt();
         assert!((thinned.spacing[0] - 2.0 * apart(1e-4)).abs() < 1e-9);
         assert!((thinned.spacing[49] - apart(1e-4)).abs() < 1e-9);
+        assert!(thinned.sparse[0] && !thinned.sparse[49]);
         let doubled = points.thinned(|i| [2.0, 1.0, 0.0][i / 100], 30, 1e-4);
         assert_eq!(doubled.points.iter().filter(|at| at[0] < 100.0).count(), 20);
         assert!((doubled.spacing[0] - doubled.spacing[29]).abs() < 1e-9);
