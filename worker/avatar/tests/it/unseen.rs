@@ -137,7 +137,7 @@ fn a_back_that_no_frame_shows_gets_colours_from_what_is_seen() {
     let (guessed, left) = (trained(&film, false), trained(&film, true));
     let back = std::f64::consts::PI;
     let (with, without) = (off(&guessed, person, back), off(&left, person, back));
-    assert!(with < 0.98 * without, "{with:.4}, {without:.4} without");
+    assert!(with < 0.96 * without, "{with:.3}, {without:.3} without");
     for angle in [-0.5, 0.0, 0.5] {
         let (with, without) = (off(&guessed, person, angle), off(&left, person, angle));
         println!("{angle}: {with:.5}, {without:.5} without");

@@ -20,9 +20,6 @@ const FLAT: [f64; 3] = [0.6, 0.6, 0.25];
 /// Standard deviation across the surface where no frame faces it, metres. Nothing makes such splats thinner while others learn, and the
 /// person would be as much thicker there.
 const UNSEEN_ACROSS: f64 = 1e-3;
-/// How far below the surface such splats are, metres: splats reach beyond it, and the body's guess is a little thick there
-/// (docs/research/body.md, "What it is worth").
-const UNSEEN_INSET: f32 = 6e-3;
 /// Colour of splats that no frame faces.
 const UNSEEN: f32 = 0.4;
 /// Splats per area where no frame faces the surface, as a share of those elsewhere.
@@ -63,7 +60,6 @@ pub(crate) fn initial_splats(
         Some(person) => on_body(&hull, person, &shell, count),
         None => on_shell(&shell, count),
     };
-    let (means, scales) = placed(&first);
     let values = SplatValues {
         rotations: first
             .normals
@@ -71,11 +67,11 @@ pub(crate) fn initial_splats(
             .copied()
             .flat_map(rotation_to)
             .collect(),
-        scales,
+        scales: scales(&first),
         opacities: vec![0.0; first.points.len()],
         colours: colours(&hull, &first),
         skinning: first.skinning(),
-        means,
+        means: first.points.into_flattened(),
     };
     Ok(InitialSplats {
         values,
@@ -83,20 +79,15 @@ pub(crate) fn initial_splats(
     })
 }
 
-/// Means `[N, 3]`, metres, and logarithms of the deviations `[N, 3]` of a splat at each point.
-fn placed(first: &SurfacePoints) -> (Vec<f32>, Vec<f32>) {
-    let (mut means, mut scales) = (Vec::new(), Vec::new());
-    for (i, sparse) in first.sparse.iter().enumerate() {
-        let [along, beside, across] = FLAT.map(|share| share * first.spacing[i]);
-        let (inset, across) = match sparse {
-            true => (UNSEEN_INSET, UNSEEN_ACROSS),
-            false => (0.0, across),
-        };
-        let (at, normal) = (first.points[i], first.normals[i]);
-        means.extend((0..3).map(|a| at[a] - inset * normal[a]));
-        scales.extend([along, beside, across].map(|deviation| deviation.ln() as f32));
-    }
-    (means, scales)
+/// Logarithms of the deviations `[N, 3]` of a splat at each point.
+fn scales(first: &SurfacePoints) -> Vec<f32> {
+    let all = first.spacing.iter().zip(&first.sparse);
+    all.flat_map(|(apart, sparse)| {
+        let [along, beside, across] = FLAT.map(|share| share * apart);
+        let across = if *sparse { UNSEEN_ACROSS } else { across };
+        [along, beside, across].map(|deviation| deviation.ln() as f32)
+    })
+    .collect()
 }
 
 /// `count` points of the shell.
@@ -209,19 +200,16 @@ mod tests {
 
     /// Splats that nothing teaches do not make the person thicker.
     #[test]
-    fn splats_that_no_frame_faces_are_thin_and_below_the_surface() {
+    fn splats_that_no_frame_faces_are_thin() {
         let first = SurfacePoints {
-            points: vec![[0.1, 1.0, 0.0]; 2],
-            normals: vec![[1.0, 0.0, 0.0]; 2],
             spacing: vec![0.008, 0.016],
             sparse: vec![false, true],
-            skinning: Vec::new(),
+            ..SurfacePoints::default()
         };
-        let (means, scales) = placed(&first);
-        let outside = |i: usize| means[3 * i] + 2.0 * scales[3 * i + 2].exp() - 0.1;
-        assert_eq!(means[0], 0.1);
-        assert!(outside(0) > 0.0, "{}", outside(0));
-        assert!((-0.006..0.0).contains(&outside(1)), "{}", outside(1));
+        let scales = scales(&first);
+        let across = |i: usize| scales[3 * i + 2].exp();
+        assert!((across(0) - 0.002).abs() < 1e-6, "{}", across(0));
+        assert!((across(1) - 0.001).abs() < 1e-6, "{}", across(1));
         assert!(scales[3] > scales[0]);
     }
 }
