@@ -1,12 +1,16 @@
 //! The joint tree of SMPL, the most common body model: the tree of imported captures and of
 //! synthetic people, and the only one that the released HumanNeRF program supports.
 
+mod face;
 mod fingers;
 mod spelling;
+mod tree;
 mod unify;
 
-pub use fingers::{FINGERS, WITH_FINGERS, drop_fingers, is_smpls, joints_with_fingers};
+pub use face::FACE;
+pub use fingers::FINGERS;
 pub use spelling::Spelled;
+pub use tree::{WITH_FACE, WITH_FINGERS, all_joints, drop_parts, is_smpls, is_smpls_tree};
 pub use unify::unify;
 
 /// The 24 joints in the published order, each with its parent.

@@ -77,7 +77,7 @@ pub(crate) struct ImportOptions {
     /// Read hands of a clip alone by the pose model, without the model of hands: fingers stay as they are at rest.
     #[arg(long)]
     no_hands: bool,
-    /// Read the face of a clip alone by the pose model, without the model of faces.
+    /// Read the face of a clip alone by the pose model, without the model of faces: mouth and eyelids stay at rest.
     #[arg(long)]
     no_face: bool,
     /// Frames per second, if no file tells them.

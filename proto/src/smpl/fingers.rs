@@ -1,10 +1,8 @@
 //! Fingers: thirty joints after SMPL's, for captures that show them.
 
-use super::JOINTS;
-use crate::pose_track::{PoseTrack, Skeleton};
-
-/// The joints of the fingers, which follow [`JOINTS`] in a skeleton with hands: three per finger from the palm to the tip, in the order of
-/// SMPL-H and SMPL-X, the left hand first. Each has its parent; wrists are those of [`JOINTS`].
+/// The joints of the fingers, which follow [`JOINTS`](super::JOINTS) in a skeleton with hands: three per finger from the palm to the tip, in the order of
+/// SMPL-H and SMPL-X, the left hand first. Each has its parent; wrists are those of
+/// the body.
 pub const FINGERS: [(&str, Option<usize>); 30] = [
     ("l_index1", Some(20)),
     ("l_index2", Some(24)),
@@ -37,37 +35,3 @@ pub const FINGERS: [(&str, Option<usize>); 30] = [
     ("r_thumb2", Some(51)),
     ("r_thumb3", Some(52)),
 ];
-
-/// The joints of a skeleton with hands: [`JOINTS`], then [`FINGERS`].
-pub fn joints_with_fingers() -> impl Iterator<Item = (&'static str, Option<usize>)> {
-    JOINTS.into_iter().chain(FINGERS)
-}
-
-/// Number of joints of SMPL's tree with fingers.
-pub const WITH_FINGERS: usize = JOINTS.len() + FINGERS.len();
-
-/// Whether the joints are those of SMPL in its order, and those of the fingers behind them or nothing.
-pub fn is_smpls(skeleton: &Skeleton) -> bool {
-    let own = skeleton.names.iter().zip(&skeleton.parents);
-    let joints = skeleton.parents.len();
-    (joints == JOINTS.len() || joints == WITH_FINGERS)
-        && own
-            .zip(joints_with_fingers())
-            .all(|((found, parent), (name, above))| {
-                found == name && usize::try_from(*parent).ok() == above
-            })
-}
-
-/// Leaves SMPL's joints of a track that has fingers. Other tracks are not changed.
-pub fn drop_fingers(track: &mut PoseTrack) {
-    if track.joints() != WITH_FINGERS || !is_smpls(&track.skeleton) {
-        return;
-    }
-    let count = JOINTS.len();
-    track.skeleton.names.truncate(count);
-    track.skeleton.parents.truncate(count);
-    track.skeleton.rest_joints.truncate(count);
-    for frame in &mut track.frames {
-        frame.pose.truncate(3 * count);
-    }
-}

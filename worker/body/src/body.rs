@@ -1,6 +1,6 @@
 //! The model.
 
-use crate::fingers::Fingers;
+use crate::extra_joints::ExtraJoints;
 
 /// Number of joints K, those of SMPL in its order.
 pub const JOINTS: usize = 24;
@@ -36,7 +36,9 @@ pub struct Body {
     /// The first vertex at the same place, `[V]`: seams of the texture duplicate vertices.
     pub welded: Vec<u32>,
     /// What fingers move, if the bodies that the model is learned from have them.
-    pub fingers: Option<Fingers>,
+    pub fingers: Option<ExtraJoints>,
+    /// What jaw, eyes and eyelids move, if the bodies that the model is learned from have fingers and eyes.
+    pub face: Option<ExtraJoints>,
 }
 
 impl Body {
@@ -63,18 +65,23 @@ impl Body {
 
     /// The joints at rest of a body with these vertices, `[K]`, metres. A vertex that is missing counts nothing.
     pub fn joints_of(&self, vertices: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let joint = |shares: &Vec<(u32, f32)>| {
-            let mut sum = [0.0; 3];
-            for (vertex, share) in shares {
-                let at = vertices.get(*vertex as usize).copied().unwrap_or_default();
-                for (sum, at) in sum.iter_mut().zip(at) {
-                    *sum += share * at;
-                }
-            }
-            sum
-        };
-        self.joints.iter().map(joint).collect()
+        joints_of(&self.joints, vertices)
     }
+}
+
+/// The joints of a regressor, `[K]`, metres, of a body with these vertices.
+pub(crate) fn joints_of(regressor: &[Vec<(u32, f32)>], vertices: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let joint = |shares: &Vec<(u32, f32)>| {
+        let mut sum = [0.0; 3];
+        for (vertex, share) in shares {
+            let at = vertices.get(*vertex as usize).copied().unwrap_or_default();
+            for (sum, at) in sum.iter_mut().zip(at) {
+                *sum += share * at;
+            }
+        }
+        sum
+    };
+    regressor.iter().map(joint).collect()
 }
 
 /// mean + Σₖ codeₖ componentₖ.

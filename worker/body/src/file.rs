@@ -4,7 +4,7 @@
 //! millimetre, components as i16 (the first [`FINE`]) and i8 with a scale each, shares and colours in steps of 1/255.
 
 use crate::body::{Body, JOINTS};
-use crate::fingers::Fingers;
+use crate::extra_joints::{OF_FACE, OF_FINGERS, WITH_FINGERS};
 use crate::packed;
 use crate::tensors::{FileError, Tensors, finite, floats, indices, rows, units};
 use safetensors::SafeTensors;
@@ -44,18 +44,21 @@ impl Body {
         })
     }
 
-    /// The model that the program has, for a skeleton with this number of joints: [`JOINTS`], or those and the fingers'.
+    /// The model that the program has, for a skeleton with this number of joints: [`JOINTS`], or those and the fingers', or those and
+    /// the face's too.
     ///
     /// # Panics
-    /// Never: a test reads the file, which has fingers.
+    /// Never: a test reads the file, which has fingers and a face.
     pub fn for_joints(joints: usize) -> &'static Self {
-        static WITH_FINGERS: OnceLock<Body> = OnceLock::new();
-        match joints > JOINTS {
-            true => WITH_FINGERS.get_or_init(|| {
-                let body = Self::people().with_fingers();
-                body.expect("a test reads the file that the program is built with")
-            }),
-            false => Self::people(),
+        static FINGERED: OnceLock<Body> = OnceLock::new();
+        static WITH_FACE: OnceLock<Body> = OnceLock::new();
+        let read = "a test reads the file that the program is built with";
+        if joints <= JOINTS {
+            Self::people()
+        } else if joints <= WITH_FINGERS {
+            FINGERED.get_or_init(|| Self::people().with_fingers().expect(read))
+        } else {
+            WITH_FACE.get_or_init(|| Self::people().with_face().expect(read))
         }
     }
 
@@ -113,7 +116,8 @@ impl Body {
             mirror: file.indices("mirror", &[v], v)?,
             part: part.to_vec(),
             welded: file.indices("welded", &[v], v)?,
-            fingers: Fingers::read(&file, v)?,
+            fingers: OF_FINGERS.read(&file, v)?,
+            face: OF_FACE.read(&file, v)?,
         })
     }
 
@@ -204,8 +208,10 @@ impl Body {
                 indices("welded", &self.welded)?,
             ),
         ];
-        if let Some(fingers) = &self.fingers {
-            tensors.extend(fingers.tensors()?);
+        for (extra, tail) in [(&self.fingers, OF_FINGERS), (&self.face, OF_FACE)] {
+            if let Some(extra) = extra {
+                tensors.extend(tail.tensors(extra)?);
+            }
         }
         let mut views = Vec::with_capacity(tensors.len());
         for (name, dtype, shape, bytes) in &tensors {

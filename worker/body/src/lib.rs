@@ -5,14 +5,14 @@
 //! The bodies wear clothes, hair and shoes, and so does the mean.
 //!
 //! - [`Body`]: the model.
-//! - [`Fingers`]: the fingers of the model.
+//! - [`ExtraJoints`]: fingers and face of the model.
 //! - [`mod@file`]: its file, and the one that the program has.
 //! - [`learn`]: learns a model.
 //! - [`person`]: one person's body, by their joints and outlines.
 
 mod body;
+mod extra_joints;
 pub mod file;
-mod fingers;
 pub mod learn;
 mod packed;
 pub mod person;
@@ -21,5 +21,5 @@ mod tensors;
 mod tests;
 
 pub use body::{Body, JOINTS};
-pub use fingers::{FINGERS, Fingers, WITH_FINGERS, hand_of};
+pub use extra_joints::{ExtraJoints, FACE, FINGERS, WITH_FACE, WITH_FINGERS, hand_of, is_of_face};
 pub use tensors::FileError;

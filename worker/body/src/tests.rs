@@ -1,7 +1,9 @@
 //! The model that the program has, and files.
 
 use crate::body::{Body, JOINTS};
-use crate::fingers::{FINGERS, Fingers, WITH_FINGERS, hand_of};
+use crate::extra_joints::{
+    ExtraJoints, FACE, FINGERS, WITH_FACE, WITH_FINGERS, hand_of, is_of_face,
+};
 use crate::learn::tests::learned;
 use crate::tensors::FileError;
 use safetensors::SafeTensors;
@@ -123,6 +125,69 @@ fn it_has_fingers_that_move_hands_alone() {
     let tips = (0..body.mean.len()).filter(|i| index(*i) && body.mean[*i][0] > joints[26][0]);
     let away = tips.map(|i| body.mean[i][2] - joints[29][2]);
     assert!(away.fold(f32::INFINITY, f32::min) > 0.0);
+}
+
+#[test]
+fn its_face_moves_what_a_face_does() {
+    let body = Body::for_joints(WITH_FACE);
+    assert_eq!(body.joints.len(), WITH_FACE);
+    let joints = body.joints_of(&body.mean);
+    let [jaw, left, right] = [54, 55, 56].map(|joint| joints[joint]);
+    assert!(
+        (left[0] + right[0]).abs() < 2e-3 && left[0] > 0.025,
+        "{left:?}"
+    );
+    assert!(
+        jaw[0].abs() < 2e-3 && jaw[1] < left[1] && jaw[2] < left[2],
+        "{jaw:?}"
+    );
+    assert_eq!(joints[57..], joints[55..57]);
+    let weight = |vertex: usize, joint: usize| -> f32 {
+        let own = body.bones[vertex].iter().zip(body.weights[vertex]);
+        own.filter(|(bone, _)| usize::from(**bone) == joint)
+            .map(|(_, weight)| weight)
+            .sum()
+    };
+    let all = || 0..body.mean.len();
+    for vertex in all() {
+        let of_face: f32 = (WITH_FINGERS..WITH_FACE).map(|it| weight(vertex, it)).sum();
+        let [x, y, z] = body.mean[vertex];
+        // Nothing behind the ears, and nothing below the throat.
+        assert!(
+            of_face < 0.01 || (z > jaw[2] && y > 1.44 && x.abs() < 0.09),
+            "{vertex}"
+        );
+        if body.part[vertex] > 0 {
+            assert!(weight(vertex, 54 + usize::from(body.part[vertex])) > 0.99);
+        }
+    }
+    // The chin goes with the jaw, the nose and the upper lip do not.
+    let near = |at: [f32; 3]| {
+        let off =
+            |vertex: usize| -> f32 { (0..3).map(|a| (body.mean[vertex][a] - at[a]).powi(2)).sum() };
+        all()
+            .min_by(|a, b| off(*a).total_cmp(&off(*b)))
+            .expect("vertices")
+    };
+    let [chin, nose] = [[0.0, 1.475, 0.168], [0.0, 1.54, 0.187]].map(near);
+    assert!(weight(chin, 54) > 0.95 && weight(nose, 54) < 0.01);
+    let [upper, lower] = [[0.0, 1.514, 0.177], [0.0, 1.502, 0.1745]].map(near);
+    assert!(weight(upper, 54) < 0.05 && weight(lower, 54) > 0.95);
+    // The edge of the left upper eyelid goes with it, the lower one and the brow do not.
+    let [edge, under, brow] = [
+        [0.03, 1.579, 0.151],
+        [0.03, 1.5700, 0.151],
+        [0.03, 1.595, 0.165],
+    ]
+    .map(near);
+    assert!(
+        weight(edge, 57) > 0.8 && weight(edge, 58) == 0.0,
+        "{}",
+        weight(edge, 57)
+    );
+    assert!(weight(under, 57) < 0.05 && weight(brow, 57) < 0.05);
+    assert!((WITH_FINGERS..WITH_FACE).all(|joint| is_of_face(joint as u8)));
+    assert_eq!(WITH_FACE - WITH_FINGERS, FACE);
 }
 
 #[test]
@@ -301,7 +366,7 @@ fn files_of_others_and_of_later_versions_are_refused() {
 #[test]
 fn what_a_file_cannot_hold_is_an_error() {
     let mut body = learned();
-    body.fingers = Some(Fingers {
+    body.fingers = Some(ExtraJoints {
         joints: vec![vec![(0, 1.0)]; FINGERS],
         vertices: vec![1, 2],
         bones: vec![[24, 0, 0, 0]; 2],
@@ -327,7 +392,7 @@ fn what_a_file_cannot_hold_is_an_error() {
     refused(&|body| body.weights[0] = [0.5, 0.6, 0.0, 0.0], "weights");
     refused(&|body| body.weights[0] = [f32::NAN; 4], "weights");
     refused(&|body| body.joints[0] = vec![(0, 0.5)], "joint_shares");
-    let fingers = |change: fn(&mut Fingers)| {
+    let fingers = |change: fn(&mut ExtraJoints)| {
         move |body: &mut Body| body.fingers.as_mut().into_iter().for_each(change)
     };
     refused(&fingers(|it| it.weights[0][0] = 0.5), "finger_weights");

@@ -41,7 +41,7 @@
         [1, 2, 3].map((joint) => [`${side}_${finger}${joint}`, axis]),
       ),
     );
-  // A label, the joints that it bends about their axes, and the share of the angle that each gets: an equal one by default.
+  // A label, the joints that it bends about their axes, the share of the angle that each gets (an equal one by default), and the least angle.
   const groups = [
     ["Head", { neck: Y, head: Y }],
     ["Torso, turn", { spine1: Y, spine2: Y, spine3: Y }],
@@ -56,6 +56,8 @@
     ["Right knee", { r_knee: X }],
     ["Left fingers", fingers("l", minus(Z)), 1],
     ["Right fingers", fingers("r", Z), 1],
+    ["Mouth", { jaw: X }, 0.3, 0],
+    ["Eyelids", { l_eyelid: X, r_eyelid: X }, 0.4, 0],
   ];
   const sliders = [];
   function bend() {
@@ -71,11 +73,11 @@
     }
     change({ bends });
   }
-  for (const [label, members, share = 1 / Object.keys(members).length] of groups) {
+  for (const [label, members, share = 1 / Object.keys(members).length, min = -1.5] of groups) {
     if (!Object.keys(members).every((name) => person.joints.includes(name))) continue;
     const row = document.createElement("label");
     const slider = Object.assign(document.createElement("input"), {
-      type: "range", min: -1.5, max: 1.5, step: 0.01, value: 0,
+      type: "range", min, max: 1.5, step: 0.01, value: 0,
       ariaValueText: "0 degrees", oninput: bend,
     });
     sliders.push([members, slider, share]);

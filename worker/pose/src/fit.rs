@@ -7,7 +7,7 @@ use crate::problem::Problem;
 use crate::report::Fitted;
 use crate::residuals::floor;
 use crate::solve::{Guess, improve};
-use crate::{KeyPoints, PoseError, colours, fingers, hands, initial, report};
+use crate::{KeyPoints, PoseError, colours, expression, fingers, hands, initial, report};
 
 /// Most steps of the search.
 const STEPS: usize = 60;
@@ -46,6 +46,7 @@ pub fn fit(
     progress(all, all);
     let mut fitted = report::fitted(points, options, &problem, &found);
     fitted.hands = fingers::add(points, fitted.focal, &mut fitted.track);
+    fitted.face = expression::add(points, &mut fitted.track);
     if relabelled > 0 {
         fitted.notes.push(format!(
             "left and right were taken for each other in {relabelled} frames, by how the body turns"

@@ -76,8 +76,50 @@ pub struct HandPoints {
 pub struct FacePoints {
     /// x, y and z in pixels: x and y from the picture's corner, z away from the camera from any origin.
     pub picture: [[f64; 3]; 9],
+    /// The middle of the upper lip's lower edge, and that of the lower lip's upper edge, as `picture`.
+    pub lips: [[f64; 3]; 2],
+    /// The middles of the edges of the upper and the lower eyelid, of the left and the right eye, as `picture`.
+    pub eyelids: [[[f64; 3]; 2]; 2],
     /// From 0 to 1.
     pub confidence: f64,
+}
+
+/// Landmarks of MediaPipe's face mesh whose mean is one of [`FacePoints::picture`], in its order: an eye's middle is between its lids.
+const OF_MESH: [[usize; 2]; 9] = [
+    [1, 1],
+    [362, 362],
+    [386, 374],
+    [263, 263],
+    [133, 133],
+    [159, 145],
+    [33, 33],
+    [291, 291],
+    [61, 61],
+];
+/// Its landmarks at the lips' edges, and at those of the left and the right eye's lids.
+const LIPS: [usize; 2] = [13, 14];
+const EYELIDS: [[usize; 2]; 2] = [[386, 374], [159, 145]];
+
+impl FacePoints {
+    /// Landmarks of a face by MediaPipe's mesh.
+    pub const MESH: usize = 468;
+
+    /// The points of a face by the landmarks of MediaPipe's mesh, [`Self::MESH`] or more, as [`Self::picture`]; `None` if there are fewer.
+    pub fn of_mesh(landmarks: &[[f64; 3]], confidence: f64) -> Option<Self> {
+        let at = |index: usize| landmarks.get(index).copied();
+        let pair = |[a, b]: [usize; 2]| Some([at(a)?, at(b)?]);
+        let mut picture = [[0.0; 3]; 9];
+        for (point, ends) in picture.iter_mut().zip(OF_MESH) {
+            let [a, b] = pair(ends)?;
+            *point = std::array::from_fn(|axis| 0.5 * (a[axis] + b[axis]));
+        }
+        Some(Self {
+            picture,
+            lips: pair(LIPS)?,
+            eyelids: [pair(EYELIDS[0])?, pair(EYELIDS[1])?],
+            confidence,
+        })
+    }
 }
 
 /// Key points of one person in a clip.

@@ -4,18 +4,20 @@
 //! every frame of a clip, so that its points project to where a detector saw them.
 //!
 //! ```text
-//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → hands → report → fingers
+//! key points → check → problem → initial (+ flips) → solve (residuals → normal → banded) → hands → report → fingers → expression
 //! ```
 
 mod banded;
 mod check;
 mod colours;
 mod error;
+mod expression;
 mod fingers;
 mod fit;
 mod flips;
 mod forward;
 mod hands;
+mod height;
 mod initial;
 mod joints;
 mod key_points;
@@ -30,6 +32,7 @@ mod report;
 mod residuals;
 mod rotation;
 mod skeleton;
+mod smooth;
 mod solve;
 mod world;
 

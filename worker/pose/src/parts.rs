@@ -20,9 +20,9 @@ const FACE_ERROR: f64 = 0.01;
 /// How much more exact in the picture a face's points are than the body's (docs/research/poses.md, "Faces").
 const FACE_PRECISION: f64 = 2.0;
 /// Distance of the eyes' outer corners, metres: the size of a face in pixels is not known.
-const EYES: f64 = 0.09;
+pub(crate) const EYES: f64 = 0.09;
 /// Outer corners of the left and right eye among a face's points.
-const OUTER: [usize; 2] = [3, 6];
+pub(crate) const OUTER: [usize; 2] = [3, 6];
 /// Pairs of a face's points with a direction: across the eyes, from the mouth to the eyes, from the eyes to the nose.
 const FACE_BONES: [[usize; 2]; 5] = [[6, 3], [7, 3], [8, 6], [3, 0], [6, 0]];
 
@@ -177,6 +177,8 @@ mod tests {
         picture[0] = [300.0, 240.0, -40.0];
         let face = FacePoints {
             picture,
+            lips: [[0.0; 3]; 2],
+            eyelids: [[[0.0; 3]; 2]; 2],
             confidence: 0.95,
         };
         let lift = FitOptions {

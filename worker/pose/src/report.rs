@@ -2,6 +2,7 @@
 
 use crate::KeyPoints;
 use crate::forward::Posed;
+use crate::height::Height;
 use crate::options::FitOptions;
 use crate::parameters::{ROLL, Shared, Stance};
 use crate::problem::{Problem, quantile};
@@ -21,8 +22,8 @@ const POOR: f64 = 0.015;
 /// A person's poses, and the other results of the fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// Poses of the 24 joints of SMPL's tree, and of fingers if the film shows hands. The world has its origin in the camera, and y points down
-    /// along gravity; if gravity is not estimated, the world has the camera's axes.
+    /// Poses of the 24 joints of SMPL's tree, of fingers if the film shows hands, and of the face if the film shows one that moves. The
+    /// world has its origin in the camera, and y points down along gravity; if gravity is not estimated, the world has the camera's axes.
     pub track: PoseTrack,
     /// Median distance between detected and fitted key points in the picture, pixels.
     pub reprojection_px: f64,
@@ -34,6 +35,8 @@ pub struct Fitted {
     pub height: f64,
     /// Frames that tell how the fingers of the left and of the right hand are bent.
     pub hands: [usize; 2],
+    /// Frames that tell how far mouth and eyes are open.
+    pub face: usize,
     /// Assumptions and findings, for people.
     pub notes: Vec<String>,
     /// The note that says why the fit is poor, if it is.
@@ -48,7 +51,12 @@ pub(crate) fn fitted(
     found: &Guess,
 ) -> Fitted {
     let offsets = offsets(&found.shared.factors());
-    let wanted = options.height.unwrap_or(ASSUMED_HEIGHT);
+    let told = match options.height {
+        Some(_) => None,
+        None => Height::estimate(points, problem, &found.stances, &found.shared),
+    };
+    let wanted = told.map_or(ASSUMED_HEIGHT, |it| it.metres);
+    let wanted = options.height.unwrap_or(wanted);
     // One camera can't measure size, so bones and distances are scaled together.
     let grown = wanted / height(&offsets);
     let skeleton = to_track(&offsets.map(|offset| scale(offset, grown)));
@@ -86,13 +94,14 @@ pub(crate) fn fitted(
         camera_down_degrees: down,
         height: wanted,
         hands: [0; 2],
+        face: 0,
         notes: notes(
             options,
             problem,
             reprojection_px,
             doubt.as_ref(),
-            focal,
-            down,
+            [focal, down],
+            told,
         ),
         doubt,
     }
@@ -115,8 +124,8 @@ fn notes(
     problem: &Problem,
     reprojection: f64,
     doubt: Option<&String>,
-    focal: f64,
-    down: f64,
+    [focal, down]: [f64; 2],
+    told: Option<Height>,
 ) -> Vec<String> {
     let extent = extent(problem);
     let mut notes = vec![format!(
@@ -128,7 +137,12 @@ fn notes(
             "focal length: {focal:.0} px, found by the fit; the camera's own is better, if it is known (--focal)"
         ));
     }
-    if options.height.is_none() {
+    if let Some(Height { metres, error }) = told {
+        notes.push(format!(
+            "height: {metres:.2} m by the distance of the eyes, give or take {error:.2} m; sizes and distances scale with it \
+             (--height)"
+        ));
+    } else if options.height.is_none() {
         notes.push(format!(
             "height: taken to be {ASSUMED_HEIGHT} m, which one camera can't tell; sizes and distances scale with it \
              (--height)"

@@ -92,6 +92,7 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
     };
     notes.extend(fitted.notes);
     notes.extend(fingers(fitted.hands, points.frames.len()));
+    notes.extend(face(fitted.face, points.frames.len()));
     Ok(Imported {
         track: fitted.track,
         pictures: clip.pictures(&indices, masks),
@@ -134,6 +135,16 @@ fn fingers([left, right]: [usize; 2], frames: usize) -> Option<String> {
     (left + right > 0).then(|| {
         format!(
             "fingers: read off the left hand in {left} and off the right hand in {right} of {}, and as usual elsewhere",
+            count(frames, "frame")
+        )
+    })
+}
+
+/// A note about the frames that show the face's expression.
+fn face(shown: usize, frames: usize) -> Option<String> {
+    (shown > 0).then(|| {
+        format!(
+            "face: mouth and eyelids read off the face in {shown} of {}, and at rest elsewhere",
             count(frames, "frame")
         )
     })

@@ -13,19 +13,6 @@ pub(super) struct PartModels {
     face: Option<FaceModel>,
 }
 
-/// Landmarks of the face model whose mean is a point of [`FacePoints`], in its order: an eye's middle is between its lids.
-const FACE: [[usize; 2]; 9] = [
-    [1, 1],
-    [362, 362],
-    [386, 374],
-    [263, 263],
-    [133, 133],
-    [159, 145],
-    [33, 33],
-    [291, 291],
-    [61, 61],
-];
-
 impl PartModels {
     /// Opens those models that are there and wanted.
     pub(super) fn open(options: &Options) -> Result<Self, ImportError> {
@@ -80,15 +67,8 @@ fn hand_points(hand: &HandLandmarks) -> HandPoints {
 }
 
 fn face_points(face: &FaceLandmarks) -> Option<FacePoints> {
-    let mut picture = [[0.0; 3]; 9];
-    for (point, [a, b]) in picture.iter_mut().zip(FACE) {
-        let (a, b) = (face.picture.get(a)?, face.picture.get(b)?);
-        *point = std::array::from_fn(|axis| f64::from(0.5 * (a[axis] + b[axis])));
-    }
-    Some(FacePoints {
-        picture,
-        confidence: f64::from(face.score),
-    })
+    let points = face.picture.iter().map(|point| point.map(f64::from));
+    FacePoints::of_mesh(&points.collect::<Vec<_>>(), f64::from(face.score))
 }
 
 #[cfg(test)]

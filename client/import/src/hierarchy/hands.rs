@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use crate::geometry::about_axis;
     use yoto_capture::camera::Pose;
-    use yoto_capture::skeleton::smpl::joints_with_fingers;
+    use yoto_capture::skeleton::smpl::{WITH_FINGERS, all_joints};
     use yoto_capture::skeleton::transform::{length, position};
 
     /// The pose of a rig whose axes differ at each joint.
@@ -109,10 +109,10 @@ mod tests {
 
     #[test]
     fn hands_that_are_twisted_and_bent_at_rest_are_read_as_they_are() {
-        let joints = joints_with_fingers();
+        let joints = || all_joints().take(WITH_FINGERS);
         let skeleton = Skeleton {
-            names: joints.map(|(name, _)| name.to_owned()).collect(),
-            parents: joints_with_fingers().map(|(_, parent)| parent).collect(),
+            names: joints().map(|(name, _)| name.to_owned()).collect(),
+            parents: joints().map(|(_, parent)| parent).collect(),
             rest: T_POSE.clone(),
         };
         let joint = |at: usize| Joint {

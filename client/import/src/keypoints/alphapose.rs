@@ -48,6 +48,7 @@ fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
         let seen = frames.entry((number, name)).or_default();
         seen.extend(picture.map(|picture| Detection {
             hands: [None, None],
+            face: None,
             mask: None,
             own: None,
             person,

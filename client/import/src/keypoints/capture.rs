@@ -154,6 +154,7 @@ fn key_points(
         picture: detection.picture.clone(),
         space: detection.space.clone(),
         hands: detection.hands.clone(),
+        face: detection.face.clone(),
         ..FrameKeyPoints::default()
     });
     KeyPoints {

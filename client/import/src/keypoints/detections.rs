@@ -8,7 +8,7 @@ use crate::source::{Part, is_number};
 use std::path::Path;
 use std::sync::Arc;
 use yoto_formats::rle::RunLengths;
-use yoto_pose::{HandPoints, KeyPointSet};
+use yoto_pose::{FacePoints, HandPoints, KeyPointSet};
 
 /// Points above this confidence locate a person.
 pub(super) const SURE: f64 = 0.3;
@@ -34,6 +34,8 @@ pub(super) struct Detection {
     pub own: Option<OwnPose>,
     /// All points of the left and the right hand with depths, if the detector looks at hands.
     pub hands: [Option<HandPoints>; 2],
+    /// The face, if the detector looks at faces.
+    pub face: Option<FacePoints>,
 }
 
 /// A skeleton of the detector's own in one frame.

@@ -46,6 +46,7 @@ fn read(root: &Part<'_>) -> Result<Detections, ImportError> {
             })?;
             people.push(Detection {
                 hands: [None, None],
+                face: None,
                 mask: None,
                 own: None,
                 person: Some(person),

@@ -184,6 +184,7 @@ mod tests {
         }
         Detection {
             hands: [None, None],
+            face: None,
             person: Some(name.into()),
             picture,
             space: Vec::new(),

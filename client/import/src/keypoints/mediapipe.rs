@@ -12,8 +12,8 @@ use super::form::{DetectorForm, RecognisedBy};
 use super::hands::LandmarkHand;
 use crate::ImportError;
 use crate::geometry::Vec3;
-use crate::source::Part;
-use yoto_pose::KeyPointSet;
+use crate::source::{Part, is_number};
+use yoto_pose::{FacePoints, KeyPointSet};
 
 /// The detector's name in notes.
 pub(super) const NAME: &str = "MediaPipe";
@@ -31,6 +31,8 @@ pub(super) struct LandmarkFrame {
     pub people: Vec<Points>,
     /// The left and the right hand of a single person, if the file has them.
     pub hands: [Option<LandmarkHand>; 2],
+    /// The landmarks of a single person's face, if the file has them: as those of a hand.
+    pub face: Option<Vec<Vec3>>,
 }
 
 /// A person's points: x, y, visibility; and x, y, z in space, if the file has them.
@@ -159,6 +161,7 @@ pub(super) fn detections(
         mask: None,
         own: None,
         hands: [None, None],
+        face: None,
         person: None,
         picture: points
             .iter()
@@ -171,6 +174,7 @@ pub(super) fn detections(
         let mut people: Vec<Detection> = row.people.into_iter().map(person).collect();
         if let [only] = &mut people[..] {
             only.hands = row.hands.map(|hand| hand?.points(by));
+            only.face = row.face.and_then(|face| face_points(&face, by));
         }
         FrameDetections {
             number: row.number,
@@ -184,6 +188,14 @@ pub(super) fn detections(
         (found.first, found.usual) = (None, 1);
     }
     Ok(found)
+}
+
+/// The points of a face in pixels, which are `by` units of the file; `None` with a number that is not finite.
+fn face_points(landmarks: &[Vec3], [wide, high]: [f64; 2]) -> Option<FacePoints> {
+    let in_pixels = |[x, y, z]: &Vec3| [wide * x, high * y, wide * z];
+    let points: Vec<Vec3> = landmarks.iter().map(in_pixels).collect();
+    let are_numbers = points.as_flattened().iter().all(|it| is_number(*it));
+    FacePoints::of_mesh(&points, 1.0).filter(|_| are_numbers)
 }
 
 /// The number of a frame under one of the usual names.

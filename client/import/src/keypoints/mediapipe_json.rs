@@ -1,7 +1,8 @@
 //! MediaPipe's landmarks as JSON: a list of frames (or `frames`) with `pose_landmarks` (or `landmarks`)
 //! and `pose_world_landmarks` (or `world_landmarks`), of dictionaries with x, y, z and visibility, or of
 //! rows of these; for several people, lists of such lists. A frame without a detection has no landmarks. The holistic model's
-//! `left_hand_landmarks` and `right_hand_landmarks`, and `left_hand_world_landmarks` and so on if they are there, move fingers.
+//! `left_hand_landmarks` and `right_hand_landmarks`, and `left_hand_world_landmarks` and so on if they are there, move fingers, and its
+//! `face_landmarks` the head, the jaw and the eyelids.
 
 use super::detections::Detections;
 use super::form::{DetectorForm, RecognisedBy};
@@ -11,7 +12,7 @@ use crate::ImportError;
 use crate::geometry::Vec3;
 use crate::source::{Faulty, Part};
 use yoto_formats::Value;
-use yoto_pose::KeyPointSet;
+use yoto_pose::{FacePoints, KeyPointSet};
 
 const PICTURE: [&str; 2] = ["pose_landmarks", "landmarks"];
 const SPACE: [&str; 2] = ["pose_world_landmarks", "world_landmarks"];
@@ -20,6 +21,9 @@ const HANDS: [[&str; 2]; 2] = [
     ["left_hand_landmarks", "left_hand_world_landmarks"],
     ["right_hand_landmarks", "right_hand_world_landmarks"],
 ];
+/// Landmarks of the face, and their number with the irises.
+const FACE: &str = "face_landmarks";
+const WITH_IRISES: usize = 478;
 
 pub(super) static FORM: DetectorForm = DetectorForm {
     detector: None,
@@ -52,6 +56,7 @@ fn read(root: &Part<'_>, size: [u32; 2]) -> Result<Detections, ImportError> {
             is_numbered: numbered.is_some(),
             people: faulty.keep(of_frame(&entry))?.unwrap_or_default(),
             hands: faulty.keep(hands(&entry))?.unwrap_or_default(),
+            face: faulty.keep(face(&entry))?.flatten(),
         });
     }
     let given = match root.find("size") {
@@ -103,6 +108,23 @@ fn hands(entry: &Part<'_>) -> Result<[Option<LandmarkHand>; 2], ImportError> {
         Ok(Some(LandmarkHand { picture, space }))
     });
     Ok([left?, right?])
+}
+
+/// The face of a frame's person, of the mesh alone or with the irises.
+fn face(entry: &Part<'_>) -> Result<Option<Vec<Vec3>>, ImportError> {
+    let found = entry.find(FACE);
+    let Some(part) = found.filter(|part| !matches!(part.value(), Value::Nothing)) else {
+        return Ok(None);
+    };
+    let count = part.find("landmark").as_ref().unwrap_or(&part).len()?;
+    let expected = if count == WITH_IRISES {
+        count
+    } else {
+        FacePoints::MESH
+    };
+    let all = people(Some(part), expected)?;
+    let first = all.into_iter().next();
+    Ok(first.map(|points| points.into_iter().map(|[x, y, z, _]| [x, y, z]).collect()))
 }
 
 /// The landmarks of each person, or hand, of `points` points: x, y, z, visibility.

@@ -85,6 +85,7 @@ fn instance(part: &Part<'_>) -> Result<Detection, ImportError> {
     let all: Vec<[f64; 3]> = positions.iter().zip(&sure).map(point).collect();
     Ok(Detection {
         hands: [None, None],
+        face: None,
         mask: None,
         own: None,
         person,

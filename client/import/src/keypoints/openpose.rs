@@ -72,6 +72,7 @@ fn person(part: &Part<'_>) -> Result<Detection, ImportError> {
     picture.extend(hands::knuckles(&left, &right));
     Ok(Detection {
         hands: [None, None],
+        face: None,
         mask: None,
         own: None,
         person: number.map(|number| number.to_string()),

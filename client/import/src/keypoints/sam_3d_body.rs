@@ -196,6 +196,7 @@ fn person(root: &Part<'_>, focal: f64, size: [u32; 2]) -> Result<Detection, Impo
     let centre = size.map(|side| 0.5 * f64::from(side) + 0.5);
     let mut person = Detection {
         hands: [None, None],
+        face: None,
         person: None,
         picture: Vec::new(),
         space: Vec::new(),

@@ -132,6 +132,7 @@ mod tests {
             image: None,
             people: vec![Detection {
                 hands: [None, None],
+                face: None,
                 person: None,
                 picture: points.to_vec(),
                 space: Vec::new(),

@@ -10,6 +10,7 @@ mod joint_map;
 mod kept;
 mod posture;
 mod smpl;
+mod smpl_parts;
 mod standing;
 mod track;
 mod up;

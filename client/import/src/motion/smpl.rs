@@ -4,9 +4,11 @@
 //! where parts of the face are left out); or AMASS's parts of them, `root_orient` and `pose_body`. `trans` `[F, 3]`
 //! metres, `betas`, `mocap_framerate` or `mocap_frame_rate`; z is up in AMASS's files. Some files hold only `poses`
 //! and `trans`. InstantAvatar's names for the same fields are supported as well. Fingers move where the file has rotations for them
-//! (the 30 joints of SMPL-H and SMPL-X, or AMASS's `pose_hand`); faces do not.
+//! (the 30 joints of SMPL-H and SMPL-X, or AMASS's `pose_hand`), and so do jaw and eyes (SMPL-X, or AMASS's `pose_jaw` and `pose_eye`).
+//! Expressions in numbers of SMPL-X are not read: they belong to its licensed model.
 
 use super::gaps::{self, MotionRow};
+use super::smpl_parts::{self, Parts};
 use super::up::{self, Up, Usual};
 use super::{Motion, MotionFrame, MotionOptions, posture};
 use crate::ImportError;
@@ -14,8 +16,8 @@ use crate::datasets::instant_avatar;
 use crate::geometry::{Vec3, add, log_map, matmul, matvec, rodrigues, sub};
 use crate::source::{FileData, Part, Source};
 use crate::track::{SmplPose, smpl_skeleton};
-use yoto_capture::skeleton::fingers::with_fingers;
-use yoto_capture::skeleton::smpl::{AVERAGE_REST, joints_with_fingers};
+use yoto_capture::skeleton::parts::with_count;
+use yoto_capture::skeleton::smpl::{AVERAGE_REST, JOINTS, all_joints};
 use yoto_capture::skeleton::{Pose, Skeleton};
 use yoto_proto::pose_track::Skeleton as TrackSkeleton;
 
@@ -23,10 +25,6 @@ use yoto_proto::pose_track::Skeleton as TrackSkeleton;
 const SHARED: usize = 66;
 /// Numbers of SMPL's own rotations.
 const SMPL: usize = 72;
-/// Numbers of the rotations of the fingers' joints.
-const FINGERS: usize = 90;
-/// Numbers of a pose of SMPL-H and of SMPL-X, and the first number of the fingers. SMPL-X has jaw and eyes before them.
-const WITH_HANDS: [[usize; 2]; 2] = [[156, 66], [165, 75]];
 /// Most numbers of a pose: SMPL-X has 165.
 const WIDEST: usize = 400;
 /// Default frames per second.
@@ -41,8 +39,8 @@ struct Parameters {
     betas: Vec<f64>,
     poses: Vec<SmplPose>,
     translations: Vec<Vec3>,
-    /// Rotations of the fingers' joints, if any of them moves.
-    fingers: Option<Vec<[f64; FINGERS]>>,
+    /// Rotations of the joints behind SMPL's, if any of them moves.
+    parts: Parts,
     /// Whether the file is AMASS's, by its frame rate.
     is_amass: bool,
 }
@@ -69,16 +67,13 @@ pub(super) fn read(
         notes.push("no body model (--smpl): strides are not scaled to the length of legs".into());
     }
     let plain = smpl_skeleton(rest.clone().unwrap_or_default());
-    let skeleton = match &read.fingers {
-        Some(_) => skeleton_with_fingers(plain),
-        None => plain,
-    };
+    let behind = read.parts.first().map_or(0, Vec::len) / 3;
+    let skeleton = with_joints(plain, JOINTS.len() + behind);
     let rows = read.poses.iter().zip(&read.translations).enumerate();
     let rows = rows.map(|(at, (pose, translation))| {
-        let fingers = read.fingers.as_ref().map(|it| it[at].as_chunks::<3>().0);
-        let body = pose.as_chunks::<3>().0;
+        let parts = read.parts.get(at).map_or(&[][..], Vec::as_slice);
         MotionRow {
-            rotations: [body, fingers.unwrap_or_default()].concat(),
+            rotations: [pose.as_chunks::<3>().0, parts.as_chunks::<3>().0].concat(),
             translation: *translation,
         }
     });
@@ -118,17 +113,19 @@ pub(super) fn read(
     })
 }
 
-/// SMPL's `skeleton` with the fingers' joints.
-fn skeleton_with_fingers(skeleton: TrackSkeleton) -> TrackSkeleton {
+/// SMPL's `skeleton` with `count` joints: with fingers, and with a face.
+fn with_joints(skeleton: TrackSkeleton, count: usize) -> TrackSkeleton {
     let placed = Skeleton::from_track(&skeleton).ok();
-    match placed.and_then(|it| with_fingers(&it)) {
+    match placed.and_then(|it| with_count(&it, count)) {
         Some(placed) => placed.to_track(),
         // Without rest joints it has the body's that it moves.
         None => TrackSkeleton {
-            names: joints_with_fingers()
+            names: all_joints()
+                .take(count)
                 .map(|(name, _)| name.to_owned())
                 .collect(),
-            parents: joints_with_fingers()
+            parents: all_joints()
+                .take(count)
                 .map(|(_, parent)| parent.map_or(-1, |parent| parent as i32))
                 .collect(),
             rest_joints: skeleton.rest_joints,
@@ -177,7 +174,7 @@ fn rate(root: &Part<'_>) -> Result<Option<f64>, ImportError> {
 
 fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
     let root = data.root();
-    let (poses, fingers) = match (
+    let (poses, parts) = match (
         root.find("poses"),
         root.find("root_orient"),
         root.find("pose_body"),
@@ -185,9 +182,8 @@ fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
         (Some(part), ..) => poses(&part)?,
         (None, Some(orient), Some(body)) => {
             let poses = joined(&orient, &body)?;
-            let hands = root.find("pose_hand");
-            let hands = hands.map(|it| it.unchecked_rows::<FINGERS>(Some(poses.len())));
-            (poses, hands.transpose()?.and_then(moving))
+            let parts = smpl_parts::of_amass(&root, poses.len())?;
+            (poses, parts)
         }
         _ => {
             let read = instant_avatar::read_poses(data)?;
@@ -195,7 +191,7 @@ fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
                 betas: read.betas,
                 poses: read.poses,
                 translations: read.translations,
-                fingers: None,
+                parts: Parts::new(),
                 is_amass: false,
             });
         }
@@ -209,23 +205,14 @@ fn parameters(data: &FileData<'_>) -> Result<Parameters, ImportError> {
         betas: betas.transpose()?.unwrap_or_default(),
         translations: trans.unchecked_rows::<3>(Some(poses.len()))?,
         poses,
-        fingers,
+        parts,
         // Similar files of other programs lack it, and most of them have y up.
         is_amass: RATES[..2].iter().any(|name| root.find(name).is_some()),
     })
 }
 
-/// Poses of the body, and of the fingers if they move.
-type BodyAndFingers = (Vec<SmplPose>, Option<Vec<[f64; FINGERS]>>);
-
-/// The rotations of fingers; `None` if all are 0, as in files of bodies alone.
-fn moving(fingers: Vec<[f64; FINGERS]>) -> Option<Vec<[f64; FINGERS]>> {
-    let moves = fingers.as_flattened().iter().any(|it| *it != 0.0);
-    moves.then_some(fingers)
-}
-
 /// The poses of `[F, J · 3]` or `[F, J, 3]`.
-fn poses(part: &Part<'_>) -> Result<BodyAndFingers, ImportError> {
+fn poses(part: &Part<'_>) -> Result<(Vec<SmplPose>, Parts), ImportError> {
     let array = part.unchecked()?;
     let (rows, width) = match array.shape[..] {
         [rows, width] => (rows, width),
@@ -250,12 +237,8 @@ fn poses(part: &Part<'_>) -> Result<BodyAndFingers, ImportError> {
         pose
     };
     let rows = || array.values.chunks_exact(width).take(rows);
-    let first = WITH_HANDS.iter().find(|[all, _]| *all == width);
-    let fingers = first.map(|[_, first]| {
-        let own = |row: &[f64]| std::array::from_fn(|i| row[first + i]);
-        rows().map(own).collect()
-    });
-    Ok((rows().map(body).collect(), fingers.and_then(moving)))
+    let bodies = rows().map(body).collect();
+    Ok((bodies, smpl_parts::of_rows(rows(), width)))
 }
 
 /// The poses of AMASS's `root_orient` `[F, 3]` and `pose_body` `[F, 63]`.

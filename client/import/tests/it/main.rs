@@ -14,6 +14,7 @@ mod features;
 mod few_bad_frames;
 mod ffmpeg;
 mod film;
+mod key_point_faces;
 mod key_point_hands;
 mod key_point_masks;
 mod key_points;

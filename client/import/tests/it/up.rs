@@ -126,12 +126,19 @@ fn smpl_x_and_smpl_h_are_read_with_or_without_rates() {
         assert!(stands(&motion, 3) > 0.999, "{width}");
         let knee = &motion.frames[3].rotations[4];
         assert!((knee[0] - 0.5).abs() < 1e-6, "{width}: {knee:?}");
-        // Jaw and eyes move nothing, nor do SMPL's own hands, which these models replace by fingers.
-        let (hands, fingers) = motion.frames[3].rotations[22..].split_at(2);
+        // SMPL's own hands move nothing, since these models replace them by fingers.
+        let (hands, parts) = motion.frames[3].rotations[22..].split_at(2);
         assert_eq!(hands, [[0.0; 3]; 2], "{width}");
-        let moving = if width == 147 { 0 } else { 30 };
-        assert_eq!(fingers, vec![[f64::from(0.3f32); 3]; moving], "{width}");
-        assert_eq!(motion.skeleton.names.len(), 24 + moving, "{width}");
+        let moved = [f64::from(0.3f32); 3];
+        // SMPL-X has jaw and eyes besides, and no eyelids.
+        let (fingers, face) = parts.split_at(if width == 147 { 0 } else { 30 });
+        assert!(fingers.iter().all(|it| *it == moved), "{width}");
+        let expected = match width {
+            165 => vec![moved, moved, moved, [0.0; 3], [0.0; 3]],
+            _ => Vec::new(),
+        };
+        assert_eq!(face, expected, "{width}");
+        assert_eq!(motion.skeleton.names.len(), 24 + parts.len(), "{width}");
     }
     // Without a rate, SMPL-H's files have y up as often.
     let motion = found(&amass(dir.path(), "bare.npz", 156, &y_up, &[]));

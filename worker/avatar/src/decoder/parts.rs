@@ -2,7 +2,7 @@
 //! those of SMPL's joints in the rest pose; other skeletons have none.
 
 use std::f32::consts::TAU;
-use yoto_body::hand_of;
+use yoto_body::{hand_of, is_of_face};
 use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::smpl::has_joints;
 use yoto_proto::smpl::JOINTS;
@@ -104,11 +104,12 @@ impl Parts {
 
     /// The part that the joint belongs to.
     pub(crate) fn part(joint: usize) -> usize {
-        let of_finger = || match u8::try_from(joint).ok().and_then(hand_of) {
-            Some(side) => HAND + side,
-            None => TRUNK,
+        let of_others = || match u8::try_from(joint).map(|it| (hand_of(it), is_of_face(it))) {
+            Ok((Some(side), _)) => HAND + side,
+            Ok((None, true)) => HEAD,
+            _ => TRUNK,
         };
-        PART_OF.get(joint).copied().unwrap_or_else(of_finger)
+        PART_OF.get(joint).copied().unwrap_or_else(of_others)
     }
 
     /// The part on the other side of the body.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use yoto_capture::FrameImage;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::smpl::joints_without_fingers;
+use yoto_capture::skeleton::smpl::joints_of_body;
 
 /// Half the width of the outline is the picture's longest side divided by this: 4 of 512 pixels.
 const OUTLINE: usize = 128;
@@ -191,7 +191,7 @@ fn bones(skeleton: &Skeleton, pose: &Pose, camera: &Camera) -> Vec<Bone> {
     let joints = skeleton.posed_joints(pose);
     let seen: Vec<Option<[f64; 2]>> = joints.iter().map(|j| camera.project(*j)).collect();
     let children = skeleton.children();
-    let known = joints_without_fingers(skeleton);
+    let known = joints_of_body(skeleton);
     let mut bones = Vec::new();
     for (joint, name) in skeleton.names.iter().enumerate().take(known) {
         let region = Region::of_joint(name);

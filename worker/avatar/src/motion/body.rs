@@ -3,7 +3,7 @@
 use super::prior::{canonical_grid, prior};
 use crate::config::{Encoding, ModelConfig, Numerics};
 use burn::tensor::{Device, Tensor, TensorData};
-use yoto_capture::skeleton::smpl::joints_without_fingers;
+use yoto_capture::skeleton::smpl::joints_of_body;
 use yoto_capture::skeleton::{Skeleton, Vec3};
 use yoto_ops::hash::HashGrid;
 use yoto_ops::warp::WarpGrid;
@@ -38,7 +38,7 @@ impl CanonicalBody {
             config.motion.resolution.nodes(),
             config.box_epsilon(),
         );
-        let known_joints = joints_without_fingers(&skeleton);
+        let known_joints = joints_of_body(&skeleton);
         let values: Vec<f32> = prior(&first_joints(&skeleton, known_joints), &grid)
             .iter()
             .map(|p| match config.numerics {

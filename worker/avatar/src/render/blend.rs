@@ -5,7 +5,7 @@ use crate::config::Variant;
 use crate::identity::blend::Blend;
 use crate::motion::body::CanonicalBody;
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::fingers::with_joints_of;
+use yoto_capture::skeleton::parts::with_joints_of;
 
 impl Renderer {
     /// Adds somebody between the identities in the slots `from` and `to`, and returns the model and the

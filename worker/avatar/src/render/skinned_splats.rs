@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::smpl::joints_without_fingers;
+use yoto_capture::skeleton::smpl::joints_of_body;
 use yoto_ops::splat::light::LIGHTS;
 use yoto_ops::splat::{SplatRow, harmonics, means_of_rows, splat_rows};
 
@@ -136,7 +136,7 @@ impl SkinnedSplats {
             return Cow::Borrowed(&self.splats);
         };
         let mut places: Vec<[f32; 3]> = self.splats.iter().map(|splat| splat.mean).collect();
-        let known = joints_without_fingers(&self.skeleton);
+        let known = joints_of_body(&self.skeleton);
         let near = Nearness::new(&self.skeleton, &self.skeleton.rest[..known], shapes.reach);
         let limits = Limits::of(shapes.limits.clone());
         let (basis, weights) = (shapes.basis.clone(), shapes.weights.clone());

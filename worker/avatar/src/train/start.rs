@@ -65,7 +65,7 @@ impl Trainer {
         let mut saved = ModelState::read(dir)?;
         let people: Vec<TrainPerson> = (people.into_iter())
             .map(|person| match saved.joints_of(person.slot) {
-                Some(joints) => person.with_known_fingers(joints),
+                Some(joints) => person.with_known_parts(joints),
                 None => person,
             })
             .collect();

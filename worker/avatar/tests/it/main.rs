@@ -19,7 +19,6 @@ mod picture_loss;
 mod plain;
 mod refinement;
 mod sharing;
-mod speed;
 mod splat_scenes;
 mod splats;
 mod support;

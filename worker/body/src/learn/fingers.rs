@@ -2,7 +2,7 @@
 
 use super::read::Topology;
 use crate::body::JOINTS;
-use crate::fingers::{FINGERS, Fingers};
+use crate::extra_joints::{ExtraJoints, FINGERS};
 use yoto_formats::Value;
 
 /// A rig's words for the fingers, in the order of SMPL-H.
@@ -54,8 +54,8 @@ pub(super) fn of_rig(
     topology: &Topology,
     weights: &[[f32; FINGERS]],
     joints: Vec<Vec<(u32, f32)>>,
-) -> Fingers {
-    let mut fingers = Fingers {
+) -> ExtraJoints {
+    let mut fingers = ExtraJoints {
         joints,
         vertices: Vec::new(),
         bones: Vec::new(),

@@ -3,8 +3,8 @@
 use super::nnls;
 use super::read::Bodies;
 use super::symmetry::distance;
+use crate::extra_joints::WITH_FINGERS;
 use crate::file::MOST_SHARES;
-use crate::fingers::WITH_FINGERS;
 use faer::Mat;
 use rayon::prelude::*;
 

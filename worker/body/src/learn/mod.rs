@@ -4,6 +4,7 @@
 //! right exchanged, so that components are either symmetric or antisymmetric and the mean is symmetric.
 
 mod components;
+mod face;
 mod fingers;
 mod joints;
 mod measure;
@@ -89,10 +90,15 @@ impl Body {
         let colours = components::learn(both(&bodies.colours, false), settings.colours)?;
         let mut joints = joints::learn(bodies, &kept, &shapes.mean, &welded, &mirror);
         let of_fingers = joints.split_off(JOINTS);
+        let face = topology
+            .finger_weights
+            .is_some()
+            .then(|| face::of(topology, &shapes.mean, &welded));
         Ok(Self {
             joints,
             fingers: (topology.finger_weights.as_deref())
                 .map(|weights| fingers::of_rig(topology, weights, of_fingers)),
+            face: face.flatten(),
             mean: shapes.mean,
             shapes: shapes.components,
             colour_mean: colours.mean,

@@ -1,9 +1,9 @@
 //! The bodies to learn from, and how they are read.
 
-use super::LearnError;
 use super::fingers::{bones_of_rig, of_rig, weights_of_rig};
-use crate::body::JOINTS;
-use crate::fingers::FINGERS;
+use super::{LearnError, face, symmetry};
+use crate::body::{JOINTS, joints_of};
+use crate::extra_joints::{ExtraJoints, FINGERS};
 use thiserror::Error;
 use yoto_formats::npz::{self, NpzError};
 use yoto_formats::{Array, Value};
@@ -91,11 +91,11 @@ pub struct BodyMesh {
 }
 
 impl Bodies {
-    /// The body called `name`, with the joints of `fingers` or without.
+    /// The body called `name`, with the joints of fingers and face if `parts` are wanted.
     ///
     /// # Errors
     /// If no body has this name, or the bodies have no fingers. The error gives the name of a body that exists.
-    pub fn mesh(&self, name: &str, fingers: bool) -> Result<BodyMesh, LearnError> {
+    pub fn mesh(&self, name: &str, parts: bool) -> Result<BodyMesh, LearnError> {
         let index = self
             .names
             .iter()
@@ -111,17 +111,30 @@ impl Bodies {
             bones: self.topology.bones.clone(),
             weights: self.topology.weights.clone(),
         };
-        if fingers {
+        if parts {
             let weights = self.topology.finger_weights.as_deref();
             let weights = weights.ok_or(LearnError::NoFingers)?;
-            let own = of_rig(&self.topology, weights, Vec::new());
-            for (i, vertex) in own.vertices.iter().enumerate() {
-                mesh.bones[*vertex as usize] = own.bones[i];
-                mesh.weights[*vertex as usize] = own.weights[i];
-            }
+            let fingers = of_rig(&self.topology, weights, Vec::new());
+            let face = self.face().ok_or(LearnError::NoFingers)?;
             mesh.joints.clone_from(&self.joints[index]);
+            mesh.joints.extend(joints_of(&face.joints, &mesh.vertices));
+            for own in [fingers, face] {
+                for (i, vertex) in own.vertices.iter().enumerate() {
+                    mesh.bones[*vertex as usize] = own.bones[i];
+                    mesh.weights[*vertex as usize] = own.weights[i];
+                }
+            }
         }
         Ok(mesh)
+    }
+
+    /// The face of all bodies, by their mean; `None` without eyes.
+    fn face(&self) -> Option<ExtraJoints> {
+        let all = 0..self.names.len();
+        let all: Vec<(usize, f64)> = all.map(|it| (it, 1.0 / self.names.len() as f64)).collect();
+        let mean = self.mean(&all);
+        let welded = symmetry::weld(self, &all, &mean);
+        face::of(&self.topology, &mean, &welded)
     }
 
     /// Reads bodies from the bytes of two archives of numpy.

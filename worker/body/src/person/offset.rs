@@ -3,7 +3,7 @@
 
 use super::mesh::neighbours;
 use super::shape::Outline;
-use crate::{Body, JOINTS};
+use crate::{Body, JOINTS, is_of_face};
 
 /// Weight of the difference to each neighbour, in outlines.
 const SMOOTH: f32 = 4.0;
@@ -87,7 +87,7 @@ fn limit(body: &Body, vertex: usize) -> f32 {
     bones
         .map(|(bone, weight)| {
             let own = LIMITS.iter().find(|(joint, _)| joint == bone);
-            let other = match usize::from(*bone) < JOINTS {
+            let other = match usize::from(*bone) < JOINTS || is_of_face(*bone) {
                 true => MOST,
                 false => FINGER,
             };

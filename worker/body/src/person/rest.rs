@@ -1,23 +1,25 @@
 //! The body in a person's rest pose: each bone is rotated and stretched from the body's joints to the person's.
 
-use crate::{Body, JOINTS, WITH_FINGERS};
+use crate::{Body, JOINTS, WITH_FACE, WITH_FINGERS};
 use rayon::prelude::*;
 
 /// Length below which a bone has no direction, metres.
 const LEAST: f32 = 1e-4;
 
-/// The parents of SMPL's joints, whose order the body has, and of the fingers' joints after them; a root's is itself.
-pub(crate) const PARENTS: [usize; WITH_FINGERS] = [
+/// The parents of SMPL's joints, whose order the body has, and of the fingers' and the face's joints after them; a root's is itself.
+pub(crate) const PARENTS: [usize; WITH_FACE] = [
     0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21, //
     20, 24, 25, 20, 27, 28, 20, 30, 31, 20, 33, 34, 20, 36, 37, //
-    21, 39, 40, 21, 42, 43, 21, 45, 46, 21, 48, 49, 21, 51, 52,
+    21, 39, 40, 21, 42, 43, 21, 45, 46, 21, 48, 49, 21, 51, 52, //
+    15, 15, 15, 15, 15,
 ];
 
 /// Whether the bone of a joint's parent ends at the joint, of a body with `count` joints. A hand ends at its middle finger, if it has
-/// fingers.
+/// fingers. The head goes on beyond the joints of the face.
 fn is_end(joint: usize, count: usize) -> bool {
     let of_wrist = PARENTS[joint] == 20 || PARENTS[joint] == 21;
-    !of_wrist || count == JOINTS || joint == 27 || joint == 42
+    let ends_wrist = !of_wrist || count == JOINTS || joint == 27 || joint == 42;
+    ends_wrist && joint < WITH_FINGERS
 }
 
 /// An affine map of points: `linear` x + `shift`.
@@ -36,7 +38,8 @@ pub struct RestPose {
 }
 
 impl RestPose {
-    /// The maps that take bones with joints `from` `[K]` to the person's joints `to` `[K]`, metres, K of SMPL or with fingers. Along its
+    /// The maps that take bones with joints `from` `[K]` to the person's joints `to` `[K]`, metres, K of SMPL, with
+    /// fingers or with a face. Along its
     /// own axis a bone is as long as the person's. Across it, it grows as the sum of SMPL's bones does.
     pub fn new(from: &[[f32; 3]], to: &[[f32; 3]]) -> Self {
         let total = |joints: &[[f32; 3]]| -> f32 {
@@ -47,6 +50,11 @@ impl RestPose {
         let scale = total(to) / total(from).max(LEAST);
         let mut maps: Vec<Affine> = Vec::with_capacity(from.len());
         for joint in 0..from.len() {
+            if joint >= WITH_FINGERS {
+                // A face at rest is as the head makes it, wherever its joints are said to be.
+                maps.push(maps[PARENTS[joint]]);
+                continue;
+            }
             let mut children = (1..from.len())
                 .map(|child| (child, PARENTS[child]))
                 .filter(|(child, parent)| *parent == joint && is_end(*child, from.len()));

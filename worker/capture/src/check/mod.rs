@@ -43,7 +43,7 @@ use yoto_proto::smpl;
 /// If the track's skeleton is invalid.
 pub fn jumps(track: &PoseTrack) -> Result<Vec<u32>, SkeletonError> {
     let mut track = track.clone();
-    smpl::drop_fingers(&mut track);
+    smpl::drop_parts(&mut track);
     let skeleton = Skeleton::from_track(&track.skeleton)?;
     Ok(motion::Motion::of(&track, &skeleton).jumps)
 }
@@ -63,7 +63,7 @@ impl Checker {
     /// # Errors
     /// If the track's skeleton is invalid.
     pub fn new(mut track: PoseTrack) -> Result<Self, SkeletonError> {
-        smpl::drop_fingers(&mut track);
+        smpl::drop_parts(&mut track);
         Ok(Self {
             skeleton: Skeleton::from_track(&track.skeleton)?,
             wanted: plan::positions(track.frames.len()),

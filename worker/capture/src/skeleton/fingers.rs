@@ -1,7 +1,8 @@
 //! Where fingers are in the rest pose of a person whose skeleton does not tell.
 
-use super::smpl::{self, FINGERS, JOINTS, joints_with_fingers};
-use super::transform::{add, length, matvec, rotation_between, scale, sub};
+use super::average::{extended, size};
+use super::smpl::{self, FINGERS, JOINTS};
+use super::transform::{add, matvec, rotation_between, scale, sub};
 use super::{Skeleton, Vec3};
 
 /// Offsets of the left hand's finger joints from the wrist in the T-pose, metres: the means of the bodies that the shared body is learned
@@ -30,8 +31,6 @@ pub const RELAXED: [[f64; 3]; 4] = [
     [0.4, 0.4, 0.25],
     [0.35, 0.4, 0.25],
 ];
-/// Sum of the lengths of SMPL's 23 bones of these bodies, metres.
-const BONES: f64 = 4.581;
 /// Index of the middle finger's first joint among the fingers' joints: the end of the hand's bone.
 const MIDDLE: usize = 3;
 /// Wrist and hand of both sides, among SMPL's joints.
@@ -44,11 +43,7 @@ pub fn with_fingers(skeleton: &Skeleton) -> Option<Skeleton> {
         return None;
     }
     let mut rest = skeleton.rest.clone();
-    let bones = (1..JOINTS.len()).filter_map(|joint| {
-        let above = skeleton.parents[joint]?;
-        Some(length(sub(rest[joint], rest[above])))
-    });
-    let size = bones.sum::<f64>() / BONES;
+    let size = size(skeleton);
     for (side, [wrist, hand]) in HANDS.into_iter().enumerate() {
         let mirrored = |[x, y, z]: Vec3| [if side == 0 { x } else { -x }, y, z];
         let along = sub(rest[hand], rest[wrist]);
@@ -60,33 +55,13 @@ pub fn with_fingers(skeleton: &Skeleton) -> Option<Skeleton> {
         });
         rest.extend(own);
     }
-    let names = joints_with_fingers().map(|(name, _)| name.to_owned());
-    Some(Skeleton {
-        names: names.collect(),
-        parents: joints_with_fingers().map(|(_, parent)| parent).collect(),
-        rest,
-    })
+    Some(extended(rest))
 }
 
-/// The bones of `skeleton` for somebody with the joints of `own`, where the two differ by fingers alone: fingers are left out, or are an
-/// average adult's.
-pub fn with_joints_of(skeleton: &Skeleton, own: &Skeleton) -> Skeleton {
-    let (wanted, count) = (own.joints(), skeleton.joints());
-    let both = smpl::has_joints(skeleton) && smpl::has_joints(own);
-    let mut bones = skeleton.clone();
-    if both && wanted < count {
-        bones.names.truncate(wanted);
-        bones.parents.truncate(wanted);
-        bones.rest.truncate(wanted);
-    } else if both && wanted > count {
-        bones = with_fingers(skeleton).unwrap_or(bones);
-    }
-    bones
-}
-
-/// The rotation of a joint of a finger of a hand at rest, by its index in a skeleton with fingers; `None` for other joints. In the T-pose
+/// The rotation of a joint of a finger of a hand at rest, by its index in a skeleton with fingers; `None` for other
+/// joints. In the T-pose
 /// palms face down and arms point to the sides, so fingers bend about z.
-pub(super) fn relaxed(joint: usize) -> Option<[f32; 3]> {
+pub fn relaxed(joint: usize) -> Option<[f32; 3]> {
     let index = joint.checked_sub(JOINTS.len())?;
     let half = FINGERS.len() / 2;
     let bend = RELAXED.as_flattened().get(index % half);
@@ -97,23 +72,16 @@ pub(super) fn relaxed(joint: usize) -> Option<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::skeleton::smpl::{AVERAGE_REST, WITH_FINGERS};
-
-    fn average() -> Skeleton {
-        Skeleton {
-            names: JOINTS.map(|(name, _)| name.to_owned()).to_vec(),
-            parents: JOINTS.map(|(_, parent)| parent).to_vec(),
-            rest: AVERAGE_REST.to_vec(),
-        }
-    }
+    use crate::skeleton::smpl::WITH_FINGERS;
+    use crate::skeleton::transform::length;
 
     #[test]
     fn fingers_go_on_where_the_hands_point() {
-        let plain = average();
+        let plain = extended(smpl::AVERAGE_REST.to_vec());
         let hands = with_fingers(&plain).expect("SMPL's joints");
         assert_eq!(hands.joints(), WITH_FINGERS);
         assert!(smpl::has_joints(&hands));
-        assert_eq!(smpl::joints_without_fingers(&hands), JOINTS.len());
+        assert_eq!(smpl::joints_of_body(&hands), JOINTS.len());
         for (left, right) in (24..39).zip(39..54) {
             let ([x, y, z], mirrored) = (hands.rest[left], hands.rest[right]);
             assert!(length(sub([-x, y, z], mirrored)) < 1e-9, "{left}");
@@ -124,8 +92,6 @@ mod tests {
         let off = rotation_between(along, knuckle).map(|it| it[0][0]);
         assert!(off.is_none_or(|it| it > 0.999_99), "{off:?}");
         assert!((0.08..0.1).contains(&length(knuckle)));
-        assert_eq!(with_joints_of(&hands, &plain), plain);
-        assert_eq!(with_joints_of(&plain, &hands), hands);
         // There is no second pair of hands, and none for other trees.
         assert_eq!(with_fingers(&hands), None);
         let mut other = plain;

@@ -3,10 +3,13 @@
 //! The skeleton is data that travels with a capture, never a constant. [`kinematics`] and [`retarget`]
 //! work on any hierarchy whose parents come before their children.
 
+mod average;
 mod bounds;
+pub mod face;
 pub mod feet;
 pub mod fingers;
 pub mod kinematics;
+pub mod parts;
 mod pose;
 pub mod readings;
 mod retarget;

@@ -2,7 +2,7 @@
 
 use super::feet::Footing;
 use super::fingers::relaxed;
-use super::smpl::joints_without_fingers;
+use super::smpl::joints_of_body;
 use super::transform::{add, compose_axis_angle, dot, scale, sub};
 use super::{Pose, Skeleton, SkeletonError, Vec3};
 use yoto_proto::pose_track;
@@ -102,7 +102,7 @@ fn turned_alike(driver: &Skeleton, target: &Skeleton, pose: &Pose) -> Result<Pos
             body: lacking(target, driver),
         });
     }
-    let has_fingers = joints_without_fingers(target) < target.joints();
+    let has_fingers = joints_of_body(target) < target.joints();
     let rotation = |(joint, found): (usize, &Option<usize>)| match found {
         Some(found) => folded(driver, pose, *found, above(target, joint, &matches)),
         None if has_fingers => relaxed(joint).unwrap_or_default(),

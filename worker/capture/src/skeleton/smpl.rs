@@ -1,22 +1,20 @@
 //! The joint tree of SMPL, as in the contract, and an average adult's rest joints on it, for people
 //! without a known skeleton.
 
-pub use yoto_proto::smpl::{FINGERS, JOINTS, WITH_FINGERS, joints_with_fingers};
+pub use yoto_proto::smpl::{
+    FACE, FINGERS, JOINTS, WITH_FACE, WITH_FINGERS, all_joints, is_smpls_tree,
+};
 
 use super::{Skeleton, Vec3};
 
-/// Whether the joints of a skeleton are those of SMPL in its order, with or without fingers behind them.
+/// Whether the joints of a skeleton are those of SMPL in its order, alone, with fingers, or with fingers and a face.
 pub fn has_joints(skeleton: &Skeleton) -> bool {
-    let joints = skeleton.joints();
-    let own = skeleton.names.iter().zip(&skeleton.parents);
-    (joints == JOINTS.len() || joints == WITH_FINGERS)
-        && own
-            .zip(joints_with_fingers())
-            .all(|((name, parent), joint)| (name.as_str(), *parent) == joint)
+    let parents = skeleton.parents.iter().copied();
+    is_smpls_tree(skeleton.names.iter().map(String::as_str).zip(parents))
 }
 
-/// The number of joints of a skeleton without the fingers that follow SMPL's joints; all joints of other skeletons.
-pub fn joints_without_fingers(skeleton: &Skeleton) -> usize {
+/// The number of joints of a skeleton without the fingers and the face that follow SMPL's joints; all joints of other skeletons.
+pub fn joints_of_body(skeleton: &Skeleton) -> usize {
     match has_joints(skeleton) {
         true => JOINTS.len(),
         false => skeleton.joints(),

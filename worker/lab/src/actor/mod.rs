@@ -10,7 +10,7 @@ use yoto_avatar::train::TrainPerson;
 use yoto_body::learn::BodyMesh;
 use yoto_capture::camera::{Camera, Pose};
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::smpl::{has_joints, joints_with_fingers};
+use yoto_capture::skeleton::smpl::{all_joints, has_joints};
 use yoto_capture::{FrameImage, ShardBuilder};
 use yoto_proto::pose_track::PoseTrack;
 use yoto_synthetic::{SyntheticPerson, calm_motion};
@@ -45,10 +45,10 @@ impl Actor {
         })
     }
 
-    /// A body, whose clothes its bones carry, with SMPL's joints or with fingers too.
+    /// A body, whose clothes its bones carry, with SMPL's joints alone, or with fingers and a face too.
     pub(crate) fn mesh(mesh: BodyMesh) -> Self {
         let rest: Vec<_> = mesh.joints.iter().map(|it| it.map(f64::from)).collect();
-        let tree = || joints_with_fingers().take(rest.len());
+        let tree = || all_joints().take(rest.len());
         Self {
             name: mesh.name.clone(),
             skeleton: Skeleton {
@@ -86,7 +86,7 @@ impl Actor {
     }
 
     /// The film of the person: their own, or a calm one, `size` pixels wide, in a whole turn or within `sector` radians to either side.
-    /// Fingers open and close if the skeleton has them.
+    /// Fingers open and close, and the face speaks and blinks, if the skeleton has them.
     pub(crate) fn film(
         &self,
         slot: usize,
@@ -100,6 +100,7 @@ impl Actor {
         let mut poses = calm_motion(&self.skeleton, FRAMES, sector);
         for (frame, pose) in poses.iter_mut().enumerate() {
             gestures::wave(pose, frame as f64 / FPS);
+            gestures::speak(pose, frame as f64 / FPS);
         }
         let track = PoseTrack {
             skeleton: self.skeleton.to_track(),

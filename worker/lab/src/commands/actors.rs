@@ -27,13 +27,13 @@ pub(super) struct ActorArgs {
 }
 
 impl BodyArgs {
-    /// The bodies that are named, with joints of `fingers` or without.
+    /// The bodies that are named, with the joints of fingers and face if `parts` are wanted.
     ///
     /// # Errors
     /// A folder that can't be read, or has no body of a name.
-    pub(super) fn meshes(&self, fingers: bool) -> anyhow::Result<Vec<BodyMesh>> {
+    pub(super) fn meshes(&self, parts: bool) -> anyhow::Result<Vec<BodyMesh>> {
         match &self.bodies {
-            Some(folder) => meshes(folder, &self.names, fingers),
+            Some(folder) => meshes(folder, &self.names, parts),
             None => Ok(Vec::new()),
         }
     }

@@ -47,14 +47,14 @@ fn bodies(folder: &Path) -> anyhow::Result<Bodies> {
     bodies.with_context(|| format!("the bodies {}", folder.display()))
 }
 
-/// Reads those bodies in `folder` that have these `names`, with joints of `fingers` or without.
+/// Reads those bodies in `folder` that have these `names`, with the joints of fingers and face if `parts` are wanted.
 pub(super) fn meshes(
     folder: &Path,
     names: &[String],
-    fingers: bool,
+    parts: bool,
 ) -> anyhow::Result<Vec<BodyMesh>> {
     let read = bodies(folder)?;
-    let meshes = names.iter().map(|name| read.mesh(name, fingers));
+    let meshes = names.iter().map(|name| read.mesh(name, parts));
     let meshes = meshes.collect::<Result<_, _>>();
     meshes.with_context(|| format!("the bodies {}", folder.display()))
 }

@@ -40,9 +40,9 @@ pub(super) struct PosesCommand {
     /// repeated.
     #[arg(long = "motion", id = "motions", value_name = "DIR", num_args = 1..)]
     motions: Vec<PathBuf>,
-    /// Give bodies fingers that open and close.
+    /// Give bodies fingers that open and close, and faces that speak and blink.
     #[arg(long, requires = "bodies")]
-    fingers: bool,
+    parts: bool,
     /// Height of the pictures of people and bodies, pixels.
     #[arg(long, value_name = "PX", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..=2048))]
     size: u32,
@@ -61,7 +61,7 @@ impl PosesCommand {
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("making {}", self.out.display()))?;
         let options = PosesOptions {
-            bodies: self.actors.bodies.meshes(self.fingers)?,
+            bodies: self.actors.bodies.meshes(self.parts)?,
             people: self.actors.people.into(),
             captures: self.captures,
             motions: read_motions(&self.motions)?,

@@ -41,12 +41,12 @@ pub(super) struct StressCommand {
     /// Film people within this angle to either side of their front, degrees [default: a whole turn].
     #[arg(long, value_name = "DEGREES", value_parser = clap::value_parser!(u8).range(0..=180))]
     sector: Option<u8>,
-    /// Give bodies fingers that move, and measure hands from near.
+    /// Give bodies fingers and faces that move, and measure both from near.
     #[arg(long, requires = "bodies")]
-    fingers: bool,
-    /// Leave fingers out of the poses that people are trained with.
-    #[arg(long, requires = "fingers")]
-    hide_fingers: bool,
+    parts: bool,
+    /// Leave fingers and faces out of the poses that people are trained with.
+    #[arg(long, requires = "parts")]
+    hide_parts: bool,
     /// Steps per person.
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u64).range(1..))]
     steps: u64,
@@ -78,8 +78,8 @@ impl StressCommand {
             .with_context(|| format!("making {}", self.out.display()))?;
         let options = StressOptions {
             people: self.actors.people.into(),
-            bodies: self.actors.bodies.meshes(self.fingers)?,
-            hide_fingers: self.hide_fingers,
+            bodies: self.actors.bodies.meshes(self.parts)?,
+            hide_parts: self.hide_parts,
             captures,
             sector: self.sector.map(|degrees| f64::from(degrees).to_radians()),
             size: self.size,

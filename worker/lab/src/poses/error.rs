@@ -5,7 +5,7 @@ use anyhow::{Context, ensure};
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 use yoto_capture::camera::{Camera, Pose};
-use yoto_capture::skeleton::smpl::{self, WITH_FINGERS};
+use yoto_capture::skeleton::smpl::{self, WITH_FACE, WITH_FINGERS};
 use yoto_capture::skeleton::transform::{
     Mat3, add, apply, dot, length, log_map, matmul, matvec, rodrigues, scale, sub, transpose,
 };
@@ -64,6 +64,9 @@ pub struct FilmErrors {
     /// Error of the rotations of fingers' joints relative to the joints before, without thumbs, degrees; absent if fingers do not move.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finger_degrees: Option<f64>,
+    /// Error of the jaw's and of the eyelids' angles, degrees; absent if faces do not move.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face_degrees: Option<[f64; 2]>,
     /// Error of the lengths of arms' and legs' bones, as a share.
     pub bones: f64,
     /// Share of the frames in which left is taken for right.
@@ -77,6 +80,8 @@ struct Seen {
     hands: [Mat3; 2],
     /// Rotations of the fingers' joints relative to those before; those of a hand at rest if the skeleton has no fingers.
     fingers: Vec<Mat3>,
+    /// Angles of jaw, left and right eyelid, radians; 0 if the skeleton has no face.
+    face: [f64; 3],
 }
 
 impl Seen {
@@ -102,6 +107,8 @@ impl Seen {
                     rodrigues(own.map(f64::from))
                 })
                 .collect(),
+            face: [WITH_FINGERS, WITH_FACE - 2, WITH_FACE - 1]
+                .map(|joint| pose.rotations.get(joint).map_or(0.0, |it| f64::from(it[0]))),
         }
     }
 }
@@ -163,12 +170,18 @@ impl FilmErrors {
                 0.5 * (pair(0) + pair(1))
             }),
             head_degrees: mean(&|fitted, exact| degrees(&fitted.head, &exact.head)),
-            finger_degrees: (known.skeleton.joints() == WITH_FINGERS).then(|| {
+            finger_degrees: (known.skeleton.joints() >= WITH_FINGERS).then(|| {
                 mean(&|fitted, exact| {
                     let pairs = fitted.fingers.iter().zip(&exact.fingers);
                     let sum: f64 = pairs.map(|(fitted, exact)| degrees(fitted, exact)).sum();
                     sum / exact.fingers.len() as f64
                 })
+            }),
+            face_degrees: (known.skeleton.joints() == WITH_FACE).then(|| {
+                let off = |i: usize| {
+                    mean(&|fitted, exact| (fitted.face[i] - exact.face[i]).abs()).to_degrees()
+                };
+                [off(0), 0.5 * (off(1) + off(2))]
             }),
             bones: bones(&skeleton, &known.skeleton, grown),
             mistaken: mean(&|fitted, exact| {

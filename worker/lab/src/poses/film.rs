@@ -1,7 +1,7 @@
 //! Films as a phone makes them, of people whose poses are known: a wall and a floor, light that drifts, a lens that blurs, and noise.
 
 use crate::actor::Actor;
-use crate::actor::gestures::wave;
+use crate::actor::gestures::{speak, wave};
 use anyhow::Context;
 use image::{Rgb, RgbImage, imageops};
 use rand::{RngExt, SeedableRng};
@@ -171,6 +171,7 @@ fn filmed(
     let mut frames = Vec::new();
     for (position, mut pose) in poses.into_iter().enumerate() {
         wave(&mut pose, position as f64 / FPS);
+        speak(&mut pose, position as f64 / FPS);
         let person = actor
             .render(&pose, camera)
             .context("a person without a truth")?;

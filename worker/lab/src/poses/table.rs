@@ -6,7 +6,7 @@ impl Poses {
     /// Errors by film, and their means.
     pub fn table(&self) -> String {
         let mut lines = vec![format!(
-            "{:<34} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>7} {:>8} {:>7}",
+            "{:<34} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8} {:>5} {:>5} {:>7} {:>8} {:>7}",
             "mm, degrees, %",
             "joints",
             "across",
@@ -16,6 +16,8 @@ impl Poses {
             "wrist",
             "head",
             "fingers",
+            "jaw",
+            "lids",
             "bones",
             "mistaken",
             "found"
@@ -40,13 +42,20 @@ impl Poses {
 fn row(name: &str, films: &[FilmErrors]) -> String {
     let mean =
         |of: fn(&FilmErrors) -> f64| films.iter().map(of).sum::<f64>() / films.len().max(1) as f64;
-    let fingers: Option<Vec<f64>> = films.iter().map(|it| it.finger_degrees).collect();
-    let fingers = match fingers {
-        Some(all) => format!("{:.0}°", all.iter().sum::<f64>() / all.len().max(1) as f64),
-        None => "–".to_owned(),
+    let moving = |of: fn(&FilmErrors) -> Option<f64>| {
+        let all: Option<Vec<f64>> = films.iter().map(of).collect();
+        match all {
+            Some(all) => format!("{:.0}°", all.iter().sum::<f64>() / all.len().max(1) as f64),
+            None => "–".to_owned(),
+        }
     };
+    let fingers = moving(|it| it.finger_degrees);
+    let [jaw, eyelids] = [
+        moving(|it| it.face_degrees.map(|it| it[0])),
+        moving(|it| it.face_degrees.map(|it| it[1])),
+    ];
     format!(
-        "{name:<34} {:>7.0} {:>7.0} {:>7.0} {:>7.0} {:>7.0} {:>6.0}° {:>6.0}° {fingers:>8} {:>6.1}% {:>7.0}% {:>6.0}%",
+        "{name:<34} {:>7.0} {:>7.0} {:>7.0} {:>7.0} {:>7.0} {:>6.0}° {:>6.0}° {fingers:>8} {jaw:>5} {eyelids:>5} {:>6.1}% {:>7.0}% {:>6.0}%",
         mean(|it| it.joints_mm),
         mean(|it| it.across_mm),
         mean(|it| it.depth_mm),

@@ -2,12 +2,13 @@
 //! every pose of [`stress_poses`] is rendered from two sides. The same is done from eight sides in the pose of the first frame. Of people
 //! who come with a film, there is only what the model makes of them.
 
-mod hands;
+mod near;
 mod outline;
 mod sheet;
 mod table;
 
-pub use hands::Hands;
+pub use near::Near;
+
 pub use outline::Outline;
 
 use crate::actor::Actor;
@@ -16,6 +17,7 @@ use crate::display::Screen;
 use crate::one_camera::HeldOut;
 use crate::training::{self, pick_device};
 use anyhow::{Context, ensure};
+use near::Closeup;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,7 +31,7 @@ use yoto_capture::skeleton::Skeleton;
 use yoto_capture::skeleton::transform::dot;
 use yoto_media::picture_file;
 use yoto_proto::protocols::HELD_OUT;
-use yoto_proto::smpl::drop_fingers;
+use yoto_proto::smpl::drop_parts;
 use yoto_proto::tiers::VARIANTS;
 use yoto_proto::v1::Progress;
 use yoto_synthetic::{SyntheticPerson, calm_motion, stress_poses};
@@ -60,8 +62,8 @@ pub struct StressOptions {
     pub bodies: Vec<BodyMesh>,
     /// Captures of people.
     pub captures: Vec<CaptureSource>,
-    /// Whether tracks have no fingers though the bodies' fingers move.
-    pub hide_fingers: bool,
+    /// Whether tracks have no fingers and faces though those of the bodies move.
+    pub hide_parts: bool,
     /// Radians to either side of the camera that a film shows; all sides if absent.
     pub sector: Option<f64>,
     /// Longest side of the pictures, pixels.
@@ -96,7 +98,10 @@ pub struct Person {
     pub sides: Vec<Figures>,
     /// The hands of bodies with fingers.
     #[serde(default)]
-    pub hands: Hands,
+    pub hands: Near,
+    /// The faces of bodies that have one.
+    #[serde(default)]
+    pub face: Near,
 }
 
 /// Figures of a picture.
@@ -125,9 +130,9 @@ pub fn run(options: &StressOptions, screen: &dyn Screen) -> anyhow::Result<Stres
     let films = actors.iter().enumerate();
     let films = films.map(|(slot, it)| it.film(slot, options.size, options.sector));
     let mut films = films.collect::<anyhow::Result<Vec<_>>>()?;
-    if options.hide_fingers {
+    if options.hide_parts {
         for film in &mut films {
-            drop_fingers(&mut Arc::make_mut(&mut film.shard).track);
+            drop_parts(&mut Arc::make_mut(&mut film.shard).track);
         }
     }
     let picked = pick_device(screen);
@@ -222,11 +227,18 @@ fn person(
     }
     let path = options.out.join(format!("{}-sides.png", actor.name));
     sheet::write(&path, &cells)?;
+    let near = Closeup {
+        renderer,
+        slot,
+        actor,
+        options,
+    };
     Ok(Person {
         name: actor.name.clone(),
         poses,
         sides,
-        hands: hands::measure(renderer, slot, actor, options)?,
+        hands: near.hands()?,
+        face: near.face()?,
     })
 }
 

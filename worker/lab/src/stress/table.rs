@@ -1,6 +1,6 @@
 //! The figures as a table for people.
 
-use super::{Figures, Outline, Person, Stress};
+use super::{Figures, Near, Outline, Person, Stress};
 
 impl Stress {
     /// Figures by person, in poses and from the sides, with the worst poses, and means.
@@ -24,20 +24,21 @@ impl Stress {
                 worst_poses(poses)
             )
         };
-        let hands = |person: &Person| -> Option<String> {
-            let gestures = person.hands.0.iter();
+        let near = |person: &Person, what: &str, near: &Near| -> Option<String> {
+            let gestures = near.0.iter();
             let gestures = gestures.map(|(name, psnr)| format!("{name} {psnr:.2}"));
             let gestures = gestures.collect::<Vec<_>>().join(", ");
-            let mean = person.hands.mean()?;
+            let mean = near.mean()?;
             Some(format!(
-                "{:<22} hands {mean:.2} dB: {gestures}",
+                "{:<22} {what} {mean:.2} dB: {gestures}",
                 person.name
             ))
         };
         let measured = || self.people.iter().filter(|it| !it.poses.is_empty());
         for person in measured() {
             lines.push(row(&person.name, &person.poses, &person.sides));
-            lines.extend(hands(person));
+            lines.extend(near(person, "hands", &person.hands));
+            lines.extend(near(person, "face", &person.face));
         }
         match measured().count() {
             0 => return "sheets alone: nobody's truth is known".to_owned(),

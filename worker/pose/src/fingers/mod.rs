@@ -2,15 +2,14 @@
 //!
 //! A finger bends at three joints and spreads at the first, which is read off the directions of its bones beside the palm
 //! ([`angles`]). Angles of all frames are smoothed together; where a hand is not seen they become those of a hand at rest
-//! ([`smooth`]).
+//! ([`smoothed`]).
 
 mod angles;
-mod smooth;
 
 use crate::parts::sight;
+use crate::smooth::{Seen, Smoothing, smoothed};
 use crate::{HandPoints, KeyPoints};
-use angles::{HandShape, relaxed};
-use smooth::{Seen, smoothed};
+use angles::{HandShape, NUMBERS, relaxed};
 use yoto_capture::skeleton::fingers::with_fingers;
 use yoto_capture::skeleton::smpl::JOINTS;
 use yoto_capture::skeleton::transform::{log_map, matvec};
@@ -22,6 +21,12 @@ const FEWEST: usize = 5;
 const LEAST_SHARE: f64 = 0.05;
 /// Pixels from the wrist to the middle finger's first joint from which a hand counts in full: smaller ones are read less exactly.
 const LARGE: f64 = 20.0;
+/// How fingers are smoothed (docs/research/poses.md, "Fingers").
+const SMOOTHING: Smoothing<NUMBERS> = Smoothing {
+    time: 0.12,
+    median: 0.11,
+    error: [0.3; NUMBERS],
+};
 
 /// Adds fingers to `track`, which was fitted to `points` with a camera of this `focal` length, pixels. A track of a film that does not show
 /// hands is not changed. Returns the number of frames that show the left and the right hand.
@@ -58,6 +63,7 @@ pub(crate) fn add(points: &KeyPoints, focal: f64, track: &mut PoseTrack) -> [usi
             &times.collect::<Vec<_>>(),
             &seen.collect::<Vec<_>>(),
             &relaxed(),
+            &SMOOTHING,
         );
         (shape, smoothed)
     });

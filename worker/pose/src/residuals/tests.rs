@@ -45,6 +45,8 @@ fn problem() -> Problem {
                     20.0 * wave(at + 17),
                 ]
             }),
+            lips: [[0.0; 3]; 2],
+            eyelids: [[[0.0; 3]; 2]; 2],
             confidence: 0.9,
         }),
         ..FrameKeyPoints::default()

@@ -1,6 +1,6 @@
 //! The people that a model is trained on: their bodies and frames.
 
-mod fingers;
+mod known_parts;
 pub(crate) mod learn;
 pub mod leaving;
 
@@ -154,7 +154,7 @@ pub(crate) fn covered(image: &FrameImage) -> Vec<u32> {
         .collect()
 }
 
-/// The joint tree of a person, without fingers: people with and without them fit one model.
+/// The joint tree of a person, without fingers and face: people with and without them fit one model.
 fn tree(person: &TrainPerson) -> (&[String], &[i32]) {
     let skeleton = &person.shard.track.skeleton;
     let count = match smpl::is_smpls(skeleton) {

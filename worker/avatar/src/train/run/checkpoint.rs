@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use yoto_capture::skeleton::Skeleton;
-use yoto_capture::skeleton::smpl::joints_without_fingers;
+use yoto_capture::skeleton::smpl::joints_of_body;
 use yoto_proto::manifest::files;
 
 /// Version of [`ModelState`] that this program reads and writes.
@@ -150,7 +150,7 @@ impl ModelState {
             let Some(skeleton) = skeleton else { continue };
             Skeleton::from_track(&skeleton.to_track())
                 .map_err(|error| format!("slots[{slot}]: {error}"))?;
-            let joints = joints_without_fingers(skeleton);
+            let joints = joints_of_body(skeleton);
             if joints != self.joints {
                 return Err(format!(
                     "slots[{slot}]: {joints} joints, expected {}",

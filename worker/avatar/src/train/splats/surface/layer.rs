@@ -8,8 +8,8 @@ use super::silhouette::outside;
 use crate::train::splats::hull::{HullFrame, Shell};
 use rayon::prelude::*;
 use tracing::debug;
-use yoto_body::WITH_FINGERS;
 use yoto_body::person::sample::strongest;
+use yoto_body::{WITH_FACE, WITH_FINGERS};
 
 /// Distance to the body's surface from which a point is beside it, metres.
 const STANDS_OFF: f32 = 0.02;
@@ -136,7 +136,7 @@ fn at_edges(
 
 /// The weights of a point, one per bone.
 fn dense(skinning: &[(u8, f32); 4]) -> Vec<f32> {
-    let mut row = vec![0.0; WITH_FINGERS];
+    let mut row = vec![0.0; WITH_FACE];
     for (bone, weight) in skinning {
         row[usize::from(*bone)] += weight;
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use tracing::debug;
 use yoto_body::person::fit::FittedBody;
 use yoto_body::person::sample::strongest;
-use yoto_body::{Body, WITH_FINGERS};
+use yoto_body::{Body, WITH_FACE};
 
 /// Joints whose surface a skirt hangs over.
 const LOWER_BODY: [u8; 5] = [0, 1, 2, 4, 5];
@@ -110,7 +110,7 @@ impl Skirt {
 
 /// The mean of weights around a point.
 fn mean(known: &[([f32; 3], Bones)], at: [f32; 3]) -> Bones {
-    let mut sums = [0f32; WITH_FINGERS];
+    let mut sums = [0f32; WITH_FACE];
     for (other, skinning) in known {
         let square: f32 = (0..3).map(|a| (other[a] - at[a]).powi(2)).sum();
         let near = (-0.5 * square / (SMOOTH * SMOOTH)).exp();

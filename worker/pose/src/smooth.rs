@@ -1,38 +1,45 @@
-//! Angles of a film from those of single frames.
+//! Angles of a film from those of single frames, of a hand or a face.
 
-use super::angles::{Angles, NUMBERS};
+/// How angles are smoothed.
+pub(crate) struct Smoothing<const N: usize> {
+    /// Standard deviation of the time over which angles are averaged, seconds.
+    pub time: f64,
+    /// Time within which the median of the angles is taken, seconds: a frame that is read wrongly differs from its neighbours.
+    pub median: f64,
+    /// Error of each angle that neighbouring frames share, radians.
+    pub error: [f64; N],
+}
 
-/// Standard deviation of the time over which angles are averaged, seconds.
-const TIME: f64 = 0.12;
-/// Time within which the median of the angles is taken, seconds: a frame with a wrong hand differs from its neighbours.
-const MEDIAN: f64 = 0.11;
-/// Weight of the usual hand: where no frame near in time shows the hand, it is as usual.
+/// Weight of the usual angles: where no frame near in time shows the part, it is as usual.
 const USUAL: f64 = 0.05;
-/// Error of an angle that neighbouring frames share, radians (docs/research/poses.md, "Fingers").
-const ERROR: f64 = 0.3;
-/// Weight of a hand at rest in the usual hand, in frames.
+/// Weight of a part at rest in the usual one, in frames.
 const REST: f64 = 3.0;
 
-/// A hand in one frame.
-pub(super) struct Seen {
-    pub angles: Angles,
+/// A part in one frame, by N angles, radians.
+pub(crate) struct Seen<const N: usize> {
+    pub angles: [f64; N],
     /// From 0 to 1.
     pub weight: f64,
 }
 
-/// The angles in each frame of a film, at these `times`, seconds. Where the hand is not `seen` they turn into its usual ones, which are
-/// those of a hand at `rest` if hardly any frame shows it. An angle that varies no more than the detector errs stays near the usual one:
-/// its deviations are multiplied by V / (V + σ²), with its variance V and the detector's error σ.
-pub(super) fn smoothed(times: &[f64], seen: &[Option<Seen>], rest: &Angles) -> Vec<Angles> {
+/// The angles in each frame of a film, at these `times`, seconds. Where the part is not `seen` they turn into its usual ones, which are
+/// those at `rest` if hardly any frame shows it. An angle that varies no more than the detector errs stays near the usual one: its
+/// deviations are multiplied by V / (V + σ²), with its variance V and the detector's error σ.
+pub(crate) fn smoothed<const N: usize>(
+    times: &[f64],
+    seen: &[Option<Seen<N>>],
+    rest: &[f64; N],
+    how: &Smoothing<N>,
+) -> Vec<[f64; N]> {
     let near = |at: usize, within: f64| {
         let close = move |other: &usize| (times[*other] - times[at]).abs() <= within;
         let before = (0..at).rev().take_while(close);
         before.chain((at..times.len()).take_while(close))
     };
-    let medians: Vec<Option<Angles>> = (0..times.len())
+    let medians: Vec<Option<[f64; N]>> = (0..times.len())
         .map(|at| {
             seen[at].as_ref()?;
-            let around: Vec<&Seen> = near(at, MEDIAN)
+            let around: Vec<&Seen<N>> = near(at, how.median)
                 .filter_map(|it| seen[it].as_ref())
                 .collect();
             Some(std::array::from_fn(|i| median(&around, i)))
@@ -42,15 +49,15 @@ pub(super) fn smoothed(times: &[f64], seen: &[Option<Seen>], rest: &Angles) -> V
         angles: *rest,
         weight: REST,
     };
-    let all: Vec<&Seen> = seen.iter().flatten().chain([&at_rest]).collect();
-    let usual: Angles = std::array::from_fn(|i| median(&all, i));
-    let mut angles: Vec<Angles> = (0..times.len())
+    let all: Vec<&Seen<N>> = seen.iter().flatten().chain([&at_rest]).collect();
+    let usual: [f64; N] = std::array::from_fn(|i| median(&all, i));
+    let mut angles: Vec<[f64; N]> = (0..times.len())
         .map(|at| {
-            let mut sum: Angles = usual.map(|angle| USUAL * angle);
+            let mut sum = usual.map(|angle| USUAL * angle);
             let mut weights = USUAL;
-            for other in near(at, 4.0 * TIME) {
+            for other in near(at, 4.0 * how.time) {
                 if let (Some(seen), Some(angles)) = (&seen[other], &medians[other]) {
-                    let apart = (times[other] - times[at]) / TIME;
+                    let apart = (times[other] - times[at]) / how.time;
                     let weight = seen.weight * (-0.5 * apart * apart).exp();
                     weights += weight;
                     (sum.iter_mut().zip(angles)).for_each(|(sum, angle)| *sum += weight * angle);
@@ -59,16 +66,16 @@ pub(super) fn smoothed(times: &[f64], seen: &[Option<Seen>], rest: &Angles) -> V
             sum.map(|sum| sum / weights)
         })
         .collect();
-    for number in 0..NUMBERS {
+    for number in 0..N {
         let (mut squares, mut weights) = (0.0, 0.0);
         for (angles, seen) in angles.iter().zip(seen) {
             let weight = seen.as_ref().map_or(0.0, |it| it.weight);
             squares += weight * (angles[number] - usual[number]).powi(2);
             weights += weight;
         }
-        // A hand that is seen a few times alone hardly varies.
+        // A part that is seen a few times alone hardly varies.
         let variance = squares / (weights + REST);
-        let share = variance / (variance + ERROR * ERROR);
+        let share = variance / (variance + how.error[number].powi(2));
         for angles in &mut angles {
             angles[number] = usual[number] + share * (angles[number] - usual[number]);
         }
@@ -76,11 +83,10 @@ pub(super) fn smoothed(times: &[f64], seen: &[Option<Seen>], rest: &Angles) -> V
     angles
 }
 
-/// The weighted median of one number of hands.
-fn median(hands: &[&Seen], number: usize) -> f64 {
-    debug_assert!(number < NUMBERS);
-    let mut all: Vec<(f64, f64)> = (hands.iter())
-        .map(|hand| (hand.angles[number], hand.weight))
+/// The weighted median of one angle.
+fn median<const N: usize>(seen: &[&Seen<N>], number: usize) -> f64 {
+    let mut all: Vec<(f64, f64)> = (seen.iter())
+        .map(|it| (it.angles[number], it.weight))
         .collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = 0.5 * all.iter().map(|it| it.1).sum::<f64>();
@@ -98,18 +104,25 @@ fn median(hands: &[&Seen], number: usize) -> f64 {
 mod tests {
     use super::*;
 
+    /// As fingers are smoothed.
+    const HOW: Smoothing<2> = Smoothing {
+        time: 0.12,
+        median: 0.11,
+        error: [0.3; 2],
+    };
+
     fn film(angle: impl Fn(usize) -> Option<f64>) -> Vec<f64> {
         let times: Vec<f64> = (0..60).map(|at| at as f64 / 30.0).collect();
-        let seen: Vec<Option<Seen>> = (0..60)
+        let seen: Vec<Option<Seen<2>>> = (0..60)
             .map(|at| {
                 angle(at).map(|angle| Seen {
-                    angles: [angle; NUMBERS],
+                    angles: [0.0, angle],
                     weight: 0.9,
                 })
             })
             .collect();
-        let all = smoothed(&times, &seen, &[0.3; NUMBERS]);
-        all.into_iter().map(|angles| angles[7]).collect()
+        let all = smoothed(&times, &seen, &[0.3; 2], &HOW);
+        all.into_iter().map(|angles| angles[1]).collect()
     }
 
     #[test]
