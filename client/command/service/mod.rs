@@ -14,6 +14,8 @@ pub(crate) mod fsck;
 pub(crate) mod gc;
 pub(crate) mod logs;
 #[cfg(feature = "embedded")]
+mod open_files;
+#[cfg(feature = "embedded")]
 pub(crate) mod serve;
 #[cfg(feature = "embedded")]
 mod signed_urls;

@@ -1,6 +1,7 @@
 //! `yoto serve`: coordinator and worker in one process.
 
 use super::exposure::Exposure;
+use super::open_files;
 use super::signed_urls::SignedUrls;
 use super::state::{ObjectsArgs, StateArgs};
 use super::telemetry::TelemetryArgs;
@@ -214,6 +215,7 @@ impl Serve {
         let tls = self.exposure.tls();
         let scheme = if tls.is_some() { "https" } else { "http" };
         keep_private();
+        open_files::raise();
         let drain = Duration::try_from_secs_f64(self.drain_seconds);
         let drain = drain.with_context(|| format!("--drain-seconds {}", self.drain_seconds))?;
         let place = self.place();

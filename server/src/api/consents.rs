@@ -43,16 +43,17 @@ pub(super) async fn grant(
     let given_by = fields::line("given_by", &request.given_by, OWNER_CHARACTERS);
     let note = fields::lines("note", &request.note, CONSENT_NOTE_BYTES);
     let evidence = evidence(request.evidence, &request.evidence_file_name);
-    let ((key, id), ((purposes, evidence), (given_by, ()))) = both(
+    // What was agreed to for a time that is over is still a record.
+    let end = fields::end("expire_time", request.expire_time.as_ref(), None);
+    let ((key, id), ((purposes, evidence), ((given_by, ()), expire_time))) = both(
         both(key, id),
-        both(both(purposes, evidence), both(given_by, note)),
+        both(both(purposes, evidence), both(both(given_by, note), end)),
     )?;
-    let end = request.expire_time.as_ref();
     let new = NewConsent {
         purposes,
         given_by,
         note: request.note,
-        expire_time: end.map(|it| it.seconds as f64 + f64::from(it.nanos) * 1e-9),
+        expire_time,
         evidence,
     };
     let consent = context.store.grant_consent(tenant, &id, &new, key).await?;

@@ -2,6 +2,7 @@
 
 use crate::jobs::queue;
 use prost::Message;
+use prost_types::Timestamp;
 use yoto_proto::limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES};
 use yoto_proto::names::Collection;
 use yoto_proto::text::is_hidden;
@@ -49,6 +50,31 @@ pub(crate) fn lines(field: &str, text: &str, longest: usize) -> Result<(), Reque
         return Err(RequestError::invalid(field, message));
     }
     Ok(())
+}
+
+/// The last second that JSON can tell, that of 9999-12-31.
+const LAST: i64 = 253_402_300_799;
+
+/// The time at which something ends, seconds since 1970: within the calendar, and after `now` if given.
+pub(crate) fn end(
+    field: &str,
+    time: Option<&Timestamp>,
+    now: Option<f64>,
+) -> Result<Option<f64>, RequestError> {
+    let Some(Timestamp { seconds, nanos }) = time else {
+        return Ok(None);
+    };
+    let refused = |message: String| Err(RequestError::invalid(field, message));
+    if !(0..=LAST).contains(seconds) || !(0..1_000_000_000).contains(nanos) {
+        return refused(format!(
+            "{seconds} seconds and {nanos} nanoseconds since 1970 are not a time of the years 1970 to 9999"
+        ));
+    }
+    let end = *seconds as f64 + f64::from(*nanos) * 1e-9;
+    match now {
+        Some(now) if end <= now => refused("the time is over already".to_owned()),
+        _ => Ok(Some(end)),
+    }
 }
 
 /// Kinds of jobs. An unknown kind is refused: it would match no job.

@@ -29,7 +29,7 @@ impl KeyService for KeyApi {
     ) -> Result<Response<CreateKeyResponse>, Status> {
         let caller = Caller::of(&request)?;
         let request = request.into_inner();
-        let (new, secret) = new_key(&request)?;
+        let (new, secret) = new_key(&request, self.context.config.clock.now())?;
         let tenant = caller.tenant(&request.tenant)?;
         let key = self.context.store.create_key(&tenant, &new).await;
         let key = key.map_err(RequestError::from)?;
@@ -80,16 +80,19 @@ impl KeyService for KeyApi {
 }
 
 /// The key that a request asks for, and the key itself.
-pub(crate) fn new_key(request: &CreateKeyRequest) -> Result<(NewKey, String), RequestError> {
+pub(crate) fn new_key(
+    request: &CreateKeyRequest,
+    now: f64,
+) -> Result<(NewKey, String), RequestError> {
     let name = fields::display_name(&request.display_name);
-    let (display_name, scopes) = both(name, scopes(&request.scopes))?;
-    let end = request.expire_time.as_ref();
+    let end = fields::end("expire_time", request.expire_time.as_ref(), Some(now));
+    let ((display_name, scopes), expire_time) = both(both(name, scopes(&request.scopes)), end)?;
     let secret = access::keys::new_secret();
     let new = NewKey {
         display_name,
         sha256: yoto_proto::sha256_hex(secret.as_bytes()),
         scopes,
-        expire_time: end.map(|it| it.seconds as f64 + f64::from(it.nanos) * 1e-9),
+        expire_time,
         session: false,
     };
     Ok((new, secret))

@@ -34,19 +34,20 @@ impl ShareService for ShareApi {
         let request = request.into_inner();
         let id = fields::id(Collection::Jobs, "job", &request.job);
         let note = fields::line("note", &request.note, OWNER_CHARACTERS);
-        let (job_id, note) = both(id, note)?;
+        let now = self.context.config.clock.now();
+        let end = fields::end("expire_time", request.expire_time.as_ref(), Some(now));
+        let ((job_id, note), expire_time) = both(both(id, note), end)?;
         let job = self.context.store.job(&tenant, &job_id).await;
         let job = job.map_err(RequestError::from)?;
         let subject_id = subject_of_page(&job)?;
         let secret = access::keys::random();
-        let end = request.expire_time.as_ref();
         let new = NewShare {
             job_id,
             subject_id,
             sha256: sha256_hex(secret.as_bytes()),
             note,
             embed: request.embed,
-            expire_time: end.map(|it| it.seconds as f64 + f64::from(it.nanos) * 1e-9),
+            expire_time,
         };
         let share = self.context.store.create_share(&tenant, &new).await;
         let share = share.map_err(RequestError::from)?;

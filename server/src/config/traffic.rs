@@ -6,7 +6,8 @@ use yoto_proto::limits;
 /// Limits of a listener and of each of its connections.
 #[derive(Debug, Clone)]
 pub struct TrafficLimits {
-    /// Concurrent connections. The usual limit is 1024 open files per process, and the database and objects need some.
+    /// Concurrent connections. Each is an open file, of which a process has 1,024 on many systems until it raises its limit, and the database
+    /// and objects need some.
     pub connections: usize,
     /// Concurrent calls on all connections.
     pub calls: usize,

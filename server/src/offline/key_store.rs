@@ -4,6 +4,7 @@ use super::on_host;
 use crate::api::new_key;
 use crate::error::ServerError;
 use std::path::Path;
+use yoto_process::clock::{Clock, SystemClock};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{CreateKeyRequest, CreateKeyResponse, Key};
 use yoto_request::RequestError;
@@ -45,7 +46,7 @@ impl KeyStore {
         &self,
         request: CreateKeyRequest,
     ) -> Result<CreateKeyResponse, ServerError> {
-        let (new, secret) = new_key(&request).map_err(told)?;
+        let (new, secret) = new_key(&request, SystemClock.now()).map_err(told)?;
         let tenant = tenant(&request.tenant)?;
         let begun = self.begin(&tenant, CREATE, "").await?;
         let key = self.store.create_key(&tenant, &new).await?;

@@ -108,6 +108,17 @@ async fn a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one() {
     let full = backup(&from, folder.path()).await;
     assert!(matches!(full, Err(BackupError::NotEmpty(_))), "{full:?}");
 
+    // Into its own objects it would copy itself.
+    for inside in ["objects/x", "objects/deeper/y"] {
+        let inside = service.dir.path().join(inside);
+        let refused = backup(&from, &inside).await;
+        assert!(
+            matches!(refused, Err(BackupError::Inside(..))),
+            "{refused:?}"
+        );
+        assert!(!inside.exists());
+    }
+
     let other = TempDir::new().expect("a folder");
     let target = Place {
         data_dir: other.path().join("data"),

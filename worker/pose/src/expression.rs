@@ -4,6 +4,7 @@
 //! the usual one in the seconds around: how far an eye seems open differs from person to person, and as the head turns and nods.
 
 use crate::parts::EYES;
+use crate::problem::quantile;
 use crate::smooth::{Seen, Smoothing, smoothed};
 use crate::{FacePoints, KeyPoints};
 use yoto_capture::skeleton::parts::with_count;
@@ -47,8 +48,8 @@ const SMOOTHING: Smoothing<3> = Smoothing {
 /// Adds jaw, eyes and eyelids to `track`, which was fitted to `points`, and fingers if it has none. A track of a film whose face can't be
 /// read, or does not move, is not changed. Returns the number of frames that tell the expression.
 pub(crate) fn add(points: &KeyPoints, track: &mut PoseTrack) -> usize {
-    let read: Vec<Option<Seen<3>>> = (points.frames.iter())
-        .map(|frame| frame.face.as_ref().and_then(read))
+    let read: Vec<Option<Face>> = (points.frames.iter())
+        .map(|frame| frame.face.as_ref().and_then(Face::read))
         .collect();
     let shown = read.iter().flatten().count();
     let plain = Skeleton::from_track(&track.skeleton).ok();
@@ -57,25 +58,29 @@ pub(crate) fn add(points: &KeyPoints, track: &mut PoseTrack) -> usize {
     let Some(skeleton) = skeleton.filter(|_| enough) else {
         return 0;
     };
-    let closed = ranked(read.iter(), 0, LOW).min(CLOSED);
+    let mut jaws: Vec<f64> = read.iter().flatten().map(|it| it.jaw).collect();
+    let closed = quantile(&mut jaws, LOW).min(CLOSED);
     let times = points.frames.iter();
     let times: Vec<f64> = times.map(|it| f64::from(it.index) / points.fps).collect();
-    let seen: Vec<Option<Seen<3>>> = (0..read.len())
-        .map(|at| {
-            let seen = read[at].as_ref()?;
-            let near = (0..read.len()).filter(|other| (times[*other] - times[at]).abs() <= AROUND);
-            let near: Vec<usize> = near.collect();
-            let lid = |eye: usize| {
-                if seen.angles[eye] == 0.0 {
-                    return 0.0;
-                }
-                let open = ranked(near.iter().map(|other| &read[*other]), eye, 0.5);
-                eyelid(seen.angles[eye] / open.max(f64::MIN_POSITIVE))
+    let seen: Vec<Option<Seen<3>>> = (read.iter().zip(&times))
+        .map(|(face, time)| {
+            let face = face.as_ref()?;
+            let near = || {
+                let near = times.iter().zip(&read);
+                let near = near.filter(|(other, _)| (*other - time).abs() <= AROUND);
+                near.filter_map(|(_, face)| face.as_ref()?.eyes)
             };
-            let jaw = (seen.angles[0] - closed).clamp(0.0, WIDEST);
+            let [left, right] = match face.eyes {
+                Some(eyes) => [0, 1].map(|side| {
+                    let mut apertures: Vec<f64> = near().map(|eyes| eyes[side]).collect();
+                    let open = quantile(&mut apertures, 0.5);
+                    eyelid(eyes[side] / open.max(f64::MIN_POSITIVE))
+                }),
+                None => [0.0; 2],
+            };
             Some(Seen {
-                angles: [jaw, lid(1), lid(2)],
-                weight: seen.weight,
+                angles: [(face.jaw - closed).clamp(0.0, WIDEST), left, right],
+                weight: face.weight,
             })
         })
         .collect();
@@ -97,54 +102,39 @@ pub(crate) fn add(points: &KeyPoints, track: &mut PoseTrack) -> usize {
     shown
 }
 
-/// The jaw's angle and the apertures of the left and the right eye as shares of the distance from the eyes to the mouth, 0 if these are too
-/// small; `None` if the face is too small or in profile.
-fn read(face: &FacePoints) -> Option<Seen<3>> {
-    let distance = |a: [f64; 3], b: [f64; 3]| length(sub(a, b));
-    let [
-        _,
-        _,
-        _,
-        left_outer,
-        _,
-        _,
-        right_outer,
-        left_mouth,
-        right_mouth,
-    ] = face.picture;
-    let across = distance(left_outer, right_outer);
-    if across < SMALLEST_FACE || (left_outer[2] - right_outer[2]).abs() > PROFILE * across {
-        return None;
-    }
-    let gap = distance(face.lips[0], face.lips[1]) * EYES / across;
-    let jaw = 2.0 * (0.5 * gap / LIPS).min(1.0).asin();
-    // Heights of eyes and of the face shrink alike as the head nods, and neither does as it turns.
-    let middle = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|axis| 0.5 * (a[axis] + b[axis]));
-    let flat = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
-    let high = flat(
-        middle(left_outer, right_outer),
-        middle(left_mouth, right_mouth),
-    );
-    let aperture = |[upper, lower]: [[f64; 3]; 2]| flat(upper, lower) / high;
-    let [left, right] = face.eyelids;
-    let angles = match across < SMALLEST_EYES {
-        true => [jaw, 0.0, 0.0],
-        false => [jaw, aperture(left), aperture(right)],
-    };
-    angles.iter().all(|it| it.is_finite()).then_some(Seen {
-        angles,
-        weight: face.confidence,
-    })
+/// A face in one frame.
+struct Face {
+    /// The jaw's angle, radians.
+    jaw: f64,
+    /// The apertures of the left and the right eye as shares of the distance from the eyes to the mouth; `None` if they are too small.
+    eyes: Option<[f64; 2]>,
+    /// From 0 to 1.
+    weight: f64,
 }
 
-/// The angle or aperture below which this `share` of the faces' is.
-fn ranked<'a>(faces: impl Iterator<Item = &'a Option<Seen<3>>>, number: usize, share: f64) -> f64 {
-    let mut all: Vec<f64> = faces.flatten().map(|it| it.angles[number]).collect();
-    all.sort_by(f64::total_cmp);
-    let at = (share * all.len() as f64) as usize;
-    all.get(at.min(all.len().saturating_sub(1)))
-        .copied()
-        .unwrap_or_default()
+impl Face {
+    /// The face with these points; `None` if it is too small or in profile.
+    fn read(face: &FacePoints) -> Option<Self> {
+        let distance = |a: [f64; 3], b: [f64; 3]| length(sub(a, b));
+        let [_, _, _, left, _, _, right, left_mouth, right_mouth] = face.picture;
+        let across = distance(left, right);
+        if across < SMALLEST_FACE || (left[2] - right[2]).abs() > PROFILE * across {
+            return None;
+        }
+        let gap = distance(face.lips[0], face.lips[1]) * EYES / across;
+        let jaw = 2.0 * (0.5 * gap / LIPS).min(1.0).asin();
+        // Heights of eyes and of the face shrink alike as the head nods, and neither does as it turns.
+        let middle = |a: [f64; 3], b: [f64; 3]| [0, 1, 2].map(|axis| 0.5 * (a[axis] + b[axis]));
+        let flat = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let high = flat(middle(left, right), middle(left_mouth, right_mouth));
+        let eyes = face.eyelids.map(|[upper, lower]| flat(upper, lower) / high);
+        let is_finite = [jaw, eyes[0], eyes[1]].iter().all(|it| it.is_finite());
+        is_finite.then_some(Self {
+            jaw,
+            eyes: (across >= SMALLEST_EYES).then_some(eyes),
+            weight: face.confidence,
+        })
+    }
 }
 
 /// The angle of an eyelid by its eye's aperture as a share of the open one.
@@ -225,7 +215,7 @@ mod tests {
     fn a_mouth_that_speaks_and_eyes_that_blink_move_the_face() {
         let mouth = |at: usize| 0.5 - 0.5 * (at as f64 * 0.3).cos();
         let faces = (0..60).map(|at| {
-            let eyes = if (20..25).contains(&at) { 0.65 } else { 1.0 };
+            let eyes = if (20..25).contains(&at) { 0.0 } else { 1.0 };
             (at < 50).then(|| face(60.0, mouth(at), [eyes, 1.0]))
         });
         let (points, mut track) = film(faces.collect());
@@ -256,10 +246,20 @@ mod tests {
             it
         };
         let moving = |at: usize| 0.5 - 0.5 * (at as f64 * 0.3).cos();
-        let films: [&dyn Fn(usize) -> Option<FacePoints>; 4] = [
+        let films: [&dyn Fn(usize) -> Option<FacePoints>; 6] = [
             &|at| Some(face(SMALLEST_FACE - 1.0, moving(at), [1.0; 2])),
             &|at| Some(profile(face(60.0, moving(at), [1.0; 2]))),
             &|at| (at < 4).then(|| face(60.0, moving(at), [1.0; 2])),
+            // Eyes that blink are too small to be read, and the mouth is closed.
+            &|at| {
+                Some(face(
+                    SMALLEST_EYES - 1.0,
+                    0.0,
+                    [if at % 20 < 4 { 0.0 } else { 1.0 }; 2],
+                ))
+            },
+            // A head that nods slowly, so that its eyes seem narrower.
+            &|at| Some(face(60.0, 0.0, [1.0 - at as f64 / 600.0; 2])),
             // A face at rest, whose points tremble.
             &|at| {
                 Some(face(
@@ -270,7 +270,7 @@ mod tests {
             },
         ];
         for (at, faces) in films.into_iter().enumerate() {
-            let (points, mut track) = film((0..60).map(faces).collect());
+            let (points, mut track) = film((0..240).map(faces).collect());
             let before = track.clone();
             assert_eq!(add(&points, &mut track), 0, "{at}");
             assert_eq!(track, before, "{at}");

@@ -6,8 +6,7 @@ use crate::forward::Posed;
 use crate::parameters::{Shared, Stance};
 use crate::parts::{EYES, OUTER};
 use crate::problem::{Problem, quantile};
-use crate::skeleton;
-use crate::{FacePoints, KeyPoints};
+use crate::{FacePoints, KeyPoints, skeleton};
 use yoto_capture::skeleton::smpl::ASSUMED_HEIGHT;
 use yoto_capture::skeleton::transform::{length, sub};
 

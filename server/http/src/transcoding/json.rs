@@ -18,11 +18,13 @@ pub(super) fn read(kind: MessageDescriptor, bytes: &[u8]) -> Result<DynamicMessa
 }
 
 /// A message in one line.
-pub(super) fn text(message: &DynamicMessage) -> String {
-    // A message of the contract has a form in JSON.
-    value(message)
-        .as_ref()
-        .map_or_else(ToString::to_string, Value::to_string)
+///
+/// # Errors
+/// When it has no form in JSON, as a time beyond the calendar, which is a fault of the service.
+pub(super) fn text(message: &DynamicMessage) -> Result<String, Status> {
+    let value = value(message)
+        .map_err(|error| Status::internal(format!("an answer has no form in JSON: {error}")))?;
+    Ok(value.to_string())
 }
 
 /// A message of the contract as its call tells it over HTTP; `None` if the contract has no such message.

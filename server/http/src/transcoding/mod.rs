@@ -181,7 +181,7 @@ async fn call_of(
     }
     let output = found.binding.method.output();
     let message = json::read(output, &answers.single().await?)?;
-    Ok(answer(json::text(&message)))
+    Ok(answer(json::text(&message)?))
 }
 
 /// An answer of JSON.

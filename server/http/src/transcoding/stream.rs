@@ -45,11 +45,16 @@ pub(super) async fn answer(
     (headers, lines).into_response()
 }
 
+/// A message as JSON.
+fn text(message: &Result<DynamicMessage, Status>) -> Result<String, Status> {
+    message.as_ref().map_err(Clone::clone).and_then(json::text)
+}
+
 /// A message in a line, or the error that ends the stream.
 fn line(message: &Result<DynamicMessage, Status>) -> Result<String, Infallible> {
-    let mut line = match message {
-        Ok(message) => json::text(message),
-        Err(status) => json::error(status),
+    let mut line = match text(message) {
+        Ok(text) => text,
+        Err(status) => json::error(&status),
     };
     line.push('\n');
     Ok(line)
@@ -66,16 +71,17 @@ fn events(
 /// A message as an event. Its id is the sequence number of its job, from which a new watch goes on.
 fn event(message: &Result<DynamicMessage, Status>) -> Event {
     let event = Event::default();
-    match message {
-        Ok(message) => {
-            let event = match sequence(message) {
+    match text(message) {
+        Ok(text) => {
+            let number = message.as_ref().ok().and_then(sequence);
+            let event = match number {
                 Some(number) => event.id(number.to_string()),
                 None => event,
             };
-            event.data(json::text(message))
+            event.data(text)
         }
         // Not `error`: browsers call the loss of a connection so, and connect again.
-        Err(status) => event.event("problem").data(json::error(status)),
+        Err(status) => event.event("problem").data(json::error(&status)),
     }
 }
 
@@ -113,6 +119,18 @@ mod tests {
         let event = sent(message).await;
         assert!(event.starts_with("id: 7\ndata: {"), "{event}");
         assert_eq!(event.matches('\n').count(), 3, "{event}");
+        // What JSON can not tell is an error, not a text in its place.
+        let job = Job {
+            create_time: Some(prost_reflect::prost_types::Timestamp {
+                seconds: 1 << 60,
+                nanos: 0,
+            }),
+            ..Job::default()
+        };
+        let response = WatchJobResponse { job: Some(job) }.encode_to_vec();
+        let kind = POOL.get_message_by_name("yoto.v1.WatchJobResponse");
+        let beyond = sent(json::read(kind.expect("it is of the contract"), &response)).await;
+        assert!(beyond.starts_with("event: problem\ndata: {"), "{beyond}");
         let end = sent(Err(Status::unavailable("later"))).await;
         assert!(end.starts_with("event: problem\ndata: {"), "{end}");
         assert!(end.ends_with("}\n\n"), "{end}");

@@ -69,7 +69,7 @@ async fn write(
     let kind = POOL.get_message_by_name(ANSWER);
     let kind = kind.ok_or_else(|| Status::internal("the contract has no answer"))?;
     let message = json::read(kind, &answers.single().await?)?;
-    Ok(super::answer(json::text(&message)))
+    Ok(super::answer(json::text(&message)?))
 }
 
 /// The file's bytes as messages of the call.

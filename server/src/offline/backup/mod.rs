@@ -48,6 +48,9 @@ pub enum BackupError {
     /// The folder to write to has something in it.
     #[error("{} is not empty: choose another folder", .0.display())]
     NotEmpty(PathBuf),
+    /// The folder to write to is among the objects that are copied.
+    #[error("{} is in the service's own {}: a backup there would copy itself, choose a folder elsewhere", .0.display(), .1.display())]
+    Inside(PathBuf, PathBuf),
     /// The folder is not a backup.
     #[error("{} is no complete backup: it has no {}", .0.display(), MARKER.0)]
     NoBackup(PathBuf),
@@ -118,6 +121,7 @@ impl BackupError {
 /// # Errors
 /// When the folder is not empty, the objects are elsewhere, or something can't be read or written. The folder is no backup then.
 pub async fn backup(from: &Place, to: &Path) -> Result<Copied, BackupError> {
+    outside(to, &from.data_dir.join(OBJECTS_FOLDER))?;
     make_empty(to)?;
     match &from.database {
         Some(url) => database::dump(url, &to.join(DUMP)).await?,
@@ -166,6 +170,21 @@ pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
             folders::copy(&objects, &to.data_dir.join(OBJECTS_FOLDER)).await
         }
         false => Ok(Copied::default()),
+    }
+}
+
+/// Checks that the folder `to`, which need not exist, is not in the folder `objects`, by whatever links.
+fn outside(to: &Path, objects: &Path) -> Result<(), BackupError> {
+    let Ok(objects) = objects.canonicalize() else {
+        return Ok(());
+    };
+    let absolute = std::path::absolute(to).map_err(BackupError::file("finding", to))?;
+    let existing = absolute.ancestors().find_map(|it| it.canonicalize().ok());
+    match existing {
+        Some(place) if place.starts_with(&objects) => {
+            Err(BackupError::Inside(to.to_owned(), objects))
+        }
+        _ => Ok(()),
     }
 }
 

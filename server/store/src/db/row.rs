@@ -43,8 +43,12 @@ fn is_condition(row: &PgRow, column: &str) -> bool {
         .is_ok_and(|it| it.type_info().name() == "BOOL")
 }
 
-/// A time of the database, seconds since 1970.
+/// The calendar of JSON's times, the years 1 to 9999, in seconds since 1970.
+const CALENDAR: [f64; 2] = [-62_135_596_800.0, 253_402_300_799.0];
+
+/// A time of the database, seconds since 1970. Times beyond the calendar, which earlier versions stored, become its ends.
 pub(crate) fn timestamp(seconds: f64) -> Timestamp {
+    let seconds = seconds.clamp(CALENDAR[0], CALENDAR[1]);
     Timestamp {
         seconds: seconds.floor() as i64,
         // Below 1e9 for every fraction, so the cast is exact enough and in range.

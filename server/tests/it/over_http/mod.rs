@@ -2,6 +2,7 @@
 
 mod access;
 mod files;
+mod times;
 mod watches;
 mod web;
 

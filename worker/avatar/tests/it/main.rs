@@ -4,6 +4,7 @@ mod curve;
 mod distill;
 mod exposure;
 mod extremes;
+mod faces;
 mod fingers;
 mod finite_diff;
 mod floor;
