@@ -1,7 +1,7 @@
 //! The layer that authorizes each call of a listener.
 
 use super::credentials::CallHead;
-use super::guard::{self, Ended, Guarded};
+use super::guard::{self, Ended, Guarded, GuardedRequest};
 use super::keys::Keys;
 use super::rules::{self, Rule};
 use super::{Admission, Callers, browser};
@@ -272,12 +272,12 @@ where
             };
             request.extensions_mut().insert(caller.own_tenant().clone());
             request.extensions_mut().insert(caller);
-            let answer = inner.call(request);
             if !streams || matches!(access.admission, Admission::Process(_)) {
-                return answer.await;
+                return inner.call(request).await;
             }
             let ended = guard::ended(access.callers, access.admission, sha256);
-            until(answer, ended, form, &access.sign_in).await
+            let request = request.map(|body| Body::new(GuardedRequest::new(body, ended.clone())));
+            until(inner.call(request), ended, form, &access.sign_in).await
         })
     }
 }

@@ -1,5 +1,6 @@
 //! Who may call what: keys, their scopes and their ends, workers' keys, and browsers.
 
+mod bodies;
 mod ends;
 mod issuer;
 mod sign_in;

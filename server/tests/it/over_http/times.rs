@@ -22,7 +22,8 @@ async fn times_beyond_the_calendar_are_refused_and_stored_ones_do_not_break_list
         (200, &json!(past)),
         "{made}"
     );
-    let key = |end: &str| json!({ "display_name": "Bob", "scopes": ["SCOPE_READ"], "expire_time": end });
+    let key =
+        |end: &str| json!({ "display_name": "Bob", "scopes": ["SCOPE_READ"], "expire_time": end });
     let (status, refused) = send(address, "POST", "/v1/keys", &key(past)).await;
     assert_eq!(status, 400, "{refused}");
     assert!(refused.to_string().contains("is over already"), "{refused}");
