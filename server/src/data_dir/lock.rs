@@ -43,3 +43,27 @@ impl DataDirLock {
         }
     }
 }
+
+/// A process that another thread starts has a copy of the file until it runs its program, and would keep the lock for that time.
+impl Drop for DataDirLock {
+    fn drop(&mut self) {
+        self.release();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_of_the_file_in_another_process_does_not_keep_the_lock() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let lock = DataDirLock::take(folder.path()).expect("is free");
+        let copy = lock.0.try_clone().expect("copies");
+        let taken = DataDirLock::take(folder.path());
+        assert!(matches!(taken, Err(ServerError::DataDirInUse { .. })));
+        drop(lock);
+        DataDirLock::take(folder.path()).expect("is free again");
+        drop(copy);
+    }
+}
