@@ -2,6 +2,7 @@
 //!
 //! Lengths are multiples of the distance of the eyes' middles, measured on the mean of the bodies (docs/research/body.md, "Faces").
 
+use super::fingers::strongest;
 use super::read::Topology;
 use crate::extra_joints::{ExtraJoints, FACE, WITH_FINGERS};
 use crate::file::MOST_SHARES;
@@ -218,21 +219,11 @@ fn normals(faces: &[[u32; 3]], mean: &[[f32; 3]], welded: &[u32]) -> Vec<[f32; 3
 fn mixed(bones: [u8; 4], weights: [f32; 4], face: &[f32; FACE]) -> ([u8; 4], [f32; 4]) {
     let of_face: f32 = face.iter().sum();
     let own = bones.into_iter().zip(weights).filter(|it| it.1 > 0.0);
-    let mut all: Vec<(u8, f32)> = (0..)
+    let all = (0..)
         .zip(face)
         .map(|(joint, weight)| ((WITH_FINGERS + joint) as u8, *weight))
         .chain(own.map(|(bone, weight)| (bone, (1.0 - of_face).max(0.0) * weight)))
         .filter(|(_, weight)| *weight >= NONE)
         .collect();
-    all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    all.truncate(4);
-    let sum: f32 = all.iter().map(|(_, weight)| weight).sum();
-    let at = |i: usize| {
-        all.get(i)
-            .map_or((0, 0.0), |(bone, weight)| (*bone, weight / sum))
-    };
-    (
-        std::array::from_fn(|i| at(i).0),
-        std::array::from_fn(|i| at(i).1),
-    )
+    strongest(all)
 }

@@ -93,6 +93,11 @@ fn mixed(bones: [u8; 4], weights: [f32; 4], fingers: &[f32; FINGERS]) -> ([u8; 4
     if rest >= NONE {
         all.push((if is_left { HANDS[0] } else { HANDS[1] }, rest));
     }
+    strongest(all)
+}
+
+/// The four joints with the largest weights, and these as shares.
+pub(super) fn strongest(mut all: Vec<(u8, f32)>) -> ([u8; 4], [f32; 4]) {
     all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     all.truncate(4);
     let sum: f32 = all.iter().map(|(_, weight)| weight).sum();
