@@ -92,7 +92,7 @@ mod tests {
     use crate::{FrameKeyPoints, KeyPointSet};
     use yoto_capture::skeleton::transform::rodrigues;
 
-    /// The height of somebody who faces the camera in so many frames, whose eyes have this distance as a share of the body's height.
+    /// The estimate for somebody who faces the camera in this number of `frames`. The distance of their eyes is this `share` of their height.
     fn found(frames: usize, share: f64) -> Option<Height> {
         let mut points = KeyPoints {
             set: KeyPointSet::BlazePose33,

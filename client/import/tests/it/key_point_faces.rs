@@ -54,7 +54,7 @@ fn faces_of_the_holistic_model_open_the_mouth_and_close_the_eyes() {
     };
     assert!((8.0..25.0).contains(&greatest(54)), "{}", greatest(54));
     assert!(greatest(57) > 10.0 && greatest(58) > 10.0);
-    // A point too few is told, and a frame without a face is none.
+    // An error names a missing landmark. A frame may lack a face.
     let path = written("short.json", &|at, frame| {
         let mut points = face(nose(frame), 0.5, 1.0);
         points.pop();

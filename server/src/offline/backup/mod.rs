@@ -173,7 +173,7 @@ pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
     }
 }
 
-/// Checks that the folder `to`, which need not exist, is not in the folder `objects`, by whatever links.
+/// Checks that the folder `to` is outside of the folder `objects`. Symbolic links are followed, and `to` may not exist yet.
 fn outside(to: &Path, objects: &Path) -> Result<(), BackupError> {
     let Ok(objects) = objects.canonicalize() else {
         return Ok(());
