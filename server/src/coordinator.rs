@@ -57,7 +57,7 @@ impl Coordinator {
             notifier: Arc::new(notifier),
             callers: Arc::new(Callers::new(&store, config.oidc.is_some())),
             issuer: sign_in::IssuerCache::default(),
-            audit: Arc::default(),
+            audit: Arc::new(audit::Audit::new(config.traffic.refused_calls)),
             health: Arc::new(HealthCheck::new(&store, &objects, &storage)),
             upload_locks: UploadLocks::default(),
             alone: Alone::default(),

@@ -7,6 +7,7 @@
 mod access;
 mod api;
 mod audit;
+mod capacity;
 pub mod config;
 mod context;
 mod coordinator;
@@ -29,6 +30,7 @@ mod uploads;
 mod webhooks;
 
 pub use access::Admission;
+pub use capacity::capacity_table;
 pub use config::{
     Grant, OidcConfig, OtlpConfig, OtlpEndpoint, OtlpError, OtlpHeaders, ServerConfig,
     StorageLimits, TrafficLimits, UploadLimits,
@@ -39,7 +41,10 @@ pub use listen::{
     Certificates, Encrypted, InMemoryConnector, InMemoryIncoming, TlsError, TlsFiles, in_memory,
     tcp, tls,
 };
-pub use offline::{AuditError, AuditLog, KeyStore, adopt, backup, fsck};
+pub use offline::{
+    AuditError, AuditLog, ErasedPerson, KeyStore, adopt, backup, erased_in_folder,
+    erased_in_postgres, fsck,
+};
 pub use yoto_objects::{Environment, ObjectsError, shown};
 pub use yoto_process::{clock, faults};
 pub use yoto_store::audit_chain::{Broken, Head as AuditHead};

@@ -144,7 +144,7 @@ impl fmt::Display for Refusal {
             }
         }
         // A connection that ends in its first words; a service with TLS ends one that does not encrypt.
-        let broken = ["http2 error", "operation was canceled"];
+        let broken = ["http2 error", "operation was canceled", "transport error"];
         if reason.is_none() && broken.iter().any(|it| self.status.message().contains(it)) {
             write!(
                 f,

@@ -13,7 +13,7 @@ use yoto_terminal::output::{self, others};
 
 const AFTER_HELP: &str = "\
 Each call that changes something gets an entry before it begins and one after it has ended. Entries are never
-changed or deleted: each has a hash of itself and of all entries before it.
+changed: each has a hash of itself and of all entries before it. `yoto serve --audit-days` removes old ones.
 
 Examples:
   yoto audit list --data /srv/yoto

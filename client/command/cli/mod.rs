@@ -72,6 +72,8 @@ enum Command {
     #[cfg(feature = "embedded")]
     Restore(service::backup::Restore),
     #[cfg(feature = "embedded")]
+    Erased(service::erased::Erased),
+    #[cfg(feature = "embedded")]
     Adopt(service::adopt::Adopt),
     #[cfg(feature = "embedded")]
     Fsck(service::fsck::Fsck),
@@ -163,6 +165,8 @@ fn run(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Backup(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Restore(command) => runtime.block_on(command.run()),
+        #[cfg(feature = "embedded")]
+        Command::Erased(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]
         Command::Adopt(command) => runtime.block_on(command.run()),
         #[cfg(feature = "embedded")]

@@ -1,11 +1,12 @@
 //! `yoto backup` and `yoto restore`: a whole service at one point.
 
+use super::erased;
 use super::state::StateArgs;
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use clap::Args;
-use indicatif::BinaryBytes;
+use indicatif::{BinaryBytes, HumanDuration};
 use std::path::PathBuf;
-use yoto_server::backup::{Copied, Place, backup, restore};
+use yoto_server::backup::{Copied, Place, Restored, backup, made_at, restore};
 use yoto_terminal::output;
 use yoto_terminal::progress::count;
 
@@ -22,9 +23,13 @@ The data folder must be empty or missing, and so must the tables of a database i
 pg_restore. A backup of SQLite can be restored into PostgreSQL, without that program. Jobs that ran at the time of the
 backup continue from their last checkpoints.
 
+A backup has the people who were erased after it was made. --erased names files that tell who was erased: lists by
+`yoto erased`, and reports by `yoto subject erasure --out`. These people are erased again when the service starts.
+
 Examples:
-  yoto restore /backup/monday --data /srv/yoto
-  yoto restore /backup/monday --data /srv/yoto --database postgres://yoto@db.example/yoto";
+  yoto restore /backup/monday --data /srv/yoto --erased erased.jsonl
+  yoto restore /backup/monday --data /srv/yoto --erased-nobody
+  yoto restore /backup/monday --data /srv/yoto --database postgres://yoto@db.example/yoto --erased erased.jsonl";
 
 /// Where the service has its state.
 #[derive(Debug, Args)]
@@ -62,6 +67,12 @@ pub(crate) struct Backup {
 pub(crate) struct Restore {
     /// Folder of the backup.
     folder: PathBuf,
+    /// File that tells who was erased since the backup: a list by `yoto erased`, or a report. Can be repeated.
+    #[arg(long, value_name = "FILE")]
+    erased: Vec<PathBuf>,
+    /// Nobody was erased since the backup.
+    #[arg(long, conflicts_with = "erased")]
+    erased_nobody: bool,
     #[command(flatten)]
     service: Service,
 }
@@ -79,9 +90,24 @@ impl Backup {
 
 impl Restore {
     pub(crate) async fn run(self) -> anyhow::Result<()> {
+        let made = made_at(&self.folder).context("restoring a backup")?;
+        ensure!(
+            self.erased_nobody || !self.erased.is_empty(),
+            "the backup was made {} ago: people who were erased since then would come back. Name the files that tell \
+             who was erased (--erased FILE; `yoto erased` writes one), or say --erased-nobody",
+            HumanDuration(made.elapsed().unwrap_or_default())
+        );
+        let mut erased = Vec::new();
+        for path in &self.erased {
+            erased.extend(erased::read(path)?);
+        }
         let to = self.service.place();
-        let copied = restore(&self.folder, &to).await;
-        let copied = copied.context("restoring a backup")?;
+        let restored = restore(&self.folder, &to, &erased).await;
+        let Restored { copied, erased } = restored.context("restoring a backup")?;
+        output::put("erased_again", erased);
+        if erased > 0 {
+            say!("people whom the service will erase again when it starts: {erased}");
+        }
         let data = to.data_dir.display().to_string();
         say!(
             "{} are in {data}; start it with `yoto serve`",

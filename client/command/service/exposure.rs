@@ -45,6 +45,11 @@ impl Exposure {
         })
     }
 
+    /// Whether a proxy stands before the address, so that all connections have the proxy's.
+    pub(crate) fn behind_proxy(&self) -> bool {
+        self.behind_tls
+    }
+
     /// Callers whom the address admits without a key.
     ///
     /// # Errors

@@ -8,6 +8,8 @@ pub(crate) mod backup;
 pub(crate) mod config;
 pub(crate) mod drain;
 #[cfg(feature = "embedded")]
+pub(crate) mod erased;
+#[cfg(feature = "embedded")]
 mod exposure;
 #[cfg(feature = "embedded")]
 pub(crate) mod fsck;

@@ -14,7 +14,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use yoto_avatar::loss::lpips::LpipsWeights;
-use yoto_server::{OidcConfig, ServerConfig, StorageLimits};
+use yoto_server::{OidcConfig, ServerConfig, StorageLimits, TrafficLimits};
 
 const AFTER_HELP: &str = "\
 All state of the service is in the data folder: an SQLite database and the objects (uploads,
@@ -162,12 +162,21 @@ struct Storage {
     /// limits it.
     #[arg(long, env = "YOTO_MAX_OBJECTS_GIB", value_name = "GIB")]
     max_objects_gib: Option<f64>,
+    /// Days until entries of the audit log are removed. By default they stay.
+    #[arg(long, env = "YOTO_AUDIT_DAYS", value_name = "DAYS")]
+    audit_days: Option<f64>,
+}
+
+/// The time that `option` names as `value` times `unit` seconds.
+fn time(option: &str, value: f64, unit: f64) -> anyhow::Result<Duration> {
+    let time = Duration::try_from_secs_f64(value * unit);
+    time.with_context(|| format!("{option} {value}"))
 }
 
 impl Storage {
     fn limits(&self) -> anyhow::Result<StorageLimits> {
-        let grace = Duration::try_from_secs_f64(self.grace_hours * 3600.0);
-        let grace = grace.with_context(|| format!("--grace-hours {}", self.grace_hours))?;
+        let grace = time("--grace-hours", self.grace_hours, 3600.0)?;
+        let audit = self.audit_days.map(|it| time("--audit-days", it, 86_400.0));
         let free = self.min_free_gib;
         anyhow::ensure!(free >= 0.0, "--min-free-gib {free} is below 0");
         let most = self.max_objects_gib;
@@ -182,6 +191,7 @@ impl Storage {
             grace,
             min_free_bytes: bytes(free),
             limit_bytes: most.map(bytes),
+            keep_audit: audit.transpose()?,
             ..StorageLimits::default()
         })
     }
@@ -210,14 +220,25 @@ impl Serve {
         }
     }
 
+    /// The limits of a process that may open as many `files`, if that is known.
+    fn traffic(&self, files: Option<u64>) -> TrafficLimits {
+        let limits = TrafficLimits {
+            by_address: !self.exposure.behind_proxy(),
+            ..TrafficLimits::default()
+        };
+        match files {
+            Some(files) => limits.for_files(files),
+            None => limits,
+        }
+    }
+
     pub(crate) async fn run(self) -> anyhow::Result<()> {
         let admission = self.exposure.admission(self.listen)?;
         let tls = self.exposure.tls();
         let scheme = if tls.is_some() { "https" } else { "http" };
         keep_private();
-        open_files::raise();
-        let drain = Duration::try_from_secs_f64(self.drain_seconds);
-        let drain = drain.with_context(|| format!("--drain-seconds {}", self.drain_seconds))?;
+        let traffic = self.traffic(open_files::raise());
+        let drain = time("--drain-seconds", self.drain_seconds, 1.0)?;
         let place = self.place();
         if let Some(path) = &self.config {
             tell!("settings of {}", path.display());
@@ -232,6 +253,7 @@ impl Serve {
             oidc: self.oidc.as_deref().map(oidc).transpose()?,
             signed_urls: self.signed_urls.life(),
             otlp: self.telemetry.config()?,
+            traffic,
             ..ServerConfig::new(self.state.data)
         };
         let options = EmbeddedOptions {
@@ -348,6 +370,7 @@ mod tests {
             grace_hours,
             min_free_gib,
             max_objects_gib: None,
+            audit_days: None,
         };
         let limits = storage(24.0, 2.0).limits().expect("good");
         let default = StorageLimits::default();
@@ -368,6 +391,13 @@ mod tests {
         ] {
             assert!(storage(hours, gib).limits().is_err(), "{hours} {gib}");
         }
+        let kept = |days| Storage {
+            audit_days: Some(days),
+            ..storage(24.0, 2.0)
+        };
+        let limits = kept(400.0).limits().expect("good");
+        assert_eq!(limits.keep_audit, Some(Duration::from_secs(400 * 86_400)));
+        assert!(kept(-1.0).limits().is_err());
         let limited = |gib| Storage {
             max_objects_gib: Some(gib),
             ..storage(24.0, 2.0)

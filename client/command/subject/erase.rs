@@ -5,7 +5,6 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use std::io::{IsTerminal, Write};
 use std::time::Duration;
-use yoto_client::YotoClient;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{Erasure, erasure};
 use yoto_terminal::output;
@@ -53,7 +52,8 @@ pub(crate) struct Erase {
 /// An erasure to show.
 #[derive(Debug, Args)]
 pub(crate) struct ShowErasure {
-    /// The erased person, by the name that they had, or the erasure: erasures/ID.
+    /// The erased person, by the name that they had, or the id of the erasure or of the person: erasures/ID, subjects/ID, or
+    /// the beginning of an ID.
     of: String,
     /// Write the report to this file.
     #[arg(long, value_name = "FILE")]
@@ -111,10 +111,7 @@ fn confirm(name: &str) -> anyhow::Result<()> {
 impl ShowErasure {
     pub(super) async fn run(self) -> anyhow::Result<()> {
         let client = self.server.connect().await?;
-        let erasure = match self.of.starts_with("erasures/") {
-            true => client.get_erasure(&self.of).await?,
-            false => by_name(&client, &self.of).await?,
-        };
+        let erasure = found(client.list_erasures().await?, &self.of)?;
         if let Some(path) = &self.out {
             ensure!(
                 !erasure.report.is_empty(),
@@ -128,13 +125,28 @@ impl ShowErasure {
     }
 }
 
-/// The newest erasure of a person who was called `name`.
-async fn by_name(client: &YotoClient, name: &str) -> anyhow::Result<Erasure> {
-    let hash = sha256_hex(name.as_bytes());
-    let mut all = client.list_erasures().await?.into_iter();
-    match all.find(|it| it.name_sha256 == hash) {
-        Some(erasure) => Ok(erasure),
-        None => bail!("nobody called '{name}' was erased"),
+/// Fewest characters of an id that tell which one is meant.
+const ID_CHARACTERS: usize = 4;
+
+/// The newest erasure of a person who was called `of`, or the one with that id, or of the person with that id.
+fn found(all: Vec<Erasure>, of: &str) -> anyhow::Result<Erasure> {
+    let hash = sha256_hex(of.as_bytes());
+    if let Some(erasure) = all.iter().find(|it| it.name_sha256 == hash) {
+        return Ok(erasure.clone());
+    }
+    let names = |it: &Erasure, of: &str| {
+        let id = |name: &str| name.split_once('/').map(|(_, id)| id.to_owned());
+        let ids = [id(&it.name), id(&it.subject)].into_iter().flatten();
+        [&it.name, &it.subject].into_iter().any(|name| name == of)
+            || (of.len() >= ID_CHARACTERS && ids.into_iter().any(|id| id.starts_with(of)))
+    };
+    let mut matching = all.into_iter().filter(|it| names(it, of));
+    match (matching.next(), matching.next()) {
+        (Some(erasure), None) => Ok(erasure),
+        (Some(one), Some(other)) => bail!("'{of}' may be {} or {}", one.name, other.name),
+        (None, _) => {
+            bail!("nobody called '{of}' was erased, and no erasure or erased person has this id")
+        }
     }
 }
 
@@ -155,4 +167,38 @@ fn show(erasure: &Erasure) -> anyhow::Result<()> {
         output::put("report", report);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_erasure_is_found_by_the_name_and_by_each_id() {
+        let erasure = |id: &str, subject: &str, name: &str| Erasure {
+            name: format!("erasures/{id}"),
+            subject: format!("subjects/{subject}"),
+            name_sha256: sha256_hex(name.as_bytes()),
+            ..Erasure::default()
+        };
+        let all = vec![
+            erasure("0b55bd0e-1", "77aa-1", "ada"),
+            erasure("0b55cc0e-2", "77bb-2", "bob"),
+        ];
+        let of = |of: &str| found(all.clone(), of).map(|it| it.subject);
+        for ada in [
+            "ada",
+            "erasures/0b55bd0e-1",
+            "0b55bd0e-1",
+            "0b55b",
+            "subjects/77aa-1",
+            "77aa",
+        ] {
+            assert_eq!(of(ada).ok().as_deref(), Some("subjects/77aa-1"), "{ada}");
+        }
+        assert_eq!(of("bob").ok().as_deref(), Some("subjects/77bb-2"));
+        for none in ["0b55", "0b5", "erasures/0b55", "carl"] {
+            assert!(of(none).is_err(), "{none}");
+        }
+    }
 }

@@ -69,7 +69,9 @@ impl Keys {
 /// The keys of this process.
 #[derive(Debug, Default)]
 pub(crate) struct KeyRing {
-    known: Mutex<Option<Arc<Keys>>>,
+    known: std::sync::Mutex<Option<Arc<Keys>>>,
+    /// Held by the one who reads them.
+    reading: Mutex<()>,
     /// Wakes the guards of streams after a change by this process.
     changed: watch::Sender<()>,
     /// When the use of keys was noted by this process, by their ids.
@@ -82,12 +84,38 @@ impl KeyRing {
     /// # Errors
     /// When the database can't be read: nobody knows then whose key was revoked.
     pub(crate) async fn current(&self, store: &Store) -> Result<Arc<Keys>, StoreError> {
-        let mut known = self.known.lock().await;
-        if let Some(keys) = &*known
-            && keys.read.elapsed() < FRESH
-        {
-            return Ok(Arc::clone(keys));
+        if let Some(keys) = self.fresh() {
+            return Ok(keys);
         }
+        let _reading = self.reading.lock().await;
+        // Somebody else may have read them meanwhile.
+        match self.fresh() {
+            Some(keys) => Ok(keys),
+            None => self.read(store).await,
+        }
+    }
+
+    /// Reads the keys after a change, and has running streams check theirs now. They find them in memory, so no message passes between
+    /// the change and its end.
+    pub(crate) async fn renew(&self, store: &Store) {
+        {
+            let _reading = self.reading.lock().await;
+            *self.known() = None;
+            if let Err(error) = self.read(store).await {
+                // The next call or guard that needs them tries again.
+                tracing::warn!(%error, "the keys can't be read after a change");
+            }
+        }
+        self.changed.send_replace(());
+    }
+
+    fn fresh(&self) -> Option<Arc<Keys>> {
+        let known = self.known();
+        let keys = known.as_ref().filter(|it| it.read.elapsed() < FRESH);
+        keys.map(Arc::clone)
+    }
+
+    async fn read(&self, store: &Store) -> Result<Arc<Keys>, StoreError> {
         let read = Instant::now();
         let (rows, time) = store.all_keys().await?;
         let rows = rows.into_iter().map(|row| (row.sha256.clone(), row));
@@ -96,14 +124,12 @@ impl KeyRing {
             time,
             rows: rows.collect(),
         });
-        *known = Some(Arc::clone(&keys));
+        *self.known() = Some(Arc::clone(&keys));
         Ok(keys)
     }
 
-    /// Reads the keys anew at the next call, and has running streams check theirs now. Waits for a read that began earlier.
-    pub(crate) async fn renew(&self) {
-        *self.known.lock().await = None;
-        self.changed.send_replace(());
+    fn known(&self) -> std::sync::MutexGuard<'_, Option<Arc<Keys>>> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Changes by this process.

@@ -5,6 +5,7 @@ use super::guard::{self, Ended, Guarded, GuardedRequest};
 use super::keys::Keys;
 use super::rules::{self, Rule};
 use super::{Admission, Callers, browser};
+use crate::traffic::Call;
 use futures::future::BoxFuture;
 use std::sync::Arc;
 use std::task::{self, Poll};
@@ -13,6 +14,7 @@ use tonic::codegen::http::{Method, Request, Response};
 use tonic::{Code, Status};
 use tower::{Layer, Service};
 use yoto_http::{is_grpc, transcoding};
+use yoto_process::metrics::METRICS;
 use yoto_proto::sha256_hex;
 use yoto_proto::v1::{ErrorReason, Scope};
 use yoto_request::methods::is_unary;
@@ -167,6 +169,19 @@ impl AccessLayer {
         Ok((caller, Some(sha256)))
     }
 
+    /// Counts the call of `caller` in its share.
+    ///
+    /// # Errors
+    /// When the caller has its share of open calls already.
+    fn count(&self, call: &Call, caller: &Caller, rule: Rule) -> Result<(), RequestError> {
+        if let Admission::Process(_) = self.admission {
+            call.of_process();
+            return Ok(());
+        }
+        let counted = call.admitted(caller, rule.scope(), rule.is_download());
+        counted.inspect_err(|_| METRICS.refused())
+    }
+
     /// Notes the use of a key, which no call waits for.
     fn note_use(&self, id: String) {
         let callers = Arc::clone(&self.callers);
@@ -194,6 +209,7 @@ fn allows(row: &KeyRow, rule: Rule) -> Result<(), RequestError> {
     let Rule::Scope {
         scope,
         whole_service,
+        ..
     } = rule
     else {
         return Ok(());
@@ -254,9 +270,19 @@ where
             let path = request.uri().path();
             let rule = match rules::of_request(request.method(), path) {
                 None => return Ok(form.unknown()),
-                Some(Rule::Open) => return inner.call(request).await,
                 Some(rule) => rule,
             };
+            let open_call = request.extensions().get::<Arc<Call>>().cloned();
+            if rule == Rule::Open {
+                let counted = match open_call {
+                    Some(call) if !rules::is_probe(path) => call.open_to_all(),
+                    _ => Ok(()),
+                };
+                return match counted {
+                    Ok(()) => inner.call(request).await,
+                    Err(error) => Ok(form.refusal(&error.into(), &access.sign_in, "")),
+                };
+            }
             let streams = match form {
                 RequestForm::Grpc => !is_unary(path),
                 RequestForm::Json => transcoding::streams(request.method(), path),
@@ -264,7 +290,14 @@ where
                     rules::streams(request.method(), path)
                 }
             };
-            let (caller, sha256) = match access.admit(&head, rule).await {
+            let admitted = access.admit(&head, rule).await;
+            let admitted = admitted.and_then(|(caller, sha256)| {
+                if let Some(call) = open_call {
+                    access.count(&call, &caller, rule)?;
+                }
+                Ok((caller, sha256))
+            });
+            let (caller, sha256) = match admitted {
                 Ok(admitted) => admitted,
                 Err(error) => {
                     return Ok(form.refusal(&error.into(), &access.sign_in, &to));

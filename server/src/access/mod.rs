@@ -18,7 +18,7 @@ mod rates;
 mod rules;
 
 pub(crate) use layer::{AccessLayer, SignInPage};
-pub(crate) use rules::{brings_file, changes_something, is_of_script, page_of};
+pub(crate) use rules::{brings_file, changes_something, is_of_script, is_probe, page_of};
 
 use keys::{KeyRing, Keys};
 use rates::Rates;
@@ -56,9 +56,9 @@ impl Callers {
         self.ring.current(&self.store).await
     }
 
-    /// Reads the keys anew at the next call, and has running streams check theirs now.
+    /// Reads the keys after a change, and has running streams check theirs now.
     pub(crate) async fn renew_keys(&self) {
-        self.ring.renew().await;
+        self.ring.renew(&self.store).await;
     }
 }
 

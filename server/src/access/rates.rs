@@ -1,5 +1,6 @@
 //! Calls per second of a tenant: a bucket of tokens for each, in this process. Several coordinators admit as many each.
 
+use crate::capacity::{Bucket, Filling};
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -17,12 +18,6 @@ pub(super) struct Rates {
     buckets: Mutex<HashMap<String, Bucket>>,
 }
 
-#[derive(Debug)]
-struct Bucket {
-    tokens: f64,
-    at: Instant,
-}
-
 impl Rates {
     /// Takes a token of the tenant, who may make `rate` calls per second.
     ///
@@ -33,23 +28,19 @@ impl Rates {
     }
 
     fn take_at(&self, tenant: &Tenant, rate: f64, now: Instant) -> Result<(), RequestError> {
-        let most = (BURST * rate).max(LEAST);
-        let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
-        let full = || Bucket {
-            tokens: most,
-            at: now,
+        let filling = Filling {
+            most: (BURST * rate).max(LEAST),
+            per_second: rate,
         };
-        let bucket = buckets.entry(tenant.id().to_owned()).or_insert_with(full);
-        let passed = now.saturating_duration_since(bucket.at).as_secs_f64();
-        bucket.tokens = (bucket.tokens + passed * rate).min(most);
-        bucket.at = now;
-        if bucket.tokens < 1.0 {
-            return Err(RequestError::Busy(format!(
+        let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
+        let bucket = buckets.entry(tenant.id().to_owned());
+        let bucket = bucket.or_insert_with(|| Bucket::full(filling, now));
+        match bucket.take(filling, now) {
+            true => Ok(()),
+            false => Err(RequestError::Busy(format!(
                 "the tenant {tenant} may make {rate} calls per second (`calls_per_second` of its quota)"
-            )));
+            ))),
         }
-        bucket.tokens -= 1.0;
-        Ok(())
     }
 }
 

@@ -22,7 +22,24 @@ pub(super) enum Rule {
         scope: Scope,
         /// Whether the key must be one of the tenant of the service's operators.
         whole_service: bool,
+        /// Whether the answer is a file, which is open meanwhile.
+        download: bool,
     },
+}
+
+impl Rule {
+    /// The scope that a key needs, if any does not do.
+    pub(super) fn scope(self) -> Option<Scope> {
+        match self {
+            Self::Scope { scope, .. } => Some(scope),
+            Self::Open | Self::Key => None,
+        }
+    }
+
+    /// Whether the answer is a file, which is open meanwhile.
+    pub(super) fn is_download(self) -> bool {
+        matches!(self, Self::Scope { download: true, .. })
+    }
 }
 
 /// Both versions of reflection: the contract is public, but who asks has a key.
@@ -40,9 +57,16 @@ const PAGES: [(&str, Rule); 3] = [
         Rule::Scope {
             scope: Scope::Operate,
             whole_service: true,
+            download: false,
         },
     ),
 ];
+
+/// The pages that say in one word how the service is.
+const PROBES: [&str; 2] = ["/healthz", "/readyz"];
+
+/// How the names of calls begin that answer with a file.
+const DOWNLOAD: &str = "Download";
 
 /// Script and style of the dashboard, which are the same for everybody.
 const ASSETS: &str = "/assets/*";
@@ -95,8 +119,18 @@ pub(crate) fn changes_something(path: &str) -> bool {
 
 /// Whether the method is one that looks at what only operators may see.
 fn looks(path: &str) -> bool {
-    let method = path.rsplit('/').next().unwrap_or_default();
+    let method = method_of(path);
     method.starts_with("Get") || method.starts_with("List")
+}
+
+/// The name of the method at `path`.
+fn method_of(path: &str) -> &str {
+    path.rsplit('/').next().unwrap_or_default()
+}
+
+/// Whether the path is that of a probe.
+pub(crate) fn is_probe(path: &str) -> bool {
+    PROBES.contains(&path)
 }
 
 /// Whether the path is that of a page for people, into which a browser signs in.
@@ -150,6 +184,7 @@ fn all() -> HashMap<String, Rule> {
             let rule = Rule::Scope {
                 scope,
                 whole_service,
+                download: method_of(&path).starts_with(DOWNLOAD),
             };
             rules.insert(path, rule);
         }
@@ -309,6 +344,18 @@ mod tests {
     }
 
     #[test]
+    fn downloads_are_known_in_each_form() {
+        let is_download =
+            |verb: &http::Method, path: &str| of_request(verb, path).is_some_and(Rule::is_download);
+        let (get, post) = (&http::Method::GET, &http::Method::POST);
+        assert!(is_download(post, "/yoto.v1.ObjectService/DownloadObject"));
+        assert!(is_download(get, "/v1/jobs/7/objects/avatar.html:download"));
+        assert!(is_download(get, "/jobs/7/files/avatar.html"));
+        assert!(!is_download(get, "/v1/jobs/7"));
+        assert!(!is_download(get, "/jobs/7"));
+    }
+
+    #[test]
     fn what_has_no_rule_is_not_there() {
         for path in [
             "",
@@ -331,6 +378,7 @@ mod tests {
         let figures = Rule::Scope {
             scope: Scope::Operate,
             whole_service: true,
+            download: false,
         };
         assert_eq!(of("/metrics"), Some(figures));
         assert_eq!(of("/yoto.v1.StorageService/CollectGarbage"), Some(figures));

@@ -7,6 +7,7 @@ use axum::http::Method;
 use axum::middleware::Next;
 use axum::response::Response;
 use std::sync::Arc;
+use std::time::Instant;
 use tonic::{Code, Status};
 use yoto_http::{is_grpc, refusal};
 use yoto_proto::names::{Collection, is_name};
@@ -38,6 +39,9 @@ pub(crate) async fn record(
         // Nobody is answered without a tenant.
         return next.run(request).await;
     };
+    if let Err(error) = audit.budget.check(&caller, Instant::now()) {
+        return refusal(&Status::from(error), grpc).map(axum::body::Body::new);
+    }
     let made = methods::response(&call);
     let (request, names) = match methods::request(&call) {
         Some(message) => names::of(request, message).await,
@@ -54,6 +58,7 @@ pub(crate) async fn record(
     let begun = match audit.begin(entry.clone()).await {
         Ok(number) => Begun {
             audit,
+            caller,
             entry: Some(NewAuditEntry {
                 began: Some(number),
                 ..entry
@@ -62,7 +67,10 @@ pub(crate) async fn record(
         Err(error) => return refusal(&Status::from(error), grpc).map(axum::body::Body::new),
     };
     let answer = next.run(request).await;
-    let outcome = outcome(&answer, grpc);
+    let (outcome, refused) = outcome(&answer, grpc);
+    if refused {
+        begun.refused();
+    }
     let (answer, made) = match made {
         Some(message) if outcome == OK => names::of_answer(answer, message).await,
         _ => (answer, String::new()),
@@ -74,10 +82,16 @@ pub(crate) async fn record(
 /// A call that has begun. If its future is dropped, it was cut off: the connection is lost, or its time is over.
 struct Begun {
     audit: Arc<Audit>,
+    caller: Caller,
     entry: Option<NewAuditEntry>,
 }
 
 impl Begun {
+    /// Counts the call in the caller's budget of refused ones.
+    fn refused(&self) {
+        self.audit.budget.spend(&self.caller, Instant::now());
+    }
+
     /// `made`: the resource in the answer.
     async fn end(mut self, outcome: String, made: String) {
         if let Some(entry) = self.entry.take() {
@@ -100,6 +114,7 @@ impl Begun {
 impl Drop for Begun {
     fn drop(&mut self) {
         if let Some(entry) = self.entry.take() {
+            self.refused();
             let outcome = CUT_OFF.to_owned();
             self.audit.end_now(NewAuditEntry { outcome, ..entry });
         }
@@ -134,15 +149,20 @@ fn named(path: &str) -> String {
     if is_name(&name) { name } else { String::new() }
 }
 
-/// `OK`, the reason of a refusal, or its code; of a page, the status.
-fn outcome(answer: &Response, grpc: bool) -> String {
+/// `OK`, the reason of a refusal, or its code; of a page, the status. And whether the call was refused.
+fn outcome(answer: &Response, grpc: bool) -> (String, bool) {
     if !grpc {
-        return answer.status().as_u16().to_string();
+        let status = answer.status();
+        let refused = status.is_client_error() || status.is_server_error();
+        return (status.as_u16().to_string(), refused);
     }
     // A refusal of a unary call has no body: its status stands in the headers.
     match Status::from_header_map(answer.headers()) {
-        None => OK.to_owned(),
-        Some(status) if status.code() == Code::Ok => OK.to_owned(),
-        Some(status) => reasons::spelled(&status).unwrap_or_else(|| format!("{:?}", status.code())),
+        None => (OK.to_owned(), false),
+        Some(status) if status.code() == Code::Ok => (OK.to_owned(), false),
+        Some(status) => {
+            let code = || format!("{:?}", status.code());
+            (reasons::spelled(&status).unwrap_or_else(code), true)
+        }
     }
 }

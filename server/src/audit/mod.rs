@@ -6,11 +6,13 @@
 //! AccessLayer ─► layer: a call that changes something ─► task: BEGUN ─► the call ─► task: ENDED
 //! ```
 
+mod budget;
 mod layer;
 mod names;
 mod task;
 mod writer;
 
+pub(crate) use budget::{of_key, of_tenant};
 pub(crate) use layer::record;
 pub(crate) use task::run;
 pub(crate) use writer::Audit;

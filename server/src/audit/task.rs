@@ -4,8 +4,12 @@
 use super::Audit;
 use super::writer::{BATCH, QueuedEntry};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use tokio_util::sync::CancellationToken;
 use yoto_store::Store;
+
+/// Interval of the entries that count refused calls.
+const COUNT: Duration = Duration::from_secs(60);
 
 /// Writes what comes until the service ends, and then what waits.
 pub(crate) async fn run(audit: Arc<Audit>, store: Arc<Store>, stop: CancellationToken) {
@@ -13,20 +17,33 @@ pub(crate) async fn run(audit: Arc<Audit>, store: Arc<Store>, stop: Cancellation
         return;
     };
     let mut batch = Vec::new();
+    let mut counts = tokio::time::interval(COUNT);
     loop {
-        let got = tokio::select! {
+        tokio::select! {
             biased;
-            got = receiver.recv_many(&mut batch, BATCH) => got,
+            got = receiver.recv_many(&mut batch, BATCH) => match got {
+                0 => return,
+                _ => write(&store, &mut batch).await,
+            },
+            _ = counts.tick() => write_counts(&audit, &store).await,
             () = stop.cancelled() => break,
-        };
-        if got == 0 {
-            return;
         }
-        write(&store, &mut batch).await;
     }
     receiver.close();
+    write_counts(&audit, &store).await;
     while receiver.recv_many(&mut batch, BATCH).await > 0 {
         write(&store, &mut batch).await;
+    }
+}
+
+/// Writes the numbers of calls that were refused without entries of their own.
+async fn write_counts(audit: &Audit, store: &Store) {
+    let entries = audit.budget.counted(Instant::now());
+    if entries.is_empty() {
+        return;
+    }
+    if let Err(error) = store.append_audit(&entries).await {
+        tracing::error!(%error, entries = entries.len(), "the audit log can't be written");
     }
 }
 

@@ -1,5 +1,6 @@
 //! The way of entries from calls to the task that writes them.
 
+use super::budget::Budget;
 use tokio::sync::{mpsc, oneshot};
 use yoto_request::RequestError;
 use yoto_store::NewAuditEntry;
@@ -17,6 +18,8 @@ pub(super) struct QueuedEntry {
 /// The way to the writer.
 #[derive(Debug)]
 pub(crate) struct Audit {
+    /// How many refused calls are listed.
+    pub(super) budget: Budget,
     sender: mpsc::Sender<QueuedEntry>,
     receiver: tokio::sync::Mutex<Option<mpsc::Receiver<QueuedEntry>>>,
 }
@@ -27,17 +30,17 @@ impl std::fmt::Debug for QueuedEntry {
     }
 }
 
-impl Default for Audit {
-    fn default() -> Self {
+impl Audit {
+    /// The way to a writer, with budgets of `refused_calls` for each key.
+    pub(crate) fn new(refused_calls: u32) -> Self {
         let (sender, receiver) = mpsc::channel(BATCH);
         Self {
+            budget: Budget::new(refused_calls),
             sender,
             receiver: tokio::sync::Mutex::new(Some(receiver)),
         }
     }
-}
 
-impl Audit {
     /// The end at which entries arrive, once.
     pub(super) async fn receiver(&self) -> Option<mpsc::Receiver<QueuedEntry>> {
         self.receiver.lock().await.take()

@@ -104,6 +104,8 @@ pub struct StorageLimits {
     pub keep_attempts: Duration,
     /// Age at which workers without jobs are forgotten.
     pub keep_workers: Duration,
+    /// Age at which entries of the audit log are removed; none: never.
+    pub keep_audit: Option<Duration>,
 }
 
 impl Default for StorageLimits {
@@ -119,6 +121,7 @@ impl Default for StorageLimits {
             keep_request_ids: 7 * DAY,
             keep_attempts: 90 * DAY,
             keep_workers: 7 * DAY,
+            keep_audit: None,
         }
     }
 }

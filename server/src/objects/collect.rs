@@ -59,10 +59,14 @@ pub(crate) async fn run(context: Arc<Context>) {
             request_ids: limits.keep_request_ids.as_secs_f64(),
             attempts: limits.keep_attempts.as_secs_f64(),
             workers: limits.keep_workers.as_secs_f64(),
+            audit: limits.keep_audit.map(|it| it.as_secs_f64()),
         };
         match context.store.forget(horizons).await {
             Ok(0) => {}
-            Ok(rows) => tracing::info!(rows, "old request ids, attempts and workers forgotten"),
+            Ok(rows) => tracing::info!(
+                rows,
+                "old request ids, attempts, workers and entries of the audit log forgotten"
+            ),
             Err(error) => tracing::error!(%error, "could not forget old rows"),
         }
     }

@@ -19,6 +19,16 @@ pub enum AuditError {
     /// The chain.
     #[error("the audit log is broken: {0}")]
     Broken(#[from] Broken),
+    /// The noted entry was removed because of its age.
+    #[error(
+        "entry {number} was removed because of its age (--audit-days of `yoto serve`): the log begins with entry {first}"
+    )]
+    Removed {
+        /// The noted entry.
+        number: u64,
+        /// The first one that is there.
+        first: u64,
+    },
     /// The chain is whole, but not the one that was noted.
     #[error(
         "the audit log is not the one that was noted: entry {number} has the hash {found}, not {noted}"
@@ -65,14 +75,24 @@ impl AuditLog {
         Ok(self.store.newest_audit(most).await?)
     }
 
-    /// Walks the whole chain and returns its end. `noted` is an end that an earlier call returned. Without it, a chain that was
+    /// Walks the whole chain, from the entries that were removed because of their age, and returns its end. `noted` is an end that an earlier call returned. Without it, a chain that was
     /// cut, or rewritten from some entry on, looks whole.
     ///
     /// # Errors
     /// When an entry was changed or is missing, or the noted one is gone or has another hash.
     pub async fn verify(&self, noted: Option<&Head>) -> Result<Head, AuditError> {
-        let mut head = Head::default();
-        let mut found = noted.filter(|it| it.number == 0).map(|_| head.hash.clone());
+        let mut head = self.store.audit_cut().await?;
+        if let Some(noted) = noted
+            && noted.number < head.number
+        {
+            return Err(AuditError::Removed {
+                number: noted.number,
+                first: head.number + 1,
+            });
+        }
+        let mut found = noted
+            .filter(|it| it.number == head.number)
+            .map(|_| head.hash.clone());
         loop {
             let entries = self.store.audit_after(head.number, PAGE).await?;
             if entries.is_empty() {

@@ -3,7 +3,9 @@
 //! Links that never were, have ended, or lack the person's consent get the same answer. A page may do no more than play: its
 //! origin is its own, and it can load nothing.
 
+use crate::access::keys::FRESH;
 use crate::context::Context;
+use axum::BoxError;
 use axum::body::Body;
 use axum::extract::{Path, State};
 use axum::http::header::{
@@ -12,7 +14,10 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use futures::{Stream, StreamExt, TryStreamExt};
 use std::sync::Arc;
+use std::time::Instant;
 use yoto_http::file_kind::{EMBEDDED_PLAYER, LONE_PLAYER, page_of_export};
 use yoto_proto::sha256_hex;
 use yoto_request::RequestError;
@@ -74,5 +79,35 @@ async fn found(context: &Context, secret: &str) -> Result<Option<Response>, Requ
         headers.insert(ACCESS_CONTROL_ALLOW_ORIGIN, HeaderValue::from_static("*"));
     }
     headers.insert(CONTENT_LENGTH, HeaderValue::from(object.bytes));
+    let bytes = while_shown(bytes, context, secret);
     Ok(Some((headers, Body::from_stream(bytes)).into_response()))
+}
+
+/// The bytes of the page, as long as its link shows it: one that is revoked ends, also for somebody who reads slowly.
+fn while_shown<S, E>(
+    bytes: S,
+    context: &Context,
+    secret: &str,
+) -> impl Stream<Item = Result<Bytes, BoxError>> + use<S, E>
+where
+    S: Stream<Item = Result<Bytes, E>>,
+    E: std::error::Error + Send + Sync + 'static,
+{
+    let (store, sha256) = (Arc::clone(&context.store), sha256_hex(secret.as_bytes()));
+    let looked = Instant::now();
+    bytes
+        .map_err(BoxError::from)
+        .scan(looked, move |looked, chunk| {
+            let due = looked.elapsed() > FRESH;
+            if due {
+                *looked = Instant::now();
+            }
+            let (store, sha256) = (Arc::clone(&store), sha256.clone());
+            async move {
+                if due && store.shared(&sha256).await.ok().flatten().is_none() {
+                    return Some(Err("the link has ended".into()));
+                }
+                Some(chunk)
+            }
+        })
 }

@@ -1,7 +1,8 @@
-//! Limits the number of connections, and closes idle ones.
+//! Limits the number of connections, and closes idle ones and those that give way.
 
 use super::{Client, Traffic};
-use crate::listen::InProcess;
+use crate::capacity::Owner;
+use crate::listen::{InProcess, Peer};
 use std::any::Any;
 use std::io;
 use std::pin::Pin;
@@ -10,9 +11,9 @@ use std::sync::{Arc, PoisonError};
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Instant, Sleep};
-use tonic::transport::server::Connected;
+use tokio_util::sync::WaitForCancellationFutureOwned;
+use tonic::transport::server::{Connected, TcpConnectInfo};
 use yoto_process::metrics::METRICS;
 
 /// A connection that counts towards the limit.
@@ -22,31 +23,43 @@ pub(crate) struct Admitted<IO> {
     client: Arc<Client>,
     /// The next time to check whether the connection is idle.
     check: Pin<Box<Sleep>>,
-    idle: Duration,
-    _place: OwnedSemaphorePermit,
+    /// Longest time without a call before a call was admitted, and after it.
+    idle: (Duration, Duration),
+    gives_way: Pin<Box<WaitForCancellationFutureOwned>>,
 }
 
 impl Traffic {
-    /// Admits a connection unless the limit is reached.
+    /// Admits a connection unless its address has its share of them. One without an admitted call gives way to it.
     pub(crate) fn admit<IO: Connected>(&self, io: IO) -> Option<Admitted<IO>> {
-        let Ok(place) = Arc::clone(&self.connections).try_acquire_owned() else {
-            METRICS.refused();
-            tracing::warn!(
-                limit = self.limits.connections,
-                "a connection was refused: too many are open"
-            );
-            return None;
+        let info = io.connect_info();
+        let info = &info as &dyn Any;
+        let peer = info.downcast_ref::<Peer>().map(|it| it.0);
+        let address = peer.or_else(|| {
+            let tcp = info.downcast_ref::<TcpConnectInfo>()?;
+            tcp.remote_addr().map(|it| it.ip())
+        });
+        let owner = address.filter(|_| self.limits.by_address).map(Owner::at);
+        let owners = owner.as_slice();
+        let place = match self.pools.connections.take(owners, 1) {
+            Ok(place) => place,
+            Err(error) => match self.waiting.give_way(owner.as_ref()) {
+                // The place is of another owner, and is given back with the connection that ends.
+                Some(place) => self.pools.connections.hand_over(place, owners),
+                None => {
+                    METRICS.refused();
+                    tracing::warn!(%error, "a connection was refused");
+                    return None;
+                }
+            },
         };
-        let in_process = (&io.connect_info() as &dyn Any).is::<InProcess>();
+        let client = Arc::new(self.client(owner, place, info.is::<InProcess>()));
+        self.waiting.add(&client);
         Some(Admitted {
             io,
-            client: Arc::new(Client {
-                in_process,
-                ..self.client()
-            }),
-            check: Box::pin(tokio::time::sleep(self.limits.idle)),
-            idle: self.limits.idle,
-            _place: place,
+            check: Box::pin(tokio::time::sleep(self.limits.first_call)),
+            idle: (self.limits.first_call, self.limits.idle),
+            gives_way: Box::pin(client.gives_way.clone().cancelled_owned()),
+            client,
         })
     }
 }
@@ -61,19 +74,35 @@ impl Client {
 }
 
 impl<IO> Admitted<IO> {
-    /// Ready once the connection has been idle for the maximum time.
+    /// Ready once the connection has been idle for the maximum time, or has to give way.
     fn poll_idle(&mut self, context: &mut Context<'_>) -> Poll<()> {
+        if self.gives_way.as_mut().poll(context).is_ready() {
+            return Poll::Ready(());
+        }
         loop {
             ready!(self.check.as_mut().poll(context));
-            let until = match self.client.quiet_since() {
-                Some(since) => since + self.idle,
-                None => Instant::now() + self.idle,
+            let idle = match self.client.was_admitted() {
+                true => self.idle.1,
+                false => self.idle.0,
             };
+            let until = self.client.quiet_since().unwrap_or_else(Instant::now) + idle;
             if until <= Instant::now() {
                 return Poll::Ready(());
             }
             self.check.as_mut().reset(until);
         }
+    }
+}
+
+impl<IO> Drop for Admitted<IO> {
+    fn drop(&mut self) {
+        // A call that is still answered keeps the client, but no connection.
+        let mut place = self
+            .client
+            .place
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        place.take();
     }
 }
 
@@ -91,7 +120,10 @@ impl<IO: AsyncRead + Unpin> AsyncRead for Admitted<IO> {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        if let Poll::Ready(read) = Pin::new(&mut self.io).poll_read(context, buffer) {
+        // Who sends without a pause gives way too.
+        if !self.client.gives_way.is_cancelled()
+            && let Poll::Ready(read) = Pin::new(&mut self.io).poll_read(context, buffer)
+        {
             return Poll::Ready(read);
         }
         // Read as an end of the stream, as if the client had closed the connection.
@@ -133,11 +165,13 @@ impl<IO: AsyncWrite + Unpin> AsyncWrite for Admitted<IO> {
 mod tests {
     use super::*;
     use crate::config::TrafficLimits;
-    use tokio::io::AsyncReadExt;
+    use std::net::IpAddr;
+    use tokio::io::{AsyncReadExt, DuplexStream};
 
     fn traffic() -> Arc<Traffic> {
         Traffic::new(&TrafficLimits {
             connections: 1,
+            first_call: Duration::from_millis(5),
             idle: Duration::from_millis(5),
             ..TrafficLimits::default()
         })
@@ -147,15 +181,107 @@ mod tests {
     async fn connections_beyond_the_limit_are_refused_until_another_ends() {
         let traffic = traffic();
         let first = traffic.admit(tokio::io::duplex(1).0).expect("has a place");
+        first.client.admitted();
         assert!(traffic.admit(tokio::io::duplex(1).0).is_none());
         drop(first);
         assert!(traffic.admit(tokio::io::duplex(1).0).is_some());
+    }
+
+    /// A connection of an address.
+    struct From(IpAddr, DuplexStream);
+
+    impl Connected for From {
+        type ConnectInfo = Peer;
+
+        fn connect_info(&self) -> Peer {
+            Peer(self.0)
+        }
+    }
+
+    impl AsyncRead for From {
+        fn poll_read(
+            mut self: Pin<&mut Self>,
+            context: &mut Context<'_>,
+            buffer: &mut ReadBuf<'_>,
+        ) -> Poll<io::Result<()>> {
+            Pin::new(&mut self.1).poll_read(context, buffer)
+        }
+    }
+
+    fn from(host: u8) -> (From, DuplexStream) {
+        let (near, far) = tokio::io::duplex(64);
+        (From(IpAddr::from([192, 0, 2, host]), near), far)
+    }
+
+    /// Whether the connection stays open for ten times the limit until a first call.
+    async fn stays(connection: &mut Admitted<From>) -> bool {
+        let mut bytes = [0; 8];
+        let read = connection.read(&mut bytes);
+        tokio::time::timeout(Duration::from_millis(50), read)
+            .await
+            .is_err()
+    }
+
+    #[tokio::test]
+    async fn strangers_give_way_and_callers_stay() {
+        let traffic = Traffic::new(&TrafficLimits {
+            connections: 8,
+            ..TrafficLimits::default()
+        });
+        let mut far = Vec::new();
+        let mut connect = |host| {
+            let (near, other) = from(host);
+            far.push(other);
+            traffic.admit(near)
+        };
+        let mut caller = connect(1).expect("has a place");
+        caller.client.admitted();
+        let mut strangers: Vec<_> = (0..3)
+            .map(|_| connect(1).expect("is in the share"))
+            .collect();
+        // The fifth of the address takes the place of its oldest stranger.
+        let fifth = connect(1).expect("one gives way");
+        assert_eq!(strangers[0].read(&mut [0; 8]).await.expect("reads"), 0);
+        assert!(stays(&mut strangers[1]).await, "stays");
+        // Others find places, until the whole listener is full; then the address with the most strangers gives.
+        let second: Vec<_> = (0..2)
+            .map(|_| connect(2).expect("is in the share"))
+            .collect();
+        let third = connect(3).expect("is in the share");
+        let fourth = connect(4).expect("the last place");
+        let last = connect(5).expect("one of the first address gives way");
+        assert_eq!(strangers[1].read(&mut [0; 8]).await.expect("reads"), 0);
+        assert!(stays(&mut caller).await, "a caller stays");
+        // When all are callers, nobody gives way.
+        for it in [&fifth, &third, &fourth, &last, &strangers[2]]
+            .into_iter()
+            .chain(&second)
+        {
+            it.client.admitted();
+        }
+        assert!(connect(6).is_none());
+    }
+
+    #[tokio::test]
+    async fn a_connection_without_an_admitted_call_ends_earlier() {
+        let traffic = Traffic::new(&TrafficLimits {
+            first_call: Duration::from_millis(5),
+            ..TrafficLimits::default()
+        });
+        let (near, _far) = from(1);
+        let mut stranger = traffic.admit(near).expect("has a place");
+        assert_eq!(stranger.read(&mut [0; 8]).await.expect("reads"), 0);
+        let (near, _far) = from(1);
+        let mut caller = traffic.admit(near).expect("has a place");
+        caller.client.admitted();
+        assert!(stays(&mut caller).await, "has the longer time");
     }
 
     #[tokio::test]
     async fn a_connection_without_calls_ends() {
         let (_client, service) = tokio::io::duplex(64);
         let mut connection = traffic().admit(service).expect("has a place");
+        connection.client.admitted();
         let read = connection.read(&mut [0; 8]).await.expect("reads");
         assert_eq!(read, 0, "the end");
     }
@@ -164,6 +290,7 @@ mod tests {
     async fn a_connection_with_a_call_stays() {
         let (_far, service) = tokio::io::duplex(64);
         let mut connection = traffic().admit(service).expect("has a place");
+        connection.client.admitted();
         let client = Arc::clone(&connection.client);
         client.calls.fetch_add(1, Ordering::SeqCst);
         let mut bytes = [0; 8];

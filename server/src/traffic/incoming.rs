@@ -3,12 +3,13 @@
 //! A gRPC message begins with its length, and tonic reserves that much memory at once. This buffer grows only with the
 //! received bytes. They count towards the client's limit until the call is answered or asks for the next message.
 
-use super::{Client, Traffic, busy, decoded};
+use super::{Call, Traffic, busy, decoded};
+use crate::capacity::{NoPlace, Owner, Places, Pool};
 use bytes::{Buf, Bytes, BytesMut};
 use futures::{Stream, stream};
 use http_body::Frame;
 use http_body_util::{BodyExt, StreamBody};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::Instant;
 use tonic::Status;
@@ -20,28 +21,48 @@ const HEADER_BYTES: usize = 5;
 
 /// The counted bytes of a call.
 #[derive(Debug, Default)]
-pub(super) struct Held {
-    permits: Mutex<Vec<OwnedSemaphorePermit>>,
+pub(super) struct Held(Mutex<Counted>);
+
+#[derive(Debug, Default)]
+struct Counted {
+    /// Of those of the connection.
+    own: Option<OwnedSemaphorePermit>,
+    /// Of those of all connections.
+    shared: Option<Places>,
 }
 
 impl Held {
-    /// Takes `count` bytes from `of`. Returns false if fewer are left.
-    fn take(&self, of: &Arc<Semaphore>, count: u32) -> bool {
+    /// Takes `count` bytes from `of`, which are a connection's. Returns false if fewer are left.
+    fn take_own(&self, of: &Arc<Semaphore>, count: u32) -> bool {
         let Ok(permit) = Arc::clone(of).try_acquire_many_owned(count) else {
             return false;
         };
-        let mut permits = self.permits.lock().unwrap_or_else(PoisonError::into_inner);
-        let same = |held: &&mut OwnedSemaphorePermit| Arc::ptr_eq(held.semaphore(), of);
-        match permits.iter_mut().find(same) {
+        let mut counted = self.counted();
+        match &mut counted.own {
             Some(held) => held.merge(permit),
-            None => permits.push(permit),
+            own => *own = Some(permit),
         }
         true
     }
 
+    /// Takes `count` bytes of all for `owners`, which are the same at each call.
+    fn take_shared(&self, of: &Arc<Pool>, owners: &[Owner], count: u32) -> Result<(), NoPlace> {
+        let mut counted = self.counted();
+        match &mut counted.shared {
+            Some(held) => held.add(count as usize),
+            shared => {
+                *shared = Some(of.take(owners, count as usize)?);
+                Ok(())
+            }
+        }
+    }
+
     fn clear(&self) {
-        let permits = self.permits.lock();
-        permits.unwrap_or_else(PoisonError::into_inner).clear();
+        *self.counted() = Counted::default();
+    }
+
+    fn counted(&self) -> MutexGuard<'_, Counted> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -49,8 +70,7 @@ impl Held {
 pub(super) struct Incoming {
     pub(super) body: Body,
     pub(super) traffic: Arc<Traffic>,
-    /// `None` if the transport does not identify its client.
-    pub(super) client: Option<Arc<Client>>,
+    pub(super) call: Arc<Call>,
     pub(super) held: Arc<Held>,
     /// Whether the call is unary: the bytes of its message count until it is answered.
     pub(super) single: bool,
@@ -69,7 +89,7 @@ impl Incoming {
     pub(super) fn new(
         body: Body,
         traffic: Arc<Traffic>,
-        client: Option<Arc<Client>>,
+        call: Arc<Call>,
         held: Arc<Held>,
         single: bool,
         framed: bool,
@@ -78,7 +98,7 @@ impl Incoming {
         Self {
             body,
             traffic,
-            client,
+            call,
             held,
             single,
             framed,
@@ -209,26 +229,23 @@ impl Incoming {
         let Some(more) = u32::try_from(more).ok().filter(|more| *more > 0) else {
             return Ok(());
         };
-        if let Some(client) = &self.client
-            && !self.held.take(&client.bytes, more)
+        if let Some(client) = self.call.client()
+            && !self.held.take_own(&client.bytes, more)
         {
             let limit = limits.connection_bytes;
             return Err(busy(format!(
                 "the messages of this connection have more than {limit} bytes together"
             )));
         }
-        if !self.held.take(&self.traffic.bytes, more) {
-            let limit = limits.bytes;
-            return Err(busy(format!(
-                "messages of {limit} bytes are being received already"
-            )));
-        }
-        Ok(())
+        let all = &self.traffic.pools.bytes;
+        let taken = self.held.take_shared(all, self.call.owners(), more);
+        taken.map_err(|error| busy(error.to_string()))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Client;
     use super::*;
     use crate::config::TrafficLimits;
     use futures::channel::mpsc;
@@ -236,6 +253,8 @@ mod tests {
     use std::pin::Pin;
     use std::time::Duration;
     use tonic::Code;
+    use yoto_request::Caller;
+    use yoto_store::Tenant;
 
     type Frames = Pin<Box<dyn Stream<Item = Result<Frame<Bytes>, Status>>>>;
 
@@ -248,12 +267,24 @@ mod tests {
         }
     }
 
+    fn client(traffic: &Arc<Traffic>) -> Arc<Client> {
+        let place = traffic.pools.connections.take(&[], 1).expect("has a place");
+        Arc::new(traffic.client(None, place, false))
+    }
+
+    fn of(traffic: &Arc<Traffic>, client: Option<&Arc<Client>>) -> Arc<Call> {
+        Arc::new(Call::begin(Arc::clone(traffic), client.cloned(), None))
+    }
+
     fn call(traffic: &Arc<Traffic>, client: &Arc<Client>, single: bool) -> (Sender, Frames) {
+        call_of(traffic, of(traffic, Some(client)), single)
+    }
+
+    fn call_of(traffic: &Arc<Traffic>, call: Arc<Call>, single: bool) -> (Sender, Frames) {
         let (sender, receiver) = mpsc::unbounded();
         let body = Body::new(StreamBody::new(receiver));
-        let client = Some(Arc::clone(client));
         let held = Arc::default();
-        let incoming = Incoming::new(body, Arc::clone(traffic), client, held, single, true, None);
+        let incoming = Incoming::new(body, Arc::clone(traffic), call, held, single, true, None);
         (Sender(sender), Box::pin(incoming.frames()))
     }
 
@@ -266,7 +297,9 @@ mod tests {
         let (sender, receiver) = mpsc::unbounded();
         let body = Body::new(StreamBody::new(receiver));
         let held = Arc::default();
-        let form = Incoming::new(body, Traffic::new(&limits), None, held, true, false, None);
+        let traffic = Traffic::new(&limits);
+        let call = of(&traffic, None);
+        let form = Incoming::new(body, traffic, call, held, true, false, None);
         let mut frames: Frames = Box::pin(form.frames());
         let sender = Sender(sender);
         // In messages of gRPC, "token" would begin one of 1.8 GB.
@@ -295,7 +328,7 @@ mod tests {
     #[tokio::test]
     async fn a_message_is_passed_on_when_it_is_complete() {
         let traffic = Traffic::new(&TrafficLimits::default());
-        let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
+        let (sender, mut frames) = call(&traffic, &client(&traffic), false);
         let [first, second] = [message(b"hello"), message(b"")];
         sender.send(&first[..7]);
         assert_eq!(passed(&mut frames), None, "it is incomplete");
@@ -313,7 +346,8 @@ mod tests {
     async fn an_announced_length_takes_no_memory() {
         let traffic = Traffic::new(&TrafficLimits::default());
         let body = Body::new(StreamBody::new(stream::pending::<Result<_, Status>>()));
-        let mut incoming = Incoming::new(body, traffic, None, Arc::default(), true, true, None);
+        let call = of(&traffic, None);
+        let mut incoming = Incoming::new(body, traffic, call, Arc::default(), true, true, None);
         let length = u32::try_from(incoming.traffic.limits.message_bytes).expect("fits");
         incoming.keep(&[0]).expect("is kept");
         incoming.keep(&length.to_be_bytes()).expect("is kept");
@@ -334,7 +368,7 @@ mod tests {
             bytes: 150,
             ..TrafficLimits::default()
         });
-        let clients = [(); 2].map(|()| Arc::new(traffic.client()));
+        let clients = [(); 2].map(|()| client(&traffic));
         let (large, small) = (message(&[1; 85]), message(b"small"));
         // 80 of them count.
         let (sender, mut first) = call(&traffic, &clients[0], true);
@@ -357,13 +391,38 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_tenant_has_a_share_of_the_bytes_on_all_its_connections() {
+        let traffic = Traffic::new(&TrafficLimits {
+            free_bytes: 0,
+            bytes: 200,
+            ..TrafficLimits::default()
+        });
+        let of_tenant = |name: &str| {
+            let call = of(&traffic, Some(&client(&traffic)));
+            let caller = Caller::trusted(Tenant::new(name).expect("a tenant"));
+            call.admitted(&caller, None, false).expect("has a place");
+            call_of(&traffic, call, true)
+        };
+        let large = message(&[1; 75]);
+        let (sender, mut first) = of_tenant("greedy");
+        sender.send(&large);
+        assert!(passed(&mut first).is_some());
+        let (sender, mut second) = of_tenant("greedy");
+        sender.send(&large);
+        assert_eq!(refused(&mut second).await.code(), Code::Unavailable);
+        let (sender, mut other) = of_tenant("other");
+        sender.send(&message(&[1; 50]));
+        assert!(passed(&mut other).is_some());
+    }
+
+    #[tokio::test]
     async fn the_messages_of_a_stream_count_one_by_one() {
         let traffic = Traffic::new(&TrafficLimits {
             free_bytes: 0,
             connection_bytes: 100,
             ..TrafficLimits::default()
         });
-        let client = Arc::new(traffic.client());
+        let client = client(&traffic);
         let (sender, mut frames) = call(&traffic, &client, false);
         for _ in 0..5 {
             sender.send(&message(&[1; 80]));
@@ -378,14 +437,14 @@ mod tests {
             stalled: short,
             ..TrafficLimits::default()
         });
-        let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
+        let (sender, mut frames) = call(&traffic, &client(&traffic), false);
         assert_eq!(refused(&mut frames).await.code(), Code::DeadlineExceeded);
         drop(sender);
         let traffic = Traffic::new(&TrafficLimits {
             message: short,
             ..TrafficLimits::default()
         });
-        let (sender, mut frames) = call(&traffic, &Arc::new(traffic.client()), false);
+        let (sender, mut frames) = call(&traffic, &client(&traffic), false);
         sender.send(&message(b"hello")[..7]);
         assert_eq!(refused(&mut frames).await.code(), Code::DeadlineExceeded);
         drop(sender);

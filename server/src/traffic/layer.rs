@@ -2,15 +2,12 @@
 //! would not count.
 
 use super::incoming::{Held, Incoming};
-use super::{Client, Traffic, busy};
-use crate::access::brings_file;
+use super::{Call, Client, Traffic, busy};
+use crate::access::{brings_file, is_probe};
 use futures::future::BoxFuture;
 use http_body_util::BodyExt;
-use std::sync::atomic::Ordering;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 use std::task::{Context, Poll};
-use tokio::sync::OwnedSemaphorePermit;
-use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::http::{Request, Response, StatusCode};
@@ -46,34 +43,6 @@ fn plain(message: &str) -> Response<Body> {
     yoto_http::text(StatusCode::SERVICE_UNAVAILABLE, message)
 }
 
-/// A call, from its start to the end of its response stream.
-struct Call {
-    client: Option<Arc<Client>>,
-    _place: OwnedSemaphorePermit,
-}
-
-impl Call {
-    fn begin(client: Option<Arc<Client>>, place: OwnedSemaphorePermit) -> Self {
-        if let Some(client) = &client {
-            client.calls.fetch_add(1, Ordering::SeqCst);
-        }
-        Self {
-            client,
-            _place: place,
-        }
-    }
-}
-
-impl Drop for Call {
-    fn drop(&mut self) {
-        if let Some(client) = &self.client {
-            let since = client.quiet_since.lock();
-            *since.unwrap_or_else(PoisonError::into_inner) = Instant::now();
-            client.calls.fetch_sub(1, Ordering::SeqCst);
-        }
-    }
-}
-
 impl<S> Service<Request<Body>> for Limited<S>
 where
     S: Service<Request<Body>, Response = Response<Body>>,
@@ -91,7 +60,9 @@ where
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let traffic = Arc::clone(&self.traffic);
         let limits = &traffic.limits;
-        let Ok(place) = Arc::clone(&traffic.calls).try_acquire_owned() else {
+        let place = Arc::clone(&traffic.calls).try_acquire_owned().ok();
+        // A probe is answered from memory at once, whatever others hold.
+        if place.is_none() && !is_probe(request.uri().path()) {
             METRICS.refused();
             let message = format!("{} calls are open already", limits.calls);
             let refused = match is_grpc(request.headers()) {
@@ -99,9 +70,9 @@ where
                 false => plain(&message),
             };
             return Box::pin(std::future::ready(Ok(refused)));
-        };
+        }
         let client = request.extensions().get::<Arc<Client>>().cloned();
-        let call = Call::begin(client.clone(), place);
+        let call = Arc::new(Call::begin(Arc::clone(&traffic), client, place));
         let longest = limits.call;
         let grpc = is_grpc(request.headers());
         let (verb, path) = (request.method(), request.uri().path());
@@ -111,12 +82,21 @@ where
             false => !transcoding::streams(verb, path) && !brings_file(verb, path),
         };
         let held = Arc::<Held>::default();
-        let (parts, body) = request.into_parts();
+        let (mut parts, body) = request.into_parts();
+        parts.extensions.insert(Arc::clone(&call));
         let kind = methods::request(parts.uri.path());
         if kind.is_some() {
             METRICS.called(parts.uri.path());
         }
-        let incoming = Incoming::new(body, traffic, client, Arc::clone(&held), unary, grpc, kind);
+        let incoming = Incoming::new(
+            body,
+            traffic,
+            Arc::clone(&call),
+            Arc::clone(&held),
+            unary,
+            grpc,
+            kind,
+        );
         let request = Request::from_parts(parts, incoming.into_body());
         let answer = self.inner.call(request);
         Box::pin(async move {

@@ -1,38 +1,73 @@
 //! Limits of what clients may use: connections, calls, and bytes of requests.
 //!
 //! ```text
-//! connection ─► Traffic::admit ─► Admitted, with a Client ─► TrafficLayer ─► call, with an Incoming message ─► services
+//! connection ─► Traffic::admit ─► Admitted, with a Client ─► TrafficLayer ─► Call, with an Incoming message ─► access ─► services
+//!                    └─ waiting: those without an admitted call give way       └─ its places in the pools of its kind, once it is
+//!                                                                                 known who makes it
 //! ```
 //!
 //! A call beyond a limit is refused at once as UNAVAILABLE, and clients retry: nobody waits for a stranger. Each
-//! listener has its own counts, so clients on a network can't use up the limits of the workers in this process.
+//! listener has its own counts, so clients on a network can't use up the limits of the workers in this process. Within a
+//! listener, each caller has a share ([`Pool`]).
 //!
 //! tonic and tower cover only a part of this. Their concurrency limits and timeouts end when a response begins, their
 //! connections have a maximum age but no idle timeout, and the decoder reserves memory by the announced length.
 
+mod call;
 mod connection;
 mod decoded;
 mod incoming;
 mod layer;
+mod waiting;
 
+pub(crate) use call::Call;
 pub(crate) use layer::TrafficLayer;
 
+use crate::capacity::{Owner, Places, Pool};
 use crate::config::TrafficLimits;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use tokio::sync::Semaphore;
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 use tonic::Request;
+use waiting::Waiting;
 use yoto_request::RequestError;
 
 /// What all clients of a listener use together.
 #[derive(Debug)]
 pub(crate) struct Traffic {
     limits: TrafficLimits,
-    connections: Arc<Semaphore>,
     calls: Arc<Semaphore>,
-    /// Bytes of requests that are left.
-    bytes: Arc<Semaphore>,
+    pools: Pools,
+    waiting: Waiting,
+}
+
+/// What has owners.
+#[derive(Debug)]
+struct Pools {
+    connections: Arc<Pool>,
+    user_calls: Arc<Pool>,
+    worker_calls: Arc<Pool>,
+    operator_calls: Arc<Pool>,
+    open_calls: Arc<Pool>,
+    downloads: Arc<Pool>,
+    /// Bytes of requests.
+    bytes: Arc<Pool>,
+}
+
+impl Pools {
+    fn new(limits: &TrafficLimits) -> Self {
+        Self {
+            connections: Pool::new("connections", limits.connections),
+            user_calls: Pool::new("open calls", limits.user_calls),
+            worker_calls: Pool::new("open calls of workers", limits.worker_calls),
+            operator_calls: Pool::new("open calls of operators", limits.operator_calls),
+            open_calls: Pool::new("open calls without a key", limits.open_calls),
+            downloads: Pool::new("open downloads", limits.downloads),
+            bytes: Pool::new("bytes of requests", limits.bytes as usize),
+        }
+    }
 }
 
 /// What the client of one connection uses.
@@ -40,6 +75,14 @@ pub(crate) struct Traffic {
 pub(crate) struct Client {
     /// Whether it is in this process.
     in_process: bool,
+    /// Its address, if the connections of an address have a share.
+    owner: Option<Owner>,
+    /// Its place among the connections. A client that gives way has none.
+    place: Mutex<Option<Places>>,
+    /// Whether a call on this connection was admitted.
+    admitted: AtomicBool,
+    /// Ends the connection, which has to give way.
+    gives_way: CancellationToken,
     calls: AtomicUsize,
     /// When its last call ended; before its first call, when it connected.
     quiet_since: Mutex<Instant>,
@@ -51,16 +94,20 @@ impl Traffic {
     /// Counts with nothing in use.
     pub(crate) fn new(limits: &TrafficLimits) -> Arc<Self> {
         Arc::new(Self {
-            limits: limits.clone(),
-            connections: Arc::new(Semaphore::new(limits.connections)),
             calls: Arc::new(Semaphore::new(limits.calls)),
-            bytes: Arc::new(Semaphore::new(limits.bytes as usize)),
+            pools: Pools::new(limits),
+            waiting: Waiting::default(),
+            limits: limits.clone(),
         })
     }
 
-    fn client(&self) -> Client {
+    fn client(&self, owner: Option<Owner>, place: Places, in_process: bool) -> Client {
         Client {
-            in_process: false,
+            in_process,
+            owner,
+            place: Mutex::new(Some(place)),
+            admitted: AtomicBool::new(false),
+            gives_way: CancellationToken::new(),
             calls: AtomicUsize::new(0),
             quiet_since: Mutex::new(Instant::now()),
             bytes: Arc::new(Semaphore::new(self.limits.connection_bytes as usize)),
@@ -73,6 +120,15 @@ impl Client {
     pub(crate) fn is_in_process<T>(request: &Request<T>) -> bool {
         let client = request.extensions().get::<Arc<Self>>();
         client.is_some_and(|it| it.in_process)
+    }
+
+    /// Notes that a call was admitted: the connection is no stranger's.
+    fn admitted(&self) {
+        self.admitted.store(true, Ordering::SeqCst);
+    }
+
+    fn was_admitted(&self) -> bool {
+        self.admitted.load(Ordering::SeqCst)
     }
 }
 

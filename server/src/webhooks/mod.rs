@@ -14,18 +14,21 @@ mod signature;
 pub(crate) use address::check_url;
 pub(crate) use signature::new_secret;
 
+use crate::capacity::{Owner, Places, Pool};
 use crate::context::Context;
 use deliver::Sender;
-use futures::StreamExt;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval};
-use yoto_store::DueDelivery;
+use yoto_store::{DueDelivery, StoreError};
 
 /// Interval of the search for what is due.
 const TICK: Duration = Duration::from_secs(1);
-/// Deliveries at the same time.
-const AT_ONCE: u32 = 16;
+/// Deliveries at the same time. A tenant and a webhook have a share of them, so that receivers that don't answer hold up nobody else.
+pub(crate) const AT_ONCE: usize = 64;
+/// Most deliveries of one webhook that begin at one tick.
+const PER_TICK: usize = 16;
 /// Time for which nobody else tries a delivery that was taken, seconds: more than an attempt takes.
 const TAKEN: f64 = 60.0;
 /// Time until the second attempt, seconds. Each later one takes twice as long, up to [`LONGEST`].
@@ -44,28 +47,64 @@ pub(crate) async fn run(context: Arc<Context>) {
             return;
         }
     };
+    let sender = Arc::new(sender);
+    let places = Pool::new("deliveries of webhooks", AT_ONCE);
+    let mut attempts = JoinSet::new();
     let mut ticks = interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
+            // What was on its way is tried again later, by whoever comes next.
             () = context.stop.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        let due = match context.store.take_deliveries(AT_ONCE, TAKEN).await {
-            Ok(due) => due,
-            Err(error) => {
-                tracing::error!(%error, "could not look for webhooks to tell");
-                continue;
+        while attempts.try_join_next().is_some() {}
+        match begin(&context, &places).await {
+            Err(error) => tracing::error!(%error, "could not look for webhooks to tell"),
+            Ok(due) => {
+                for (delivery, place) in due {
+                    let (context, sender) = (Arc::clone(&context), Arc::clone(&sender));
+                    attempts.spawn(async move {
+                        attempt(&context, &sender, delivery).await;
+                        drop(place);
+                    });
+                }
             }
-        };
-        let sent = futures::stream::iter(due).for_each_concurrent(AT_ONCE as usize, |delivery| {
-            attempt(&context, &sender, delivery)
-        });
-        tokio::select! {
-            () = context.stop.cancelled() => return,
-            () = sent => {}
         }
     }
+}
+
+/// Takes what is due, as far as the shares of its tenants and webhooks allow.
+async fn begin(
+    context: &Context,
+    places: &Arc<Pool>,
+) -> Result<Vec<(DueDelivery, Places)>, StoreError> {
+    let due = context.store.due_webhooks().await?;
+    let mut granted: Vec<Vec<Places>> = due.iter().map(|_| Vec::new()).collect();
+    // One place for each in turn.
+    for _ in 0..PER_TICK {
+        for (webhook, granted) in due.iter().zip(&mut granted) {
+            let tenant = Owner::Tenant(webhook.tenant.id().into());
+            let own = Owner::Webhook(webhook.id.as_str().into());
+            granted.extend(places.take(&[tenant, own], 1).ok());
+        }
+    }
+    let mut begun = Vec::new();
+    for (webhook, granted) in due.iter().zip(granted) {
+        let most = u32::try_from(granted.len()).unwrap_or(u32::MAX);
+        if most == 0 {
+            continue;
+        }
+        let taken = context.store.take_deliveries(webhook, most, TAKEN);
+        match taken.await {
+            Ok(taken) => begun.extend(taken.into_iter().zip(granted)),
+            // What was taken before is told.
+            Err(error) => {
+                tracing::error!(%error, webhook = webhook.id, "could not look for what to tell");
+            }
+        }
+    }
+    Ok(begun)
 }
 
 async fn attempt(context: &Context, sender: &Sender, delivery: DueDelivery) {

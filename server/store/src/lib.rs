@@ -47,7 +47,7 @@ pub use types::{
     RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload, UploadFile,
     UploadPart, UploadedFile, new_id,
 };
-pub use webhook_types::{DueDelivery, NewWebhook};
+pub use webhook_types::{DueDelivery, DueWebhook, NewWebhook};
 
 use db::Database;
 use scripts::steps::Checks;

@@ -324,6 +324,8 @@ pub struct Horizons {
     pub attempts: f64,
     /// Workers that no row names any more.
     pub workers: f64,
+    /// Entries of the audit log; without one, they stay.
+    pub audit: Option<f64>,
 }
 
 /// Everything that rows name in the object store, and what may get a row yet.

@@ -1,5 +1,6 @@
 //! Webhooks in the interface of the store. Their secrets are in it, so nothing here can be printed.
 
+use crate::Tenant;
 use yoto_proto::v1::Job;
 
 /// An address that is added.
@@ -11,6 +12,15 @@ pub struct NewWebhook {
     pub secret: String,
     /// What it is for.
     pub note: String,
+}
+
+/// An address that is to be told something now.
+#[derive(Debug, Clone)]
+pub struct DueWebhook {
+    /// Its id.
+    pub id: String,
+    /// Whose it is.
+    pub tenant: Tenant,
 }
 
 /// The end of a job that an address is to be told now.

@@ -1,11 +1,14 @@
 //! The audit log: every call that changes something, chained.
 
 use crate::support::{Service, ask_with, assert_refused, eventually, id, listen};
+use std::sync::Arc;
+use std::time::Duration;
 use tonic::Code;
 use yoto_proto::v1::{
     CreateKeyRequest, CreateSubjectRequest, DeleteSubjectRequest, EraseSubjectRequest,
     GetErasureRequest, ListSubjectsRequest, Scope, Subject, erasure,
 };
+use yoto_server::clock::ManualClock;
 use yoto_server::{AuditEntry, AuditError, AuditHead, AuditLog, Broken, KeyStore};
 
 impl Service {
@@ -94,6 +97,56 @@ async fn what_changes_something_is_recorded_before_and_after() {
         service.residue("Ada Lovelace").await,
         [""; 0],
         "no texts of callers"
+    );
+}
+
+#[tokio::test]
+async fn old_entries_are_removed_and_the_chain_goes_on() {
+    let clock = Arc::new(ManualClock::at(1e9));
+    let own = Arc::clone(&clock);
+    let service = Service::start_with(|config| {
+        config.clock = own;
+        config.storage.keep_audit = Some(Duration::from_secs(1000));
+        config.storage.collect_interval = Duration::from_millis(50);
+    })
+    .await;
+    service.person("Ada").await;
+    service.entries(2).await;
+    let early = service.verify(None).await.expect("is whole");
+    clock.advance(600.0);
+    service.person("Bob").await;
+    service.entries(4).await;
+    let late = service.verify(None).await.expect("is whole");
+    clock.advance(600.0);
+    // The first two go, and an entry tells it.
+    let entries = eventually("old entries go", || async {
+        let log = service.log().await;
+        let entries = log.newest(100).await.expect("reads");
+        log.close().await;
+        (entries.len() == 3).then_some(entries)
+    })
+    .await;
+    assert_eq!(entries[0].number, 3);
+    assert_eq!(entries[2].outcome, "REMOVED up to 2");
+    let head = service.verify(Some(&late)).await.expect("is whole");
+    assert_eq!(head.number, 5);
+    let gone = service.verify(Some(&early)).await;
+    // The last removed entry is still known by its hash.
+    gone.expect("the chain begins after it");
+    let before = AuditHead {
+        number: 1,
+        hash: early.hash.clone(),
+    };
+    let removed = service.verify(Some(&before)).await;
+    assert!(
+        matches!(
+            removed,
+            Err(AuditError::Removed {
+                number: 1,
+                first: 3
+            })
+        ),
+        "{removed:?}"
     );
 }
 

@@ -1,10 +1,11 @@
 //! Backups of a service that runs, and their restoration.
 
-use crate::support::{Database, Service, chunk, file};
+use crate::support::{Database, Service, chunk, eventually, file};
 use std::path::Path;
 use tempfile::TempDir;
-use yoto_proto::v1::{GetSubjectRequest, job};
+use yoto_proto::v1::{EraseSubjectRequest, GetSubjectRequest, job};
 use yoto_server::backup::{BackupError, Place, backup, restore};
+use yoto_server::{ErasedPerson, erased_in_folder, erased_in_postgres};
 
 fn place(folder: &Path, database: &Database) -> Place {
     Place {
@@ -38,7 +39,8 @@ async fn a_backup_of_a_running_service_is_a_service_at_one_point() {
     let again = TempDir::new().expect("a folder");
     let database = Database::of(again.path());
     let to = place(again.path(), &database);
-    assert_eq!(restore(&saved, &to).await.expect("copies back"), copied);
+    let restored = restore(&saved, &to, &[]).await.expect("copies back");
+    assert_eq!(restored.copied, copied);
     database.keep(again.path());
     let restored = Service::start_in(again, |_| {}).await;
     assert_eq!(restored.get_subject(&subject.name).await, subject);
@@ -50,6 +52,57 @@ async fn a_backup_of_a_running_service_is_a_service_at_one_point() {
     let running = restored.get_job(&job.name).await;
     assert_eq!(running.state(), job::State::Running);
     restored.publish(&lease, 5).await.expect("holds the lease");
+}
+
+#[tokio::test]
+async fn who_was_erased_after_the_backup_does_not_come_back() {
+    let service = Service::start().await;
+    let ada = service.subject("Ada").await;
+    let bob = service.subject("Bob").await;
+    let folder = TempDir::new().expect("a folder");
+    let saved = folder.path().join("saved");
+    let from = place(service.dir.path(), &service.database);
+    backup(&from, &saved).await.expect("copies");
+    let erase = EraseSubjectRequest {
+        name: ada.name.clone(),
+        display_name: "Ada".into(),
+        ..EraseSubjectRequest::default()
+    };
+    let erased = service.subjects().erase_subject(erase).await;
+    let erased = erased.expect("is erased").into_inner();
+    let people = match service.database.url() {
+        Some(url) => erased_in_postgres(&url).await,
+        None => erased_in_folder(service.dir.path()).await,
+    };
+    let people = people.expect("reads");
+    let only = ErasedPerson {
+        erasure: erased.name,
+        subject: ada.name.clone(),
+    };
+    assert_eq!(people, [only]);
+    // The report that the operator has kept says the same.
+    let report: ErasedPerson = serde_json::from_str(&erased.report).expect("has the fields");
+    assert_eq!(people, [report]);
+
+    let again = TempDir::new().expect("a folder");
+    let database = Database::of(again.path());
+    let to = place(again.path(), &database);
+    let restored = restore(&saved, &to, &people).await.expect("copies back");
+    assert_eq!(restored.erased, 1);
+    database.keep(again.path());
+    let restored = Service::start_in(again, |_| {}).await;
+    eventually("they are erased again", || async {
+        let request = GetSubjectRequest {
+            name: ada.name.clone(),
+        };
+        restored.subjects().get_subject(request).await.err()
+    })
+    .await;
+    eventually("nothing of them is left", || async {
+        restored.residue("Ada").await.is_empty().then_some(())
+    })
+    .await;
+    restored.get_subject(&bob.name).await;
 }
 
 #[tokio::test]
@@ -73,9 +126,9 @@ async fn rows_of_sqlite_are_carried_to_postgres() {
     let made = yoto_test_postgres::Database::create();
     let database = Database::Postgres(made.expect("PostgreSQL"));
     let to = place(again.path(), &database);
-    restore(&saved, &to).await.expect("carries");
+    restore(&saved, &to, &[]).await.expect("carries");
     let onto = TempDir::new().expect("a folder");
-    let filled = restore(&saved, &place(onto.path(), &database)).await;
+    let filled = restore(&saved, &place(onto.path(), &database), &[]).await;
     assert!(
         matches!(filled, Err(BackupError::RowsThere { .. })),
         "{filled:?}"
@@ -125,7 +178,7 @@ async fn a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one() {
         database: None,
         objects: true,
     };
-    let none = restore(folder.path(), &target).await;
+    let none = restore(folder.path(), &target, &[]).await;
     assert!(matches!(none, Err(BackupError::NoBackup(_))), "{none:?}");
     let empty = Place {
         data_dir: other.path().to_owned(),
@@ -136,7 +189,7 @@ async fn a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one() {
 
     let saved = folder.path().join("saved");
     backup(&from, &saved).await.expect("copies");
-    let onto = restore(&saved, &from).await;
+    let onto = restore(&saved, &from, &[]).await;
     assert!(
         matches!(
             onto,

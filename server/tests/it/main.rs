@@ -4,6 +4,7 @@ mod access;
 mod aliases;
 mod audit;
 mod backups;
+mod capacity;
 mod captures;
 mod catalogue;
 mod changes;

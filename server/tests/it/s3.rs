@@ -16,6 +16,7 @@ const OF_FOLDERS: &[&str] = &[
     "backups::a_backup_goes_only_where_nothing_is_and_comes_only_from_a_whole_one",
     "backups::a_backup_of_a_running_service_is_a_service_at_one_point",
     "backups::rows_of_sqlite_are_carried_to_postgres",
+    "backups::who_was_erased_after_the_backup_does_not_come_back",
     "garbage::the_remains_of_a_killed_writer_and_empty_folders_go",
     "pages::a_coordinator_without_its_database_or_its_objects_is_not_ready",
     "pages::figures_tell_the_queue_and_what_happened",

@@ -5,7 +5,10 @@ use crate::support::{
 };
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Duration;
 use tempfile::TempDir;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
 use tonic::{Code, Status};
 use yoto_proto::keys;
 use yoto_proto::v1::share::State;
@@ -23,6 +26,9 @@ const START: f64 = 1e9;
 /// What the exported page says.
 const PAGE: &str = "<!doctype html><title>Ada</title>";
 
+/// Bytes of a page that does not fit into the buffers between service and client.
+const LARGE: usize = 16 << 20;
+
 /// A service with an export of Ada's page.
 struct Exported {
     service: Service,
@@ -33,6 +39,10 @@ struct Exported {
 
 impl Exported {
     async fn new(required: bool) -> Self {
+        Self::with_page(required, PAGE.as_bytes()).await
+    }
+
+    async fn with_page(required: bool, page: &[u8]) -> Self {
         let clock = Arc::new(ManualClock::at(START));
         let own = Arc::clone(&clock);
         let dir = TempDir::new().expect("a folder");
@@ -63,7 +73,7 @@ impl Exported {
         let key = keys::render(id(&job), lease.token, "ada.html");
         let page = ExportedFile {
             file: "ada.html".into(),
-            object: Some(service.put(&key, PAGE.as_bytes()).await),
+            object: Some(service.put(&key, page).await),
             content_type: "text/html; charset=utf-8".into(),
         };
         let result = ExportResult {
@@ -142,6 +152,39 @@ async fn assert_shows_nothing(address: SocketAddr, path: &str, why: &str) {
         lines.map(str::to_owned).collect::<Vec<_>>()
     };
     assert_eq!(undated(&head), undated(&other), "{why}");
+}
+
+#[tokio::test]
+async fn a_page_that_is_being_sent_ends_with_its_link() {
+    let it = Exported::with_page(false, &vec![b' '; LARGE]).await;
+    let (address, _serving) = listen(&it.service).await;
+    for by_consent in [false, true] {
+        let made = it.share(None).await.expect("is made");
+        let mut connection = TcpStream::connect(address).await.expect("connects");
+        let request = format!("GET {} HTTP/1.1\r\nHost: {address}\r\n\r\n", made.path);
+        connection
+            .write_all(request.as_bytes())
+            .await
+            .expect("writes");
+        let mut first = vec![0; 64 << 10];
+        connection.read_exact(&mut first).await.expect("begins");
+        match by_consent {
+            true => it.revoke_consent().await,
+            false => {
+                let name = made.share.expect("a link").name;
+                let request = RevokeShareRequest { name };
+                let revoked = shares(&it.service).revoke_share(request).await;
+                revoked.expect("is revoked");
+            }
+        }
+        // The buffers of both sides are full by now, and the link is looked at again.
+        tokio::time::sleep(Duration::from_secs(1)).await;
+        let mut rest = Vec::new();
+        let read = tokio::time::timeout(Duration::from_secs(20), connection.read_to_end(&mut rest));
+        let _ = read.await.expect("ends");
+        let got = first.len() + rest.len();
+        assert!(got < LARGE, "{got} of {LARGE} bytes");
+    }
 }
 
 #[tokio::test]

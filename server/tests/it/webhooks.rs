@@ -17,7 +17,7 @@ use yoto_proto::v1::{
 
 /// A request that a receiver got.
 #[derive(Clone, Debug, Default)]
-struct Received {
+pub(crate) struct Received {
     headers: Vec<(String, String)>,
     body: String,
 }
@@ -30,13 +30,13 @@ impl Received {
 }
 
 /// Somebody who is told of jobs, and answers with `answers` one after the other, then with the last one.
-struct Receiver {
-    url: String,
+pub(crate) struct Receiver {
+    pub(crate) url: String,
     got: Arc<Mutex<Vec<Received>>>,
 }
 
 impl Receiver {
-    async fn start(answers: &'static [&'static str]) -> Self {
+    pub(crate) async fn start(answers: &'static [&'static str]) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
         let url = format!(
             "http://{}/hook?of=yoto",
@@ -55,7 +55,7 @@ impl Receiver {
         Self { url, got }
     }
 
-    fn all(&self) -> Vec<Received> {
+    pub(crate) fn all(&self) -> Vec<Received> {
         self.got.lock().expect("unbroken").clone()
     }
 
@@ -112,20 +112,21 @@ async fn only(service: &Service) -> Webhook {
 }
 
 /// A training that ends before anybody runs it; its name.
-async fn ended_job(service: &Service, model: &str) -> String {
+pub(crate) async fn ended_job(service: &Service, model: &str) -> String {
     let subject = service.ready_subject(model).await;
     let model = service.model_of(&subject).await;
     let job = service.train(&model).await;
+    cancel(service, &job.name).await;
+    job.name
+}
+
+pub(crate) async fn cancel(service: &Service, name: &str) {
     let request = CancelJobRequest {
-        name: job.name.clone(),
+        name: name.into(),
         ..CancelJobRequest::default()
     };
-    service
-        .jobs()
-        .cancel_job(request)
-        .await
-        .expect("is cancelled");
-    job.name
+    let cancelled = service.jobs().cancel_job(request).await;
+    cancelled.expect("is cancelled");
 }
 
 #[tokio::test]

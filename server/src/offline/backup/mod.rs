@@ -10,12 +10,16 @@ mod folders;
 
 pub use database::PROGRAMS;
 
+use super::erased::{self, ErasedPerson};
 use crate::ServerError;
 use crate::data_dir::{DATABASE_FILE, DataDirLock, OBJECTS_FOLDER};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
 use thiserror::Error;
-use yoto_store::PostgresUrl;
+use yoto_process::clock::SystemClock;
+use yoto_store::{PostgresUrl, Store};
 
 /// The file that a complete backup has, and its text.
 const MARKER: (&str, &str) = ("yoto-backup.txt", "yoto backup 1\n");
@@ -40,6 +44,15 @@ pub struct Copied {
     pub objects: u64,
     /// Their bytes.
     pub bytes: u64,
+}
+
+/// What was restored.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Restored {
+    /// What was copied.
+    pub copied: Copied,
+    /// Number of people in the backup whose erasure has begun again.
+    pub erased: usize,
 }
 
 /// The reason why a backup can't be made or restored.
@@ -142,11 +155,16 @@ pub async fn backup(from: &Place, to: &Path) -> Result<Copied, BackupError> {
 }
 
 /// Copies the backup in the folder `from` to `to`, where no service has been: an empty or missing data folder, and an empty
-/// database of PostgreSQL, also for rows of SQLite.
+/// database of PostgreSQL, also for rows of SQLite. Of the `erased` people, those who are in the backup are erased again by the first
+/// coordinator: their erasures have begun when this returns.
 ///
 /// # Errors
 /// When `from` is no complete backup, something is at `to` already, or something can't be read or written.
-pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
+pub async fn restore(
+    from: &Path,
+    to: &Place,
+    erased: &[ErasedPerson],
+) -> Result<Restored, BackupError> {
     let marker = std::fs::read_to_string(from.join(MARKER.0));
     if marker.ok().as_deref() != Some(MARKER.1) {
         return Err(BackupError::NoBackup(from.to_owned()));
@@ -164,13 +182,40 @@ pub async fn restore(from: &Path, to: &Place) -> Result<Copied, BackupError> {
             .map(drop)
             .map_err(BackupError::file("copying", &file))?,
     }
-    match to.objects {
+    let erased = erase_again(to, erased).await?;
+    let copied = match to.objects {
         true => {
             let objects = from.join(OBJECTS_FOLDER);
-            folders::copy(&objects, &to.data_dir.join(OBJECTS_FOLDER)).await
+            folders::copy(&objects, &to.data_dir.join(OBJECTS_FOLDER)).await?
         }
-        false => Ok(Copied::default()),
+        false => Copied::default(),
+    };
+    Ok(Restored { copied, erased })
+}
+
+/// When the backup in `folder` was made: its marker is written last.
+///
+/// # Errors
+/// When it is no complete backup.
+pub fn made_at(folder: &Path) -> Result<SystemTime, BackupError> {
+    let marker = folder.join(MARKER.0);
+    let written = marker.metadata().and_then(|it| it.modified());
+    written.map_err(|_| BackupError::NoBackup(folder.to_owned()))
+}
+
+async fn erase_again(to: &Place, people: &[ErasedPerson]) -> Result<usize, BackupError> {
+    if people.is_empty() {
+        return Ok(0);
     }
+    let clock = Arc::new(SystemClock);
+    let store = match &to.database {
+        Some(url) => Store::open_postgres(url, clock).await,
+        None => Store::open_sqlite(&to.data_dir.join(DATABASE_FILE), clock).await,
+    };
+    let store = store.map_err(ServerError::from)?;
+    let begun = erased::erase_again(&store, people).await;
+    store.close().await;
+    Ok(begun.map_err(ServerError::from)?)
 }
 
 /// Checks that the folder `to` is outside of the folder `objects`. Symbolic links are followed, and `to` may not exist yet.

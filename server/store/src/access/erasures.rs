@@ -41,6 +41,16 @@ impl Store {
         erasures::list(&mut self.db.read().await?, tenant, page).await
     }
 
+    /// All erasures of all tenants, the oldest first.
+    pub async fn all_erasures(&self) -> Result<Vec<Erasure>, StoreError> {
+        erasures::all(&mut self.db.read().await?).await
+    }
+
+    /// Begins to remove a person of any tenant who was erased before this database was restored. Returns whether they are here.
+    pub async fn erase_again(&self, subject_id: &str) -> Result<bool, StoreError> {
+        transaction!(self, |tx| erasures::again(tx, subject_id))
+    }
+
     /// Those that go on, of all tenants.
     pub async fn open_erasures(&self) -> Result<Vec<OpenErasure>, StoreError> {
         erasures::open(&mut self.db.read().await?).await

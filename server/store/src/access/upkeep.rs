@@ -4,7 +4,9 @@ use crate::db::Lock;
 use crate::rules::steps::Reading;
 use crate::scripts::reaping::Lost;
 use crate::scripts::steps::Checks;
-use crate::scripts::{attempts, garbage, object_store, reaping, requests, steps, uploads, workers};
+use crate::scripts::{
+    attempts, audit, garbage, object_store, reaping, requests, steps, uploads, workers,
+};
 use crate::transaction::transaction;
 use crate::{Horizons, KnownGarbage, Reaped, Reference, Store, StoreError};
 
@@ -76,7 +78,11 @@ impl Store {
             let requests = requests::forget(tx, horizons.request_ids, now).await?;
             let attempts = attempts::forget(tx, horizons.attempts, now).await?;
             let workers = workers::forget(tx, horizons.workers, now).await?;
-            Ok(requests + attempts + workers)
+            let audit = match horizons.audit {
+                Some(seconds) => audit::forget_before(tx, now - seconds).await?,
+                None => 0,
+            };
+            Ok(requests + attempts + workers + audit)
         })
     }
 

@@ -2,7 +2,7 @@
 
 use crate::scripts::webhooks;
 use crate::transaction::transaction;
-use crate::{DueDelivery, NewWebhook, Store, StoreError, Tenant};
+use crate::{DueDelivery, DueWebhook, NewWebhook, Store, StoreError, Tenant};
 use yoto_proto::v1::Webhook;
 
 impl Store {
@@ -25,17 +25,24 @@ impl Store {
         transaction!(self, |tx| webhooks::delete(tx, tenant, id))
     }
 
-    /// Takes up to `most` due deliveries of all tenants, which nobody else tries for `seconds`.
+    /// The addresses of all tenants that are to be told something now.
+    pub async fn due_webhooks(&self) -> Result<Vec<DueWebhook>, StoreError> {
+        // Mostly nothing is due, and a look at all deliveries is the quickest.
+        let mut tx = self.db.snapshot().await?;
+        if !webhooks::any_due(&mut tx).await? {
+            return Ok(Vec::new());
+        }
+        webhooks::due(&mut tx).await
+    }
+
+    /// Takes up to `most` due deliveries of the webhook, which nobody else tries for `seconds`.
     pub async fn take_deliveries(
         &self,
+        webhook: &DueWebhook,
         most: u32,
         seconds: f64,
     ) -> Result<Vec<DueDelivery>, StoreError> {
-        // Mostly nothing is due, and a read takes nobody's turn to write.
-        if !webhooks::any_due(&mut self.db.read().await?).await? {
-            return Ok(Vec::new());
-        }
-        transaction!(self, |tx| webhooks::take(tx, most, seconds))
+        transaction!(self, |tx| webhooks::take(tx, webhook, most, seconds))
     }
 
     /// Notes the outcome of an attempt, and when the next one follows, if any.

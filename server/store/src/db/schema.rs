@@ -54,6 +54,13 @@ pub(super) enum State {
 }
 
 impl Steps {
+    /// The start alone.
+    #[cfg(test)]
+    pub(crate) fn start_alone(mut self) -> Self {
+        self.later.clear();
+        self
+    }
+
     /// Applies the steps that are missing.
     pub(super) fn migrator(&self) -> Migrator {
         let start = std::iter::once(&self.start);
@@ -61,7 +68,7 @@ impl Steps {
     }
 
     /// The schema that a database has in the end.
-    fn newest(&self) -> i64 {
+    pub(super) fn newest(&self) -> i64 {
         self.later.last().unwrap_or(&self.start).version
     }
 }

@@ -1,9 +1,13 @@
-//! The audit log: entries are added and read, and never changed, but for the names of what was erased.
+//! The audit log: entries are added and read, and never changed, but for the names of what was erased. Old ones are removed from its
+//! beginning.
 
 use crate::audit_chain::{Head, hash};
 use crate::db::{Lock, Row, Tx, integer, sql};
-use crate::{AuditEntry, NewAuditEntry, StoreError};
+use crate::{AuditEntry, NewAuditEntry, StoreError, Tenant};
 use yoto_proto::sha256_hex;
+
+/// What stands as the call of the entry about removed ones.
+const CUT: &str = "old entries were removed";
 
 /// Adds entries in their order, and returns their numbers.
 pub(crate) async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec<u64>, StoreError> {
@@ -81,8 +85,60 @@ async fn head(tx: &mut Tx) -> Result<Head, StoreError> {
             number: row.number("number")?,
             hash: row.text("hash")?,
         }),
+        None => cut(tx).await,
+    }
+}
+
+/// The last entry that was removed from the beginning: the chain begins after it.
+pub(crate) async fn cut(tx: &mut Tx) -> Result<Head, StoreError> {
+    let row = sql("SELECT number, hash FROM audit_cut")
+        .row(tx, "reading the beginning of the audit log")
+        .await?;
+    match row {
+        Some(row) => Ok(Head {
+            number: row.number("number")?,
+            hash: row.text("hash")?,
+        }),
         None => Ok(Head::default()),
     }
+}
+
+/// Removes the entries before the time `before`, and notes the last of them. Returns their number. An entry says so: the chain tells what
+/// was removed and when.
+pub(crate) async fn forget_before(tx: &mut Tx, before: f64) -> Result<u64, StoreError> {
+    tx.lock(Lock::Audit).await?;
+    // A clock that was set back may have left older times behind newer ones: those stay with them.
+    let last = sql("SELECT number, hash FROM audit
+         WHERE number < (SELECT coalesce(min(number), (SELECT max(number) + 1 FROM audit)) FROM audit WHERE time >= $1)
+         ORDER BY number DESC LIMIT 1")
+    .bind(before)
+    .row(tx, "looking for old entries of the audit log")
+    .await?;
+    let Some(last) = last else { return Ok(0) };
+    let (number, hash) = (last.number("number")?, last.text("hash")?);
+    let number: u64 = number;
+    sql(
+        "INSERT INTO audit_cut (one, number, hash) VALUES (1, $1, $2)
+         ON CONFLICT (one) DO UPDATE SET number = excluded.number, hash = excluded.hash",
+    )
+    .bind(integer("number", number)?)
+    .bind(hash)
+    .execute(tx, "noting the beginning of the audit log")
+    .await?;
+    let removed = sql("DELETE FROM audit WHERE number <= $1")
+        .bind(integer("number", number)?)
+        .execute(tx, "removing old entries of the audit log")
+        .await?;
+    let cut = NewAuditEntry {
+        tenant: Tenant::default().id().to_owned(),
+        key: String::new(),
+        call: CUT.to_owned(),
+        names: String::new(),
+        began: None,
+        outcome: format!("REMOVED up to {number}"),
+    };
+    append(tx, &[cut]).await?;
+    Ok(removed)
 }
 
 /// At most `most` entries after the one with this number, oldest first.

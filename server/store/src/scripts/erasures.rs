@@ -122,6 +122,34 @@ pub(crate) async fn list(
     page::entries(&rows, read)
 }
 
+/// All of all tenants, the oldest first.
+pub(crate) async fn all(tx: &mut Tx) -> Result<Vec<Erasure>, StoreError> {
+    let rows = sql("SELECT * FROM erasures ORDER BY ord")
+        .rows(tx, "listing all erasures")
+        .await?;
+    rows.iter().map(read).collect()
+}
+
+/// Begins to remove a person of any tenant, if they are in the database.
+pub(crate) async fn again(tx: &mut Tx, subject_id: &str) -> Result<bool, StoreError> {
+    let row = sql("SELECT tenant FROM subjects WHERE id = $1")
+        .bind(subject_id)
+        .row(tx, "looking for a person")
+        .await?;
+    let Some(row) = row else { return Ok(false) };
+    let tenant = tenant(&row)?;
+    begin(tx, &tenant, subject_id, false).await?;
+    Ok(true)
+}
+
+fn tenant(row: &Row) -> Result<Tenant, StoreError> {
+    let tenant = row.text("tenant")?;
+    Tenant::new(&tenant).ok_or(StoreError::Corrupt {
+        what: "tenant",
+        detail: tenant,
+    })
+}
+
 /// Those that go on, of all tenants.
 pub(crate) async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
     let rows =
@@ -130,14 +158,9 @@ pub(crate) async fn open(tx: &mut Tx) -> Result<Vec<OpenErasure>, StoreError> {
             .await?;
     rows.iter()
         .map(|row| {
-            let tenant = row.text("tenant")?;
-            let known = Tenant::new(&tenant).ok_or(StoreError::Corrupt {
-                what: "erasures.tenant",
-                detail: tenant,
-            });
             Ok(OpenErasure {
                 id: row.text("id")?,
-                tenant: known?,
+                tenant: tenant(row)?,
                 subject_id: row.text("subject")?,
                 work: row.maybe_text("work")?,
                 retrain: row.flag("retrain")?,

@@ -118,6 +118,7 @@ mod tests {
         request_ids: 7.0 * DAY,
         attempts: 7.0 * DAY,
         workers: 7.0 * DAY,
+        audit: None,
     };
 
     on_each_database!(

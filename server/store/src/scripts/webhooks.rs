@@ -2,7 +2,7 @@
 
 use super::jobs;
 use crate::db::{Row, Tx, sql};
-use crate::{DueDelivery, NewWebhook, StoreError, Tenant, new_id};
+use crate::{DueDelivery, DueWebhook, NewWebhook, StoreError, Tenant, new_id};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{ErrorReason, Webhook};
 
@@ -99,47 +99,73 @@ pub(crate) async fn any_due(tx: &mut Tx) -> Result<bool, StoreError> {
         .flag("due")
 }
 
-/// Takes up to `most` due deliveries, which nobody else tries for `seconds`. What was to be told of a job that waits or runs again
-/// is forgotten: its next end is told.
+/// The addresses of all tenants that are to be told something now.
+pub(crate) async fn due(tx: &mut Tx) -> Result<Vec<DueWebhook>, StoreError> {
+    let rows = sql("SELECT w.id, w.tenant FROM webhooks w WHERE EXISTS (
+             SELECT 1 FROM webhook_deliveries d WHERE d.webhook = w.id AND d.next_time <= $1)
+         ORDER BY w.ord")
+    .bind(tx.now())
+    .rows(tx, "looking for webhooks with due deliveries")
+    .await?;
+    let read = |row: &Row| {
+        let tenant = row.text("tenant")?;
+        let read = Tenant::new(&tenant);
+        Ok(DueWebhook {
+            id: row.text("id")?,
+            tenant: read.ok_or(StoreError::Corrupt {
+                what: "webhooks.tenant",
+                detail: tenant,
+            })?,
+        })
+    };
+    rows.iter().map(read).collect()
+}
+
+/// Takes up to `most` due deliveries of the webhook, which nobody else tries for `seconds`. What was to be told of a job that waits
+/// or runs again is forgotten: its next end is told.
 pub(crate) async fn take(
     tx: &mut Tx,
+    webhook: &DueWebhook,
     most: u32,
     seconds: f64,
 ) -> Result<Vec<DueDelivery>, StoreError> {
     let at = tx.now();
-    sql("DELETE FROM webhook_deliveries WHERE next_time <= $1 AND EXISTS (
+    sql("DELETE FROM webhook_deliveries WHERE webhook = $2 AND next_time <= $1 AND EXISTS (
              SELECT 1 FROM jobs j WHERE j.id = webhook_deliveries.job AND j.state IN ('QUEUED', 'RUNNING'))")
     .bind(at)
+    .bind(&webhook.id)
     .execute(tx, "forgetting deliveries")
     .await?;
-    let rows = sql("UPDATE webhook_deliveries SET next_time = $1 + $2, attempts = attempts + 1
-         WHERE id IN (SELECT id FROM webhook_deliveries WHERE next_time <= $1 ORDER BY next_time, ord LIMIT $3)
+    let rows = sql(
+        "UPDATE webhook_deliveries SET next_time = $1 + $2, attempts = attempts + 1
+         WHERE id IN (SELECT id FROM webhook_deliveries WHERE webhook = $4 AND next_time <= $1
+                 ORDER BY next_time, ord LIMIT $3)
              AND next_time <= $1
-         RETURNING id, webhook, job, attempts")
+         RETURNING id, job, attempts",
+    )
     .bind(at)
     .bind(seconds)
     .bind(most)
+    .bind(&webhook.id)
     .rows(tx, "taking deliveries")
     .await?;
+    if rows.is_empty() {
+        return Ok(Vec::new());
+    }
+    let address = sql("SELECT url, secret FROM webhooks WHERE id = $1")
+        .bind(&webhook.id)
+        .one(tx, "reading a webhook")
+        .await?;
     let mut taken = Vec::with_capacity(rows.len());
     for row in &rows {
-        let webhook = sql("SELECT tenant, url, secret FROM webhooks WHERE id = $1")
-            .bind(row.text("webhook")?)
-            .one(tx, "reading a webhook")
-            .await?;
-        let tenant = webhook.text("tenant")?;
-        let tenant = Tenant::new(&tenant).ok_or_else(|| StoreError::Corrupt {
-            what: "webhooks.tenant",
-            detail: tenant.clone(),
-        })?;
         taken.push(DueDelivery {
             id: row.text("id")?,
-            webhook_id: row.text("webhook")?,
-            url: webhook.text("url")?,
-            secret: webhook.text("secret")?,
+            webhook_id: webhook.id.clone(),
+            url: address.text("url")?,
+            secret: address.text("secret")?,
             attempts: row.number("attempts")?,
             time: at,
-            job: jobs::get(tx, &tenant, &row.text("job")?).await?,
+            job: jobs::get(tx, &webhook.tenant, &row.text("job")?).await?,
         });
     }
     Ok(taken)

@@ -163,6 +163,17 @@ impl Service {
         step: u64,
         psnr: f64,
     ) -> Result<Checkpoint, Status> {
+        self.publish_weights(lease, step, psnr, b"weights").await
+    }
+
+    /// The same with these weights.
+    pub(crate) async fn publish_weights(
+        &self,
+        lease: &Lease,
+        step: u64,
+        psnr: f64,
+        weights: &[u8],
+    ) -> Result<Checkpoint, Status> {
         let model = lease
             .inputs
             .clone()
@@ -173,8 +184,8 @@ impl Service {
         let checkpoint = Checkpoint {
             name: names::checkpoint(&model.name, step),
             step,
-            manifest: Some(self.manifest(&folder, step).await),
-            bytes: 7,
+            manifest: Some(self.manifest_with(&folder, step, weights).await),
+            bytes: weights.len() as u64,
             psnr: Some(psnr),
             slots: model.slots.iter().map(|slot| slot.slot).collect(),
             ..<_>::default()
@@ -190,8 +201,12 @@ impl Service {
 
     /// The manifest of a checkpoint in `folder`, which has weights alone.
     pub(crate) async fn manifest(&self, folder: &str, step: u64) -> ObjectRef {
+        self.manifest_with(folder, step, b"weights").await
+    }
+
+    async fn manifest_with(&self, folder: &str, step: u64, weights: &[u8]) -> ObjectRef {
         let key = format!("{folder}/{}", files::WEIGHTS);
-        let weights = self.put(&key, b"weights").await;
+        let weights = self.put(&key, weights).await;
         self.manifest_of(folder, step, vec![(files::WEIGHTS, weights)])
             .await
     }

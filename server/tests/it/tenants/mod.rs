@@ -124,7 +124,8 @@ struct TwoTenants {
 }
 
 async fn two_tenants() -> TwoTenants {
-    let mut service = Service::start().await;
+    // Thousands of calls are refused.
+    let mut service = Service::start_with(|config| config.traffic.refused_calls = 1_000_000).await;
     let mut theirs = content(&service).await;
     theirs.share = shared(&service, "default", &theirs).await;
     theirs.webhook = webhook(&service, "default").await;

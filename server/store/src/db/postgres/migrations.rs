@@ -10,9 +10,10 @@ use sqlx::{Executor, PgPool, Row};
 /// The steps of the schema. Each has its counterpart in SQLite's.
 pub(super) fn steps() -> Steps {
     let start = include_str!("../../../../../migrations/postgres/0039_start.sql");
+    let capacity = include_str!("../../../../../migrations/postgres/0040_capacity.sql");
     Steps {
         start: step(START, "start", start),
-        later: Vec::new(),
+        later: vec![step(40, "capacity", capacity)],
         replaced: "efb18b53a83bb969dd1676eadbe1d09f89d5193a2b024224fc4d4c91b09f5856".to_owned(),
     }
 }

@@ -15,9 +15,10 @@ use sqlx::{Executor, Row, SqlitePool};
 /// brings its own transaction, and changes nothing more when it is run twice.
 pub(crate) fn steps() -> Steps {
     let start = include_str!("../../../../../migrations/sqlite/0039_start.sql");
+    let capacity = include_str!("../../../../../migrations/sqlite/0040_capacity.sql");
     Steps {
         start: step(START, "start", start),
-        later: Vec::new(),
+        later: vec![step(40, "capacity", capacity)],
         replaced: "2f77ee66c449486ed6fd1e0914b10abbc72543820a366fa414f2192be760a12e".to_owned(),
     }
 }
