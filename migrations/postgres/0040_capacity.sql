@@ -8,3 +8,8 @@ CREATE TABLE audit_cut (
 -- The due deliveries of one webhook, so that the share of each is taken by itself.
 DROP INDEX webhook_deliveries_of_webhook;
 CREATE INDEX webhook_deliveries_of_webhook ON webhook_deliveries (webhook, next_time);
+
+-- Id of the key that has said so; empty: none was asked for.
+ALTER TABLE paused_kinds ADD COLUMN by_key TEXT NOT NULL DEFAULT '';
+ALTER TABLE drains ADD COLUMN by_key TEXT NOT NULL DEFAULT '';
+ALTER TABLE cordons ADD COLUMN by_key TEXT NOT NULL DEFAULT '';

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use yoto_client::{Addresses, ClientError, YotoClient};
 use yoto_proto::key::Key;
 use yoto_proto::v1::CreateKeyRequest;
@@ -124,6 +124,21 @@ async fn only_a_service_with_a_good_certificate_is_called() {
     while let Err(error) = service.call(Some("authority"), None).await {
         assert!(began.elapsed() < PATIENCE, "{error}");
         tokio::time::sleep(PAUSE).await;
+    }
+}
+
+#[tokio::test]
+async fn connections_without_a_handshake_keep_nobody_out() {
+    let service = Service::start(None).await;
+    let mut silent = Vec::new();
+    // More than all places, from the address of the caller.
+    for _ in 0..500 {
+        let connected = TcpStream::connect(("127.0.0.1", service.port)).await;
+        silent.push(connected.expect("connects"));
+    }
+    for _ in 0..3 {
+        let called = service.call(Some("authority"), None).await;
+        called.expect("answers");
     }
 }
 

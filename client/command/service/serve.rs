@@ -12,6 +12,7 @@ use clap::Args;
 use clap::builder::BoolishValueParser;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
+use std::pin::pin;
 use std::time::Duration;
 use yoto_avatar::loss::lpips::LpipsWeights;
 use yoto_server::{OidcConfig, ServerConfig, StorageLimits, TrafficLimits};
@@ -267,9 +268,17 @@ impl Serve {
             drain,
             ..EmbeddedOptions::new(server)
         };
-        let mut service = Embedded::start(options)
-            .await
-            .with_context(|| format!("starting the service in {place}"))?;
+        // A signal that comes while the service starts counts too.
+        let mut stop = pin!(stop_signals().context("listening for signals")?);
+        let mut service = tokio::select! {
+            started = Embedded::start(options) => {
+                started.with_context(|| format!("starting the service in {place}"))?
+            }
+            asked = &mut stop => {
+                tell!("stopped before the service had started");
+                return asked.context("listening for signals");
+            }
+        };
         if let Some(address) = service.address() {
             tell!("yoto serves {scheme}://{address} from {place}");
             tell!("objects at {}", service.shown_objects_url());
@@ -286,7 +295,7 @@ impl Serve {
             }
         }
         let failure = tokio::select! {
-            asked = asked_to_stop() => asked.context("listening for signals").err(),
+            asked = &mut stop => asked.context("listening for signals").err(),
             failed = service.failed() => Some(failed.into()),
         };
         tell!("stopping");
@@ -323,17 +332,25 @@ fn keep_private() {
 
 /// Returns at SIGTERM or ctrl-c.
 pub(crate) async fn asked_to_stop() -> std::io::Result<()> {
+    stop_signals()?.await
+}
+
+/// Listens for SIGTERM and ctrl-c from now on. The future is ready when one of them has come.
+fn stop_signals() -> std::io::Result<impl Future<Output = std::io::Result<()>>> {
     #[cfg(unix)]
     {
         use tokio::signal::unix::{SignalKind, signal};
         let mut terminate = signal(SignalKind::terminate())?;
-        tokio::select! {
-            _ = terminate.recv() => Ok(()),
-            interrupted = tokio::signal::ctrl_c() => interrupted,
-        }
+        let mut interrupt = signal(SignalKind::interrupt())?;
+        Ok(async move {
+            tokio::select! {
+                _ = terminate.recv() => Ok(()),
+                _ = interrupt.recv() => Ok(()),
+            }
+        })
     }
     #[cfg(not(unix))]
-    tokio::signal::ctrl_c().await
+    Ok(tokio::signal::ctrl_c())
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use crate::show;
 use crate::show::{Titles, kind, kind_word, now, span};
 use clap::Args;
 use indicatif::BinaryBytes;
+use prost_types::Timestamp;
 use yoto_client::YotoClient;
 use yoto_proto::v1::{ServiceStatus, UploadLimits, WorkerStatus};
 use yoto_terminal::output::{self, others};
@@ -51,14 +52,23 @@ impl Status {
         );
         for paused in &status.paused {
             let kind = kind_word(paused.kind());
-            say!("paused   {kind} jobs{}", because(&paused.reason));
+            let told = told(&paused.reason, &paused.by, paused.since.as_ref());
+            say!("paused   {kind} jobs{told}");
+            still_wanted(paused.since.as_ref(), &format!("yoto job resume {kind}"));
         }
         if let Some(draining) = &status.draining {
-            say!("drained  no new jobs{}", because(&draining.reason));
+            let told = told(&draining.reason, &draining.by, draining.since.as_ref());
+            say!("drained  no new jobs{told}");
+            still_wanted(draining.since.as_ref(), "yoto drain --end");
         }
         for cordon in &status.cordons {
             let name = others(&cordon.display_name);
-            say!("cordon   {name} gets no jobs{}", because(&cordon.reason));
+            let told = told(&cordon.reason, &cordon.by, cordon.since.as_ref());
+            say!("cordon   {name} gets no jobs{told}");
+            still_wanted(
+                cordon.since.as_ref(),
+                &format!("yoto worker uncordon {name}"),
+            );
         }
         say!("objects  {}{}", status.objects, room(&status));
         let upload = limits.upload.unwrap_or_default();
@@ -116,6 +126,26 @@ async fn row(
 }
 
 /// `: a reason`.
+/// Time after which an operator may have forgotten that jobs wait, seconds.
+const FORGOTTEN: f64 = 86_400.0;
+
+/// For how long, by whom and why.
+fn told(reason: &str, by: &str, since: Option<&Timestamp>) -> String {
+    let age = since.map(|it| format!(", for {}", span(now() - it.seconds as f64)));
+    let by = match by {
+        "" => String::new(),
+        key => format!(", by {}", others(key)),
+    };
+    format!("{}{by}{}", age.unwrap_or_default(), because(reason))
+}
+
+/// Asks whether what lasts for more than a day is still wanted.
+fn still_wanted(since: Option<&Timestamp>, end: &str) {
+    if since.is_some_and(|it| now() - it.seconds as f64 > FORGOTTEN) {
+        say!("         is that still wanted? `{end}` ends it");
+    }
+}
+
 fn because(reason: &str) -> String {
     match reason {
         "" => String::new(),

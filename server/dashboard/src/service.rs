@@ -78,6 +78,7 @@ pub(crate) fn notices(status: &ServiceStatus, now: f64) -> Markup {
                 "The service takes no new jobs"
                 @if !draining.reason.is_empty() { ": " (name(&draining.reason)) }
                 ", since " (ago(now, draining.since.as_ref()))
+                @if !draining.by.is_empty() { ", by " (name(&draining.by)) }
             }
         }
         @for paused in &status.paused {
@@ -85,6 +86,7 @@ pub(crate) fn notices(status: &ServiceStatus, now: f64) -> Markup {
                 "Jobs of the kind " (kind_word(paused.kind())) " are paused"
                 @if !paused.reason.is_empty() { ": " (name(&paused.reason)) }
                 ", since " (ago(now, paused.since.as_ref()))
+                @if !paused.by.is_empty() { ", by " (name(&paused.by)) }
             }
         }
     }

@@ -8,7 +8,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Mutex, watch};
 use yoto_proto::key::PREFIX;
-use yoto_proto::v1::ErrorReason;
+use yoto_proto::v1::{ErrorReason, Scope};
 use yoto_request::RequestError;
 use yoto_store::{KeyRow, Store, StoreError};
 
@@ -37,6 +37,12 @@ impl Keys {
     /// The time of the database, seconds since 1970.
     pub(crate) fn now(&self) -> f64 {
         self.time + self.read.elapsed().as_secs_f64()
+    }
+
+    /// The scopes of the key with this id; none if it is unknown.
+    pub(crate) fn scopes(&self, id: &str) -> &[Scope] {
+        let row = self.rows.values().find(|it| it.id == id);
+        row.map(|it| it.scopes.as_slice()).unwrap_or_default()
     }
 
     /// Whether the key with this id is that of a session.

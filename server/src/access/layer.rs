@@ -174,11 +174,10 @@ impl AccessLayer {
     /// # Errors
     /// When the caller has its share of open calls already.
     fn count(&self, call: &Call, caller: &Caller, rule: Rule) -> Result<(), RequestError> {
-        if let Admission::Process(_) = self.admission {
-            call.of_process();
-            return Ok(());
-        }
-        let counted = call.admitted(caller, rule.scope(), rule.is_download());
+        let counted = match self.admission {
+            Admission::Process(_) => call.of_process(),
+            _ => call.admitted(caller, rule.scope(), rule.is_download()),
+        };
         counted.inspect_err(|_| METRICS.refused())
     }
 

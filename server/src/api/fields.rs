@@ -7,9 +7,17 @@ use yoto_proto::limits::{DISPLAY_NAME_BYTES, OWNER_CHARACTERS, REQUEST_ID_BYTES}
 use yoto_proto::names::Collection;
 use yoto_proto::text::is_hidden;
 use yoto_proto::v1::{JobPriority, JobSpec};
-use yoto_request::RequestError;
 use yoto_request::validation::{all, both};
-use yoto_store::{JobKind, NewJob, RequestKey};
+use yoto_request::{Caller, RequestError};
+use yoto_store::{JobKind, NewJob, OperatorNote, RequestKey};
+
+/// What an operator says by this call.
+pub(super) fn note<'a>(reason: &'a str, caller: &'a Caller) -> OperatorNote<'a> {
+    OperatorNote {
+        reason,
+        key: caller.key().unwrap_or_default(),
+    }
+}
 
 /// The id in a resource name.
 pub(crate) fn id(collection: Collection, field: &str, name: &str) -> Result<String, RequestError> {

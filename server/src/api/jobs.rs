@@ -20,7 +20,7 @@ use yoto_proto::v1::{
     WatchJobResponse, WatchJobsRequest, WatchJobsResponse, job,
 };
 use yoto_request::validation::{all, both};
-use yoto_request::{RequestError, tenant_of, trace_parent_of};
+use yoto_request::{Caller, RequestError, tenant_of, trace_parent_of};
 use yoto_store::Tenant;
 
 use yoto_store::{JobFilter, Target};
@@ -151,14 +151,16 @@ impl JobService for JobApi {
         &self,
         request: Request<PauseJobsRequest>,
     ) -> Result<Response<PauseJobsResponse>, Status> {
-        let tenant = tenant_of(&request)?;
+        let caller = Caller::of(&request)?;
         let request = request.get_ref();
         let kind = fields::job_kind("kind", request.kind);
         let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
         let (kind, reason) = both(kind, reason)?;
-        let paused = self.context.store.pause_jobs(&tenant, kind, &reason).await;
+        let note = fields::note(&reason, &caller);
+        let store = &self.context.store;
+        let paused = store.pause_jobs(caller.own_tenant(), kind, note).await;
         paused.map_err(RequestError::from)?;
-        tracing::info!(kind = kind.as_str(), reason, "jobs paused");
+        tracing::info!(kind = kind.as_str(), "jobs paused");
         Ok(Response::new(PauseJobsResponse {}))
     }
 

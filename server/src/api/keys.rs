@@ -8,8 +8,8 @@ use tonic::{Request, Response, Status};
 use yoto_proto::names::Collection;
 use yoto_proto::v1::key_service_server::KeyService;
 use yoto_proto::v1::{
-    CreateKeyRequest, CreateKeyResponse, Key, ListKeysRequest, ListKeysResponse, RevokeKeyRequest,
-    Scope,
+    CreateKeyRequest, CreateKeyResponse, ErrorReason, Key, ListKeysRequest, ListKeysResponse,
+    RevokeKeyRequest, Scope,
 };
 use yoto_request::validation::both;
 use yoto_request::{Caller, RequestError};
@@ -31,6 +31,7 @@ impl KeyService for KeyApi {
         let request = request.into_inner();
         let (new, secret) = new_key(&request, self.context.config.clock.now())?;
         let tenant = caller.tenant(&request.tenant)?;
+        self.may_give(&caller, &new.scopes).await?;
         let key = self.context.store.create_key(&tenant, &new).await;
         let key = key.map_err(RequestError::from)?;
         tracing::info!(key = key.name, %tenant, by = caller.key(), "a key was created");
@@ -76,6 +77,29 @@ impl KeyService for KeyApi {
         tracing::info!(key = key.name, by = caller.key(), "a key was revoked");
         self.context.callers.renew_keys().await;
         Ok(Response::new(key))
+    }
+}
+
+impl KeyApi {
+    /// Refuses a new key with a scope that the caller's own has not: otherwise `operate` would be every scope. Workers' keys are part of
+    /// what operators do.
+    async fn may_give(&self, caller: &Caller, scopes: &[Scope]) -> Result<(), RequestError> {
+        let Some(id) = caller.key() else {
+            return Ok(());
+        };
+        let keys = self.context.callers.keys().await?;
+        let own = keys.scopes(id);
+        let lacks = |it: &&Scope| **it != Scope::Work && !own.contains(it);
+        match scopes.iter().find(lacks) {
+            None => Ok(()),
+            Some(scope) => {
+                let message = format!(
+                    "{} is not a scope of the key that makes it",
+                    scope.as_str_name()
+                );
+                Err(RequestError::refused(ErrorReason::ScopeMissing, message))
+            }
+        }
     }
 }
 

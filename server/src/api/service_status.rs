@@ -15,7 +15,7 @@ use yoto_proto::v1::{
 };
 use yoto_proto::{limits as contract, orders};
 use yoto_request::validation::both;
-use yoto_request::{RequestError, tenant_of};
+use yoto_request::{Caller, RequestError, tenant_of};
 
 /// The state of the service as a whole.
 pub(crate) struct StatusApi {
@@ -67,11 +67,13 @@ impl StatusService for StatusApi {
         request: Request<DrainRequest>,
     ) -> Result<Response<DrainResponse>, Status> {
         // For the operator: all tenants wait.
+        let caller = Caller::of(&request)?;
         let reason = &request.get_ref().reason;
         let reason = fields::line("reason", reason, REASON_CHARACTERS)?;
-        let drained = self.context.store.drain(&reason).await;
+        let note = fields::note(&reason, &caller);
+        let drained = self.context.store.drain(note).await;
         drained.map_err(RequestError::from)?;
-        tracing::info!(reason, "the service is drained: it takes no new jobs");
+        tracing::info!("the service is drained: it takes no new jobs");
         Ok(Response::new(DrainResponse {}))
     }
 
@@ -89,14 +91,16 @@ impl StatusService for StatusApi {
         &self,
         request: Request<CordonWorkerRequest>,
     ) -> Result<Response<CordonWorkerResponse>, Status> {
-        let tenant = tenant_of(&request)?;
+        let caller = Caller::of(&request)?;
         let request = request.get_ref();
         let worker = fields::display_name(&request.display_name);
         let reason = fields::line("reason", &request.reason, REASON_CHARACTERS);
         let (worker, reason) = both(worker, reason)?;
-        let cordoned = self.context.store.cordon(&tenant, &worker, &reason).await;
+        let note = fields::note(&reason, &caller);
+        let store = &self.context.store;
+        let cordoned = store.cordon(caller.own_tenant(), &worker, note).await;
         cordoned.map_err(RequestError::from)?;
-        tracing::info!(worker, reason, "workers cordoned");
+        tracing::info!(worker, "workers cordoned");
         Ok(Response::new(CordonWorkerResponse {}))
     }
 

@@ -46,6 +46,8 @@ impl TenantService for TenantApi {
         let usage = self.context.store.set_quota(&tenant, &quota).await;
         let usage = usage.map_err(RequestError::from)?;
         tracing::info!(%tenant, ?quota, by = caller.key(), "a quota was set");
+        // The calls per second are read with the keys.
+        self.context.callers.renew_keys().await;
         Ok(Response::new(usage))
     }
 }

@@ -59,15 +59,22 @@ fn rows(limits: &TrafficLimits) -> Vec<Row> {
     let mib = |bytes: u32| format!("{} MiB", bytes >> 20);
     vec![
         Row {
-            what: "connections",
-            total: by_files(|it| it.connections),
+            what: "connections without an admitted call",
+            total: by_files(|it| it.waiting_connections),
             owner: "address (IPv6: /64)",
             share: format!(
-                "{}; {} s without an admitted call",
-                free(limits.connections),
+                "{}; {} s each",
+                free(limits.waiting_connections),
                 limits.first_call.as_secs()
             ),
-            reserve: "callers with a key: connections without an admitted call give way, the oldest first",
+            reserve: "whoever comes next: the oldest gives way",
+        },
+        Row {
+            what: "connections with an admitted call",
+            total: by_files(|it| it.connections),
+            owner: "tenant, key",
+            share: with_key(limits.connections),
+            reserve: "other callers, also from the same address",
         },
         Row {
             what: "open calls, scopes `read` and `write`",

@@ -108,6 +108,20 @@ impl OidcConfig {
                 return refused(field, "must begin with https://, or lead to this machine");
             }
         }
+        if issuer.is_some_and(|it| !it.username().is_empty() || it.password().is_some()) {
+            return refused("issuer", "must not have a user name or a password");
+        }
+        if let Some(path) = &self.client_secret_file {
+            let secret = std::fs::read_to_string(path).map_err(|error| {
+                ConfigError(format!(
+                    "oidc: client_secret_file {}: {error}",
+                    path.display()
+                ))
+            })?;
+            if secret.trim().is_empty() {
+                return refused("client_secret_file", "is empty");
+            }
+        }
         if self.client_id.is_empty() {
             return refused("client_id", "is empty");
         }
@@ -174,12 +188,18 @@ mod tests {
             config.check().expect_err("bad").to_string()
         };
         type Case = (&'static str, fn(&mut OidcConfig));
-        let cases: [Case; 7] = [
+        let cases: [Case; 9] = [
             ("issuer", |it| {
                 it.issuer = "http://id.example.org".to_owned()
             }),
             ("address", |it| {
                 it.address = "http://10.0.0.1".parse().expect("a URL")
+            }),
+            ("issuer must not have a user name", |it| {
+                it.issuer = "https://ada:secret@id.example.org".to_owned()
+            }),
+            ("client_secret_file /nowhere/secret", |it| {
+                it.client_secret_file = Some("/nowhere/secret".into())
             }),
             ("client_id", |it| it.client_id.clear()),
             ("hours", |it| it.hours = f64::NAN),

@@ -6,9 +6,11 @@ use yoto_proto::limits;
 /// Limits of a listener and of each of its connections. [`capacity`](crate::capacity) has the table of who may have how much of them.
 #[derive(Debug, Clone)]
 pub struct TrafficLimits {
-    /// Concurrent connections. Each is an open file.
+    /// Concurrent connections on which a call was admitted. Each is an open file.
     pub connections: usize,
-    /// Whether the connections of an address, and its calls without a key, have a share. Behind a proxy all have the proxy's address.
+    /// Concurrent connections on which no call was admitted yet. Each is an open file.
+    pub waiting_connections: usize,
+    /// Whether the waiting connections of an address, and its calls without a key, have a share. Behind a proxy all have the proxy's address.
     pub by_address: bool,
     /// Maximum time that a connection stays open without a call before the first call that was admitted.
     pub first_call: Duration,
@@ -65,7 +67,8 @@ impl TrafficLimits {
             part.clamp(1, most)
         };
         Self {
-            connections: eighths(3, 2048),
+            connections: eighths(2, 3072),
+            waiting_connections: eighths(1, 1024),
             downloads: eighths(2, 1024),
             open_calls: eighths(1, 512),
             ..self
@@ -95,6 +98,7 @@ impl Default for TrafficLimits {
             idle: Duration::from_secs(300),
             ping: Duration::from_secs(20),
             connections: 0,
+            waiting_connections: 0,
             open_calls: 0,
             downloads: 0,
         };
@@ -110,7 +114,8 @@ mod tests {
     fn what_holds_files_leaves_a_quarter_of_them() {
         for files in [256, 1024, 65_536, u64::MAX] {
             let limits = TrafficLimits::default().for_files(files);
-            let held = limits.connections + limits.downloads + limits.open_calls;
+            let connections = limits.connections + limits.waiting_connections;
+            let held = connections + limits.downloads + limits.open_calls;
             assert!(held as u64 <= files / 4 * 3, "{files}: {limits:?}");
         }
         let all = TrafficLimits::default();

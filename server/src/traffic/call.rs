@@ -41,31 +41,30 @@ impl Call {
         }
     }
 
-    /// Notes the call of a caller in this process, which has no share.
-    pub(crate) fn of_process(&self) {
-        if let Some(client) = &self.client {
-            client.admitted();
-        }
+    /// Counts the call of a caller in this process, which has no share.
+    ///
+    /// # Errors
+    /// When all connections are taken.
+    pub(crate) fn of_process(&self) -> Result<(), RequestError> {
+        self.take_connection(&[])
     }
 
     /// Counts the call of a caller who was admitted, for a path that needs `scope`. A `download` holds an open file.
     ///
     /// # Errors
-    /// When the caller has its share of the calls or downloads already.
+    /// When the caller has its share of the connections, calls or downloads already.
     pub(crate) fn admitted(
         &self,
         caller: &Caller,
         scope: Option<Scope>,
         download: bool,
     ) -> Result<(), RequestError> {
-        if let Some(client) = &self.client {
-            client.admitted();
-        }
         let key = caller.key().map(|key| Owner::Key(key.into()));
         let owners: Vec<_> = [Owner::Tenant(caller.id().into())]
             .into_iter()
             .chain(key)
             .collect();
+        self.take_connection(&owners)?;
         let pools = &self.traffic.pools;
         let calls = match scope {
             Some(Scope::Work) => &pools.worker_calls,
@@ -99,6 +98,14 @@ impl Call {
     /// Who makes the call; empty if nobody was admitted.
     pub(super) fn owners(&self) -> &[Owner] {
         self.owners.get().map(Vec::as_slice).unwrap_or_default()
+    }
+
+    fn take_connection(&self, owners: &[Owner]) -> Result<(), RequestError> {
+        let Some(client) = &self.client else {
+            return Ok(());
+        };
+        let taken = client.admitted(&self.traffic.pools.connections, owners);
+        taken.map_err(|error| busy(error.to_string()))
     }
 
     fn take(&self, pool: &Arc<Pool>, owners: &[Owner]) -> Result<(), RequestError> {

@@ -29,7 +29,7 @@ pub(crate) struct Admitted<IO> {
 }
 
 impl Traffic {
-    /// Admits a connection unless its address has its share of them. One without an admitted call gives way to it.
+    /// Admits a connection, to which another one without an admitted call gives way if places are short.
     pub(crate) fn admit<IO: Connected>(&self, io: IO) -> Option<Admitted<IO>> {
         let info = io.connect_info();
         let info = &info as &dyn Any;
@@ -40,11 +40,10 @@ impl Traffic {
         });
         let owner = address.filter(|_| self.limits.by_address).map(Owner::at);
         let owners = owner.as_slice();
-        let place = match self.pools.connections.take(owners, 1) {
+        let place = match self.pools.waiting_connections.take(owners, 1) {
             Ok(place) => place,
             Err(error) => match self.waiting.give_way(owner.as_ref()) {
-                // The place is of another owner, and is given back with the connection that ends.
-                Some(place) => self.pools.connections.hand_over(place, owners),
+                Some(place) => self.pools.waiting_connections.hand_over(place, owners),
                 None => {
                     METRICS.refused();
                     tracing::warn!(%error, "a connection was refused");
@@ -164,27 +163,47 @@ impl<IO: AsyncWrite + Unpin> AsyncWrite for Admitted<IO> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capacity::NoPlace;
     use crate::config::TrafficLimits;
     use std::net::IpAddr;
     use tokio::io::{AsyncReadExt, DuplexStream};
 
     fn traffic() -> Arc<Traffic> {
         Traffic::new(&TrafficLimits {
-            connections: 1,
+            waiting_connections: 1,
             first_call: Duration::from_millis(5),
             idle: Duration::from_millis(5),
             ..TrafficLimits::default()
         })
     }
 
+    impl<IO> Admitted<IO> {
+        /// Has a call of this tenant admitted.
+        fn call(&self, traffic: &Traffic, tenant: &str) -> Result<(), NoPlace> {
+            let owner = Owner::Tenant(tenant.into());
+            self.client.admitted(&traffic.pools.connections, &[owner])
+        }
+    }
+
     #[tokio::test]
-    async fn connections_beyond_the_limit_are_refused_until_another_ends() {
-        let traffic = traffic();
-        let first = traffic.admit(tokio::io::duplex(1).0).expect("has a place");
-        first.client.admitted();
-        assert!(traffic.admit(tokio::io::duplex(1).0).is_none());
-        drop(first);
-        assert!(traffic.admit(tokio::io::duplex(1).0).is_some());
+    async fn a_tenant_has_a_share_of_the_connections_with_admitted_calls() {
+        let traffic = Traffic::new(&TrafficLimits {
+            connections: 4,
+            ..TrafficLimits::default()
+        });
+        let connect = || traffic.admit(tokio::io::duplex(1).0).expect("has a place");
+        let greedy = [connect(), connect(), connect()];
+        greedy[0].call(&traffic, "greedy").expect("is in the share");
+        greedy[0].call(&traffic, "greedy").expect("is the same one");
+        greedy[1].call(&traffic, "greedy").expect("is in the share");
+        assert!(greedy[2].call(&traffic, "greedy").is_err());
+        greedy[2].call(&traffic, "other").expect("is another's");
+        drop(greedy);
+        for _ in 0..2 {
+            connect()
+                .call(&traffic, "greedy")
+                .expect("a place is free again");
+        }
     }
 
     /// A connection of an address.
@@ -225,7 +244,7 @@ mod tests {
     #[tokio::test]
     async fn strangers_give_way_and_callers_stay() {
         let traffic = Traffic::new(&TrafficLimits {
-            connections: 8,
+            waiting_connections: 8,
             ..TrafficLimits::default()
         });
         let mut far = Vec::new();
@@ -235,31 +254,24 @@ mod tests {
             traffic.admit(near)
         };
         let mut caller = connect(1).expect("has a place");
-        caller.client.admitted();
-        let mut strangers: Vec<_> = (0..3)
+        caller.call(&traffic, "lab").expect("is admitted");
+        let mut strangers: Vec<_> = (0..4)
             .map(|_| connect(1).expect("is in the share"))
             .collect();
-        // The fifth of the address takes the place of its oldest stranger.
-        let fifth = connect(1).expect("one gives way");
+        // The fifth takes the place of the oldest stranger of its address.
+        let _fifth = connect(1).expect("one gives way");
         assert_eq!(strangers[0].read(&mut [0; 8]).await.expect("reads"), 0);
-        assert!(stays(&mut strangers[1]).await, "stays");
-        // Others find places, until the whole listener is full; then the address with the most strangers gives.
-        let second: Vec<_> = (0..2)
+        assert!(stays(&mut strangers[1]).await, "is newer");
+        // Others find places until all are taken; then the address with the most strangers gives.
+        let _second: Vec<_> = (0..2)
             .map(|_| connect(2).expect("is in the share"))
             .collect();
-        let third = connect(3).expect("is in the share");
-        let fourth = connect(4).expect("the last place");
-        let last = connect(5).expect("one of the first address gives way");
+        let _third = connect(3).expect("is in the share");
+        let mut fourth = connect(4).expect("the last place");
+        let _last = connect(5).expect("one of the first address gives way");
         assert_eq!(strangers[1].read(&mut [0; 8]).await.expect("reads"), 0);
+        assert!(stays(&mut fourth).await, "its address has one alone");
         assert!(stays(&mut caller).await, "a caller stays");
-        // When all are callers, nobody gives way.
-        for it in [&fifth, &third, &fourth, &last, &strangers[2]]
-            .into_iter()
-            .chain(&second)
-        {
-            it.client.admitted();
-        }
-        assert!(connect(6).is_none());
     }
 
     #[tokio::test]
@@ -273,15 +285,16 @@ mod tests {
         assert_eq!(stranger.read(&mut [0; 8]).await.expect("reads"), 0);
         let (near, _far) = from(1);
         let mut caller = traffic.admit(near).expect("has a place");
-        caller.client.admitted();
+        caller.call(&traffic, "lab").expect("is admitted");
         assert!(stays(&mut caller).await, "has the longer time");
     }
 
     #[tokio::test]
     async fn a_connection_without_calls_ends() {
         let (_client, service) = tokio::io::duplex(64);
-        let mut connection = traffic().admit(service).expect("has a place");
-        connection.client.admitted();
+        let traffic = traffic();
+        let mut connection = traffic.admit(service).expect("has a place");
+        connection.call(&traffic, "lab").expect("is admitted");
         let read = connection.read(&mut [0; 8]).await.expect("reads");
         assert_eq!(read, 0, "the end");
     }
@@ -289,8 +302,9 @@ mod tests {
     #[tokio::test]
     async fn a_connection_with_a_call_stays() {
         let (_far, service) = tokio::io::duplex(64);
-        let mut connection = traffic().admit(service).expect("has a place");
-        connection.client.admitted();
+        let traffic = traffic();
+        let mut connection = traffic.admit(service).expect("has a place");
+        connection.call(&traffic, "lab").expect("is admitted");
         let client = Arc::clone(&connection.client);
         client.calls.fetch_add(1, Ordering::SeqCst);
         let mut bytes = [0; 8];

@@ -268,7 +268,11 @@ mod tests {
     }
 
     fn client(traffic: &Arc<Traffic>) -> Arc<Client> {
-        let place = traffic.pools.connections.take(&[], 1).expect("has a place");
+        let place = traffic
+            .pools
+            .waiting_connections
+            .take(&[], 1)
+            .expect("has a place");
         Arc::new(traffic.client(None, place, false))
     }
 

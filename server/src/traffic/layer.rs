@@ -10,7 +10,8 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use tonic::Status;
 use tonic::body::Body;
-use tonic::codegen::http::{Request, Response, StatusCode};
+use tonic::codegen::http::header::HOST;
+use tonic::codegen::http::{Request, Response, StatusCode, Version};
 use tower::{Layer, Service};
 use yoto_http::{is_grpc, transcoding};
 use yoto_process::metrics::METRICS;
@@ -43,6 +44,13 @@ fn plain(message: &str) -> Response<Body> {
     yoto_http::text(StatusCode::SERVICE_UNAVAILABLE, message)
 }
 
+/// Whether nothing in the request tells for whom it is (RFC 9112, 3.2).
+fn is_without_host(request: &Request<Body>) -> bool {
+    request.version() == Version::HTTP_11
+        && !request.headers().contains_key(HOST)
+        && request.uri().authority().is_none()
+}
+
 impl<S> Service<Request<Body>> for Limited<S>
 where
     S: Service<Request<Body>, Response = Response<Body>>,
@@ -58,6 +66,11 @@ where
     }
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
+        if is_without_host(&request) {
+            let told = "a request of HTTP/1.1 has the header Host";
+            let refused = yoto_http::text(StatusCode::BAD_REQUEST, told);
+            return Box::pin(std::future::ready(Ok(refused)));
+        }
         let traffic = Arc::clone(&self.traffic);
         let limits = &traffic.limits;
         let place = Arc::clone(&traffic.calls).try_acquire_owned().ok();

@@ -23,10 +23,10 @@ mod waiting;
 pub(crate) use call::Call;
 pub(crate) use layer::TrafficLayer;
 
-use crate::capacity::{Owner, Places, Pool};
+use crate::capacity::{NoPlace, Owner, Places, Pool};
 use crate::config::TrafficLimits;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -47,6 +47,7 @@ pub(crate) struct Traffic {
 #[derive(Debug)]
 struct Pools {
     connections: Arc<Pool>,
+    waiting_connections: Arc<Pool>,
     user_calls: Arc<Pool>,
     worker_calls: Arc<Pool>,
     operator_calls: Arc<Pool>,
@@ -60,6 +61,10 @@ impl Pools {
     fn new(limits: &TrafficLimits) -> Self {
         Self {
             connections: Pool::new("connections", limits.connections),
+            waiting_connections: Pool::new(
+                "connections without an admitted call",
+                limits.waiting_connections,
+            ),
             user_calls: Pool::new("open calls", limits.user_calls),
             worker_calls: Pool::new("open calls of workers", limits.worker_calls),
             operator_calls: Pool::new("open calls of operators", limits.operator_calls),
@@ -75,9 +80,9 @@ impl Pools {
 pub(crate) struct Client {
     /// Whether it is in this process.
     in_process: bool,
-    /// Its address, if the connections of an address have a share.
+    /// Its address, if the waiting connections of an address have a share.
     owner: Option<Owner>,
-    /// Its place among the connections. A client that gives way has none.
+    /// Its place among the waiting connections, or among those of callers once a call was admitted. A client that gives way has none.
     place: Mutex<Option<Places>>,
     /// Whether a call on this connection was admitted.
     admitted: AtomicBool,
@@ -122,9 +127,17 @@ impl Client {
         client.is_some_and(|it| it.in_process)
     }
 
-    /// Notes that a call was admitted: the connection is no stranger's.
-    fn admitted(&self) {
-        self.admitted.store(true, Ordering::SeqCst);
+    /// Notes that a call was admitted: the connection is no stranger's any more, and counts for the caller.
+    ///
+    /// # Errors
+    /// When the caller has its share of connections already.
+    fn admitted(&self, pool: &Arc<Pool>, owners: &[Owner]) -> Result<(), NoPlace> {
+        let mut place = self.place.lock().unwrap_or_else(PoisonError::into_inner);
+        if !self.was_admitted() {
+            *place = Some(pool.take(owners, 1)?);
+            self.admitted.store(true, Ordering::SeqCst);
+        }
+        Ok(())
     }
 
     fn was_admitted(&self) -> bool {

@@ -93,6 +93,8 @@ fn is_public_v4(ip: Ipv4Addr) -> bool {
         // Shared address space, IETF protocol assignments, benchmarking; multicast and reserved.
         || (a == 100 && (64..128).contains(&b))
         || (a == 192 && b == 0 && c == 0)
+        // The relays of 6to4, which RFC 7526 has ended.
+        || (a == 192 && b == 88 && c == 99)
         || (a == 198 && (b == 18 || b == 19))
         || a >= 224;
     !special
@@ -129,6 +131,7 @@ mod tests {
             "100.64.0.1",
             "0.0.0.0",
             "192.0.0.1",
+            "192.88.99.1",
             "198.18.0.1",
             "224.0.0.1",
             "255.255.255.255",

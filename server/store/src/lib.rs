@@ -43,9 +43,9 @@ pub use tenant::Tenant;
 pub use trace_parent::TraceParent;
 pub use types::{
     Entry, Horizons, KnownGarbage, NamedObject, NewConsent, NewEvidence, NewModel, NewPart,
-    NewPiece, NewShare, NewSubject, NewUpload, NewWorker, Page, PartId, Reference, References,
-    RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload, UploadFile,
-    UploadPart, UploadedFile, new_id,
+    NewPiece, NewShare, NewSubject, NewUpload, NewWorker, OperatorNote, Page, PartId, Reference,
+    References, RequestKey, ShareFilter, Shared, StoredPart, SubjectChange, Target, Upload,
+    UploadFile, UploadPart, UploadedFile, new_id,
 };
 pub use webhook_types::{DueDelivery, DueWebhook, NewWebhook};
 

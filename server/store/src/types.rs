@@ -328,6 +328,15 @@ pub struct Horizons {
     pub audit: Option<f64>,
 }
 
+/// Why an operator keeps jobs from being taken, and who it is.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct OperatorNote<'a> {
+    /// For people.
+    pub reason: &'a str,
+    /// Id of the operator's key; empty where none is asked for.
+    pub key: &'a str,
+}
+
 /// Everything that rows name in the object store, and what may get a row yet.
 #[derive(Debug, Default)]
 pub struct References {

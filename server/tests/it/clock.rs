@@ -1,10 +1,11 @@
 //! Steps of the clock: a clock that is set and a service that is down delete nothing, and delay nothing.
 
-use crate::support::{Service, chunks, file, job_error};
+use crate::support::{Service, chunks, file, job_error, job_name};
+use prost_types::Timestamp;
 use std::sync::Arc;
 use tempfile::TempDir;
 use tonic::Code;
-use yoto_proto::v1::CollectGarbageResponse;
+use yoto_proto::v1::{CancelJobRequest, CollectGarbageResponse};
 use yoto_proto::worker::v1::end_job_request::Outcome;
 use yoto_server::clock::ManualClock;
 
@@ -116,4 +117,43 @@ async fn a_postponed_job_waits_no_longer_because_the_clock_is_set_back() {
     );
     clock.advance(2.0);
     assert!(service.lease(&worker).await.is_some());
+}
+
+#[tokio::test]
+async fn nothing_ends_before_it_began_because_the_clock_is_set_back() {
+    let clock = Arc::new(ManualClock::at(1e9));
+    let service = start_in(TempDir::new().expect("a folder"), &clock).await;
+    let subject = service.ready_subject("Ada").await;
+    let waiting = service.train(&service.model_of(&subject).await).await;
+    let run = service.train(&service.model_of(&subject).await).await;
+    let worker = service.worker(&["train"]).await;
+    let lease = service.lease(&worker).await.expect("the first training");
+    let (leased, waiting) = match job_name(&lease) == run.name {
+        true => (run.name, waiting.name),
+        false => (waiting.name, run.name),
+    };
+    clock.set_ahead(-DAY);
+    let checkpoint = service.publish(&lease, 3).await.expect("publishes");
+    service.complete_training(&lease, &checkpoint).await;
+    let request = CancelJobRequest {
+        name: waiting.clone(),
+        ..CancelJobRequest::default()
+    };
+    service
+        .jobs()
+        .cancel_job(request)
+        .await
+        .expect("is cancelled");
+    for name in [leased, waiting] {
+        let job = service.get_job(&name).await;
+        let seconds = |time: Option<Timestamp>| time.map(|it| it.seconds);
+        let (begin, end) = (seconds(job.create_time), seconds(job.end_time));
+        assert!(begin.is_some() && end >= begin, "{job:?}");
+        assert!(
+            job.attempts
+                .iter()
+                .all(|it| seconds(it.end_time) >= seconds(it.begin_time)),
+            "{job:?}"
+        );
+    }
 }

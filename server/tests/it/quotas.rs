@@ -330,4 +330,17 @@ async fn calls_beyond_a_tenants_rate_wait_and_those_of_others_and_of_workers_pas
         assert_eq!(answer.code(), Code::NotFound);
     }
     assert_refused(asked(&lab).await, Code::Unavailable, "BUSY");
+    // A rate counts from the call that sets it, also for keys that were in use.
+    let rate = SetQuotaRequest {
+        tenant: "other".into(),
+        quota: Some(Quota {
+            calls_per_second: Some(0.01),
+            ..Quota::default()
+        }),
+    };
+    service.tenants().set_quota(rate).await.expect("is set");
+    for _ in 0..10 {
+        asked(&other).await.expect("a burst");
+    }
+    assert_refused(asked(&other).await, Code::Unavailable, "BUSY");
 }

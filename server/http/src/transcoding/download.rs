@@ -130,9 +130,10 @@ fn wanted(headers: &HeaderMap, etag: &str, bytes: u64) -> RequestedBytes {
             .get(name)
             .and_then(|it: &HeaderValue| it.to_str().ok())
     };
+    // A weak tag matches here (RFC 9110, 13.1.2), and not in `If-Range`.
     let known = |tags: &str| {
-        tags.split(',')
-            .any(|it| it.trim() == etag || it.trim() == "*")
+        let mut tags = tags.split(',').map(str::trim);
+        tags.any(|it| it.trim_start_matches("W/") == etag || it == "*")
     };
     if text(IF_NONE_MATCH).is_some_and(known) {
         return RequestedBytes::Nothing;
@@ -192,6 +193,10 @@ mod tests {
     fn a_file_that_is_known_is_not_sent_again() {
         assert_eq!(
             asked(&[(IF_NONE_MATCH, "\"a\", \"tag\"")]),
+            RequestedBytes::Nothing
+        );
+        assert_eq!(
+            asked(&[(IF_NONE_MATCH, "W/\"tag\"")]),
             RequestedBytes::Nothing
         );
         assert_eq!(asked(&[(IF_NONE_MATCH, "\"a\"")]), RequestedBytes::All);

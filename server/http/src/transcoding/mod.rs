@@ -22,6 +22,7 @@ mod problem;
 mod request;
 mod stream;
 mod template;
+mod unique;
 mod upload;
 
 pub use json::of as json_of;
@@ -136,6 +137,19 @@ async fn answer_to(State(calls): State<Calls>, request: Request) -> Response<Bod
     }
 }
 
+/// Whether the value of a header Content-Type is that of JSON, which is UTF-8 (RFC 8259, 8.1).
+fn is_json(kind: &str) -> bool {
+    let mut parts = kind.split(';').map(str::trim);
+    let json = |it: &str| it.eq_ignore_ascii_case("application/json");
+    let good = |parameter: &str| match parameter.split_once('=') {
+        Some((name, value)) if name.trim().eq_ignore_ascii_case("charset") => {
+            value.trim().trim_matches('"').eq_ignore_ascii_case("utf-8")
+        }
+        _ => true,
+    };
+    parts.next().is_some_and(json) && parts.all(good)
+}
+
 async fn call_of(
     calls: &Calls,
     asked: Request,
@@ -146,12 +160,10 @@ async fn call_of(
         let message = format!("is longer than {} bytes, or broke off", request::LONGEST);
         RequestError::invalid("body", message)
     })?;
-    let is_json = parts.headers.get(CONTENT_TYPE).is_some_and(|it| {
-        let kind = it.as_bytes();
-        kind.starts_with(b"application/json")
-    });
+    let kind = parts.headers.get(CONTENT_TYPE);
+    let is_json = kind.and_then(|it| it.to_str().ok()).is_some_and(is_json);
     if !body.is_empty() && !is_json {
-        let message = "is not of the type application/json";
+        let message = "is not of the type application/json, in UTF-8";
         return Err(RequestError::invalid("Content-Type", message).into());
     }
     let text = |name: &str| parts.headers.get(name).and_then(|it| it.to_str().ok());
@@ -195,6 +207,25 @@ fn answer(text: String) -> Response<Body> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn json_is_utf_8() {
+        for good in [
+            "application/json",
+            "Application/JSON; charset=UTF-8",
+            "application/json;charset=\"utf-8\"; x=y",
+        ] {
+            assert!(is_json(good), "{good}");
+        }
+        for bad in [
+            "",
+            "text/json",
+            "application/json-patch+json",
+            "application/json; charset=utf-16",
+        ] {
+            assert!(!is_json(bad), "{bad}");
+        }
+    }
 
     #[test]
     fn each_request_needs_what_its_call_needs() {

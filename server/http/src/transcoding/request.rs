@@ -1,6 +1,7 @@
 //! The request of a call, out of path, query and body of an HTTP request.
 
 use super::bindings::{BodyOf, BoundCall, empty};
+use super::unique::Unique;
 use prost_reflect::{DeserializeOptions, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor};
 use serde_json::{Map, Value};
 use yoto_request::RequestError;
@@ -87,7 +88,7 @@ fn object(body: &[u8]) -> Result<Map<String, Value>, RequestError> {
         return refused(format!("it has more than {MOST_PARTS} parts"));
     }
     match serde_json::from_slice(body) {
-        Ok(Value::Object(fields)) => Ok(fields),
+        Ok(Unique(Value::Object(fields))) => Ok(fields),
         Ok(_) => refused("it is not a JSON object".to_owned()),
         Err(error) => refused(format!("it is not JSON: {error}")),
     }

@@ -5,8 +5,8 @@ use crate::scripts::{
 };
 use crate::transaction::transaction;
 use crate::{
-    EndedJob, Entry, JobFilter, JobKind, JobVersions, NewJob, Page, QueueFigures, RequestKey,
-    ServiceState, Store, StoreError, Tenant,
+    EndedJob, Entry, JobFilter, JobKind, JobVersions, NewJob, OperatorNote, Page, QueueFigures,
+    RequestKey, ServiceState, Store, StoreError, Tenant,
 };
 use yoto_proto::v1::{Job, JobMetrics, PausedKind, RenderedFile};
 
@@ -123,9 +123,9 @@ impl Store {
         &self,
         tenant: &Tenant,
         kind: JobKind,
-        reason: &str,
+        note: OperatorNote<'_>,
     ) -> Result<(), StoreError> {
-        transaction!(self, |tx| pauses::pause(tx, tenant, kind, reason))
+        transaction!(self, |tx| pauses::pause(tx, tenant, kind, note))
     }
 
     /// Leases jobs of a kind again.

@@ -2,13 +2,13 @@
 
 use crate::scripts::operators;
 use crate::transaction::transaction;
-use crate::{Store, StoreError, Tenant};
+use crate::{OperatorNote, Store, StoreError, Tenant};
 use yoto_proto::v1::Draining;
 
 impl Store {
     /// The service takes no new jobs and gives no leases, for a reason.
-    pub async fn drain(&self, reason: &str) -> Result<(), StoreError> {
-        transaction!(self, |tx| operators::drain(tx, reason))
+    pub async fn drain(&self, note: OperatorNote<'_>) -> Result<(), StoreError> {
+        transaction!(self, |tx| operators::drain(tx, note))
     }
 
     /// The service takes jobs and gives leases again.
@@ -26,9 +26,9 @@ impl Store {
         &self,
         tenant: &Tenant,
         worker: &str,
-        reason: &str,
+        note: OperatorNote<'_>,
     ) -> Result<(), StoreError> {
-        transaction!(self, |tx| operators::cordon(tx, tenant, worker, reason))
+        transaction!(self, |tx| operators::cordon(tx, tenant, worker, note))
     }
 
     /// The workers called `worker` get leases again.

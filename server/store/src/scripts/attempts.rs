@@ -34,7 +34,7 @@ pub(crate) async fn end(
 ) -> Result<(), StoreError> {
     usage::attempt_ends(tx, lease).await?;
     sql(
-        "UPDATE job_attempts SET end_time = $3, outcome = $4, error = $5, lease_deadline = NULL
+        "UPDATE job_attempts SET end_time = CASE WHEN $3 < begin_time THEN begin_time ELSE $3 END, outcome = $4, error = $5, lease_deadline = NULL
          WHERE job = $1 AND lease = $2 AND end_time IS NULL",
     )
     .bind(&lease.job_id)

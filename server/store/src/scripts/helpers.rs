@@ -140,7 +140,7 @@ pub(crate) async fn dismiss(
         _ => Outcome::Cancelled,
     };
     sql(
-        "UPDATE job_attempts SET end_time = $2, outcome = $3, lease_deadline = NULL
+        "UPDATE job_attempts SET end_time = CASE WHEN $2 < begin_time THEN begin_time ELSE $2 END, outcome = $3, lease_deadline = NULL
          WHERE job = $1 AND lease_deadline IS NOT NULL",
     )
     .bind(job_id)

@@ -1,7 +1,8 @@
 //! What operators say of the service and of its workers: drains and cordons.
 
+use super::service_state::by;
 use crate::db::{Tx, sql};
-use crate::{StoreError, Tenant};
+use crate::{OperatorNote, StoreError, Tenant};
 use yoto_proto::v1::{Draining, ErrorReason};
 
 /// The condition that worker `$1` may get leases.
@@ -15,11 +16,14 @@ macro_rules! admitted {
 pub(super) use admitted;
 
 /// Begins a drain of the service, or changes its reason.
-pub(crate) async fn drain(tx: &mut Tx, reason: &str) -> Result<(), StoreError> {
-    sql("INSERT INTO drains (id, reason, since) VALUES (1, $1, $2)
-         ON CONFLICT (id) DO UPDATE SET reason = $1")
-    .bind(reason)
+pub(crate) async fn drain(tx: &mut Tx, note: OperatorNote<'_>) -> Result<(), StoreError> {
+    sql(
+        "INSERT INTO drains (id, reason, since, by_key) VALUES (1, $1, $2, $3)
+         ON CONFLICT (id) DO UPDATE SET reason = $1, by_key = $3",
+    )
+    .bind(note.reason)
     .bind(tx.now())
+    .bind(note.key)
     .execute(tx, "draining the service")
     .await?;
     Ok(())
@@ -34,13 +38,14 @@ pub(crate) async fn end_drain(tx: &mut Tx) -> Result<(), StoreError> {
 
 /// The drain of the service, if there is one.
 pub(crate) async fn draining(tx: &mut Tx) -> Result<Option<Draining>, StoreError> {
-    let row = sql("SELECT reason, since FROM drains")
+    let row = sql("SELECT reason, since, by_key FROM drains")
         .row(tx, "looking for a drain")
         .await?;
     row.map(|row| {
         Ok(Draining {
             reason: row.text("reason")?,
             since: row.time("since")?,
+            by: by(&row)?,
         })
     })
     .transpose()
@@ -68,16 +73,17 @@ pub(crate) async fn cordon(
     tx: &mut Tx,
     tenant: &Tenant,
     worker: &str,
-    reason: &str,
+    note: OperatorNote<'_>,
 ) -> Result<(), StoreError> {
     sql(
-        "INSERT INTO cordons (tenant, worker, reason, since) VALUES ($1, $2, $3, $4)
-         ON CONFLICT (tenant, worker) DO UPDATE SET reason = $3",
+        "INSERT INTO cordons (tenant, worker, reason, since, by_key) VALUES ($1, $2, $3, $4, $5)
+         ON CONFLICT (tenant, worker) DO UPDATE SET reason = $3, by_key = $5",
     )
     .bind(tenant.id())
     .bind(worker)
-    .bind(reason)
+    .bind(note.reason)
     .bind(tx.now())
+    .bind(note.key)
     .execute(tx, "cordoning a worker")
     .await?;
     Ok(())

@@ -215,7 +215,8 @@ async fn stand_still(tx: &mut Tx, job_id: &str) -> Result<(), StoreError> {
 pub(crate) async fn cancel_queued(tx: &mut Tx, job_id: &str) -> Result<bool, StoreError> {
     let row = sql(
         "UPDATE jobs SET state = 'CANCELLED', cancel_requested = 1, sequence = sequence + 1,
-             end_time = $2, waiting_error = NULL, not_before = NULL
+             end_time = CASE WHEN $2 < coalesce(start_time, create_time)
+                 THEN coalesce(start_time, create_time) ELSE $2 END, waiting_error = NULL, not_before = NULL
          WHERE id = $1 AND state = 'QUEUED' RETURNING capture",
     )
     .bind(job_id)
@@ -239,7 +240,8 @@ pub(crate) async fn fail_queued(
 ) -> Result<bool, StoreError> {
     let done = sql(
         "UPDATE jobs SET state = 'FAILED', error = $3, sequence = sequence + 1,
-             end_time = $2, waiting_error = NULL, not_before = NULL
+             end_time = CASE WHEN $2 < coalesce(start_time, create_time)
+                 THEN coalesce(start_time, create_time) ELSE $2 END, waiting_error = NULL, not_before = NULL
          WHERE id = $1 AND state = 'QUEUED' AND kind <> 'ingest'",
     )
     .bind(job_id)
@@ -293,7 +295,8 @@ struct End<'a> {
 async fn finish(tx: &mut Tx, lease: &LeaseKey, end: End<'_>) -> Result<Row, StoreError> {
     let statement = guarded!(
         "UPDATE jobs SET state = $4, result = $5, error = $6, lease_deadline = NULL,
-             sequence = sequence + 1, end_time = $7",
+             sequence = sequence + 1, end_time = CASE WHEN $7 < coalesce(start_time, create_time)
+                 THEN coalesce(start_time, create_time) ELSE $7 END",
         "RETURNING capture"
     );
     let row = bound(statement, lease)?

@@ -1,7 +1,8 @@
 //! Kinds of jobs that are not leased at present.
 
+use super::service_state::by;
 use crate::db::{Tx, sql};
-use crate::{JobKind, StoreError, Tenant};
+use crate::{JobKind, OperatorNote, StoreError, Tenant};
 use yoto_proto::v1::PausedKind;
 
 /// Pauses a kind, or changes the reason of its pause.
@@ -9,16 +10,17 @@ pub(crate) async fn pause(
     tx: &mut Tx,
     tenant: &Tenant,
     kind: JobKind,
-    reason: &str,
+    note: OperatorNote<'_>,
 ) -> Result<(), StoreError> {
     sql(
-        "INSERT INTO paused_kinds (kind, reason, since, tenant) VALUES ($1, $2, $3, $4)
-         ON CONFLICT (tenant, kind) DO UPDATE SET reason = $2",
+        "INSERT INTO paused_kinds (kind, reason, since, tenant, by_key) VALUES ($1, $2, $3, $4, $5)
+         ON CONFLICT (tenant, kind) DO UPDATE SET reason = $2, by_key = $5",
     )
     .bind(kind.as_str())
-    .bind(reason)
+    .bind(note.reason)
     .bind(tx.now())
     .bind(tenant.id())
+    .bind(note.key)
     .execute(tx, "pausing a kind of jobs")
     .await?;
     Ok(())
@@ -46,6 +48,7 @@ pub(crate) async fn list(tx: &mut Tx, tenant: &Tenant) -> Result<Vec<PausedKind>
                 kind: JobKind::of_column(&row.text("kind")?)?.to_proto() as i32,
                 reason: row.text("reason")?,
                 since: row.time("since")?,
+                by: by(row)?,
             })
         })
         .collect()

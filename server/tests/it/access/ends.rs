@@ -9,9 +9,12 @@ use tonic::{Code, Status, Streaming};
 use yoto_proto::key::{Connection, connection};
 use yoto_proto::v1::job_service_client::JobServiceClient;
 use yoto_proto::v1::key_service_client::KeyServiceClient;
+use yoto_proto::v1::status_service_client::StatusServiceClient;
 use yoto_proto::v1::upload_service_client::UploadServiceClient;
 use yoto_proto::v1::{
-    ListJobsRequest, ListKeysRequest, RevokeKeyRequest, Scope, WatchJobRequest, WatchJobResponse,
+    CordonWorkerRequest, CreateKeyRequest, DrainRequest, GetStatusRequest, JobKind,
+    ListJobsRequest, ListKeysRequest, PauseJobsRequest, RevokeKeyRequest, Scope, WatchJobRequest,
+    WatchJobResponse,
 };
 use yoto_server::{Admission, KeyStore};
 
@@ -183,4 +186,60 @@ async fn the_use_of_a_key_is_noted() {
         lists(service.with_key(&key)).await.expect("may");
     }
     assert_eq!(used().await, Some(first), "it is not noted at each call");
+}
+
+#[tokio::test]
+async fn a_key_makes_none_with_a_scope_that_it_lacks() {
+    let service = Service::start().await;
+    let make = async |key: &Made, scopes: &[Scope]| {
+        let request = CreateKeyRequest {
+            display_name: "new".into(),
+            scopes: scopes.iter().map(|it| i32::from(*it)).collect(),
+            ..CreateKeyRequest::default()
+        };
+        let mut keys = KeyServiceClient::new(service.with_key(key));
+        keys.create_key(request).await
+    };
+    let figures = service.key("default", &[Scope::Operate]).await;
+    for scope in [Scope::Read, Scope::Write] {
+        let refused = make(&figures, &[scope, Scope::Operate]).await;
+        assert_refused(refused, Code::PermissionDenied, "SCOPE_MISSING");
+    }
+    make(&figures, &[Scope::Operate]).await.expect("its own");
+    make(&figures, &[Scope::Work]).await.expect("a worker's");
+    let admin = [Scope::Read, Scope::Write, Scope::Operate];
+    let admin = service.key("default", &admin).await;
+    make(&admin, &[Scope::Read, Scope::Write])
+        .await
+        .expect("its own");
+}
+
+#[tokio::test]
+async fn what_keeps_jobs_from_being_taken_names_the_key_that_said_so() {
+    let service = Service::start().await;
+    let key = service.key("default", &[Scope::Operate]).await;
+    let connection = || service.with_key(&key);
+    let pause = PauseJobsRequest {
+        kind: JobKind::Export.into(),
+        ..PauseJobsRequest::default()
+    };
+    let paused = JobServiceClient::new(connection()).pause_jobs(pause).await;
+    paused.expect("is paused");
+    let mut operator = StatusServiceClient::new(connection());
+    let drain = DrainRequest::default();
+    operator.drain(drain).await.expect("is drained");
+    let cordon = CordonWorkerRequest {
+        display_name: "w".into(),
+        ..CordonWorkerRequest::default()
+    };
+    operator.cordon_worker(cordon).await.expect("is cordoned");
+    let mut own = StatusServiceClient::new(service.channel.clone());
+    let status = own.get_status(GetStatusRequest {}).await;
+    let status = status.expect("answers").into_inner();
+    let said = [
+        status.paused[0].by.as_str(),
+        &status.draining.as_ref().expect("is drained").by,
+        &status.cordons[0].by,
+    ];
+    assert_eq!(said, [key.name.as_str(); 3]);
 }

@@ -1,10 +1,11 @@
 //! Connections.
 
 use super::{door, lists, with_key};
-use crate::support::{Service, ask};
+use crate::support::{Service, ask, assert_refused};
 use std::time::{Duration, Instant};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tonic::Code;
 use yoto_proto::v1::Scope;
 
 /// What strangers send: nothing; the beginning of HTTP/2; the beginning of a request, which has no end.
@@ -16,7 +17,7 @@ const BEGINNINGS: [&[u8]; 3] = [
 
 #[tokio::test]
 async fn strangers_who_open_connections_and_ask_nothing_keep_nobody_out() {
-    let service = Service::start_with(|config| config.traffic.connections = 16).await;
+    let service = Service::start_with(|config| config.traffic.waiting_connections = 16).await;
     let key = service.key("default", &[Scope::Read]).await;
     let address = door(&service).await;
     let early = with_key(address, &key).await;
@@ -35,6 +36,29 @@ async fn strangers_who_open_connections_and_ask_nothing_keep_nobody_out() {
         lists(&early).await.expect("who was there before");
         assert_eq!(ask(address, "GET", "/readyz").await.0, 200);
     }
+}
+
+#[tokio::test]
+async fn connections_of_one_key_keep_out_no_other_key_from_the_same_address() {
+    let service = Service::start_with(|config| config.traffic.connections = 30).await;
+    let greedy = service.key("greedy", &[Scope::Read]).await;
+    let other = service.key("other", &[Scope::Read]).await;
+    let address = door(&service).await;
+    let mut open = Vec::new();
+    loop {
+        let connection = with_key(address, &greedy).await;
+        match lists(&connection).await {
+            Ok(()) => open.push(connection),
+            Err(status) => {
+                break assert_refused::<()>(Err(status), Code::Unavailable, "BUSY");
+            }
+        }
+    }
+    assert_eq!(open.len(), 10, "a third");
+    lists(&with_key(address, &other).await)
+        .await
+        .expect("another tenant");
+    assert_eq!(ask(address, "GET", "/readyz").await.0, 200);
 }
 
 #[tokio::test]

@@ -4,6 +4,7 @@
 //! outside the folder. The names are only checked and kept in a list. Declared sizes are compared with
 //! the limits before unpacking, and actual sizes during it.
 
+mod entries;
 mod name;
 mod tar;
 mod zip;
@@ -91,6 +92,19 @@ struct Sink<'u, 'a> {
 }
 
 impl Sink<'_, '_> {
+    /// Checks that as many `more` entries are allowed.
+    fn room_for(&self, more: u64) -> Result<(), MediaFault> {
+        let most = self.unpacker.limits.entries;
+        let left = most.saturating_sub(self.unpacker.entries);
+        match usize::try_from(more).is_ok_and(|it| it <= left) {
+            true => Ok(()),
+            false => Err(MediaFault::new(
+                "TOO_LARGE",
+                format!("more than {most} entries"),
+            )),
+        }
+    }
+
     /// Checks an entry before its content is read. `None` for entries to skip.
     fn admit(&mut self, raw: &[u8], declared: u64) -> Result<Option<String>, MediaFault> {
         self.unpacker.entries += 1;

@@ -1,6 +1,6 @@
 //! Zip archives.
 
-use super::Sink;
+use super::{Sink, entries};
 use crate::{MediaError, MediaFault};
 use ::zip::ZipArchive;
 use ::zip::result::ZipError;
@@ -15,7 +15,12 @@ const FOLDER: u32 = 0o040_000;
 
 pub(super) fn unpack(path: &Path, sink: &mut Sink<'_, '_>) -> Result<(), MediaError> {
     let file = File::open(path).map_err(MediaError::io(path))?;
-    let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| undecodable(&error))?;
+    let mut file = BufReader::new(file);
+    // The directory at the end has the number, before all entries are read.
+    if let Some(entries) = entries::announced(&mut file).map_err(MediaError::io(path))? {
+        sink.room_for(entries)?;
+    }
+    let mut archive = ZipArchive::new(file).map_err(|error| undecodable(&error))?;
     if archive.has_duplicate_names() {
         let message = "the archive has two entries of the same name";
         return Err(MediaFault::new("DUPLICATE", message).into());

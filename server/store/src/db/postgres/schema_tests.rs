@@ -163,6 +163,9 @@ fn schema(database: &Database) -> String {
     )
 }
 
+/// Tables that got a column by a later step.
+const GROWN: [&str; 3] = ["cordons", "drains", "paused_kinds"];
+
 #[tokio::test]
 async fn the_last_schema_before_the_start_is_taken_over_with_its_rows() {
     if !is_there() {
@@ -189,7 +192,12 @@ async fn the_last_schema_before_the_start_is_taken_over_with_its_rows() {
     }
     let mut rows_after = rows(&database);
     rows_after.retain(|table, rows| rows_before.contains_key(table) || !rows.is_empty());
-    assert_eq!(rows_after, rows_before, "later steps add tables alone");
+    let mut rows_kept = rows_before;
+    for grown in GROWN {
+        let (before, after) = (rows_kept.remove(grown), rows_after.remove(grown));
+        assert!(before.is_some_and(|it| !it.is_empty()) && after.is_some_and(|it| !it.is_empty()));
+    }
+    assert_eq!(rows_after, rows_kept);
     let fresh = Database::create().expect("PostgreSQL");
     open(&fresh).await.expect("opens").close().await;
     assert_eq!(schema(&fresh), schema(&database));

@@ -113,6 +113,9 @@ fn parts(definition: &str) -> BTreeSet<String> {
     parts
 }
 
+/// Tables that got a column by a later step.
+const GROWN: [&str; 3] = ["cordons", "drains", "paused_kinds"];
+
 #[tokio::test]
 async fn the_last_schema_before_the_start_is_taken_over_with_its_rows() {
     let (folder, path) = before("").await;
@@ -152,7 +155,12 @@ async fn the_last_schema_before_the_start_is_taken_over_with_its_rows() {
     let pool = plain(&path).await;
     let mut rows_after = rows(&pool).await;
     rows_after.retain(|table, rows| rows_before.contains_key(table) || !rows.is_empty());
-    assert_eq!(rows_after, rows_before, "later steps add tables alone");
+    let mut rows_kept = rows_before;
+    for grown in GROWN {
+        let (before, after) = (rows_kept.remove(grown), rows_after.remove(grown));
+        assert!(before.is_some_and(|it| !it.is_empty()) && after.is_some_and(|it| !it.is_empty()));
+    }
+    assert_eq!(rows_after, rows_kept);
     let schema_after = schema(&pool).await;
     pool.close().await;
 

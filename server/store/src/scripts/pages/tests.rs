@@ -2,7 +2,7 @@
 
 use crate::db::{Tx, sql};
 use crate::stage::{DatabaseKind, Staged, on_each_database};
-use crate::{JobFilter, JobGroup, JobKind, Membership, Page, Tenant};
+use crate::{JobFilter, JobGroup, JobKind, Membership, OperatorNote, Page, Tenant};
 use std::sync::Arc;
 use yoto_process::clock::{Clock, ManualClock};
 use yoto_proto::keys::{CHECK, FRAMES};
@@ -332,18 +332,19 @@ async fn a_person_is_in_the_models_that_have_them(kind: DatabaseKind) {
 async fn the_state_of_the_queue_is_the_own_one(kind: DatabaseKind) {
     let Stage { staged, own } = Stage::set(kind).await;
     let store = &staged.store;
-    store
-        .pause_jobs(&own, JobKind::Render, "no lamp")
-        .await
-        .expect("pauses");
-    store
-        .pause_jobs(&own, JobKind::Export, "")
-        .await
-        .expect("pauses");
-    store.drain("soon").await.expect("drains");
+    let note = |reason, key| OperatorNote { reason, key };
+    for (kind, note) in [
+        (JobKind::Render, note("no lamp", "k")),
+        (JobKind::Export, note("", "")),
+    ] {
+        store.pause_jobs(&own, kind, note).await.expect("pauses");
+    }
+    store.drain(note("soon", "k")).await.expect("drains");
     let state = store.service_state(&own).await.expect("reads");
     assert_eq!((state.queued, state.running), (2, 0));
     assert_eq!(state.paused, store.paused_kinds(&own).await.expect("reads"));
+    let by: Vec<&str> = state.paused.iter().map(|it| &*it.by).collect();
+    assert_eq!(by, ["", "keys/k"]);
     assert_eq!(state.draining, store.draining().await.expect("reads"));
     let cordons: Vec<&str> = state.cordons.iter().map(|it| &*it.display_name).collect();
     assert_eq!(cordons, ["w of a"]);
