@@ -14,6 +14,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use yoto_capture::FrameImage;
+use yoto_media::video::remove_tags;
 use yoto_proto::pose_track::{BINARY_FILE, FILE, FILES, Frame, PoseTrack};
 
 /// Folders of a capture's pictures and of their masks.
@@ -63,6 +64,7 @@ pub fn write(
         Pictures::Video { video, masks } => {
             let to = out.join(VIDEO);
             bytes += copy(video, &to).map_err(ImportError::file("copying", video))?;
+            remove_tags(&to).map_err(ImportError::file("removing the tags of", &to))?;
             for (done, (frame, masks)) in track.frames.iter().zip(masks).enumerate() {
                 progress(done, total, bytes);
                 if !masks.is_empty() {

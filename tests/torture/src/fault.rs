@@ -64,6 +64,12 @@ pub enum Fault {
     CoordinatorCut,
     /// An object store that answers 503 to everybody.
     StoreUnavailable,
+    /// Connections without a key that ask nothing.
+    Strangers,
+    /// A key whose tenant takes every call that it can get.
+    GreedyTenant,
+    /// A key with downloads that nobody reads.
+    SlowReaders,
 }
 
 /// What a service is made of.
@@ -88,7 +94,7 @@ impl Makeup {
 
 impl Fault {
     /// All kinds, as the table lists them.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 32] = [
         Self::WorkerKilled,
         Self::CoordinatorKilled,
         Self::EndBeforeCommit,
@@ -118,6 +124,9 @@ impl Fault {
         Self::DatabaseCut,
         Self::CoordinatorCut,
         Self::StoreUnavailable,
+        Self::Strangers,
+        Self::GreedyTenant,
+        Self::SlowReaders,
     ];
 
     /// The kinds that a service of this makeup can have.
@@ -183,6 +192,9 @@ impl Fault {
             Self::DatabaseCut => "database-cut",
             Self::CoordinatorCut => "coordinator-cut",
             Self::StoreUnavailable => "store-unavailable",
+            Self::Strangers => "strangers",
+            Self::GreedyTenant => "greedy-tenant",
+            Self::SlowReaders => "slow-readers",
         }
     }
 

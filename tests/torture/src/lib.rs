@@ -35,7 +35,7 @@ mod workload;
 pub use parts::Part;
 
 use anyhow::{Context, Result};
-use breakage::Breaker;
+use breakage::{Breaker, Keys};
 use calls::Calls;
 use checker::Final;
 use clap::Args;
@@ -243,6 +243,7 @@ impl Torture {
             history: Arc::clone(&self.history),
             stranger: late::register_stranger(&self.calls).await?,
             chance: ChaCha8Rng::seed_from_u64(self.options.seed),
+            keys: Keys::make(&self.calls).await?,
             silent: Vec::new(),
         };
         self.breaking(&mut breaker, &workload, &avatar, failures)

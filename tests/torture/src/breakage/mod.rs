@@ -1,10 +1,13 @@
 //! Breaks the service in one way, and watches it recover.
 
+mod callers;
 mod clients;
 mod coordinators;
 mod objects;
 mod outside;
 mod workers;
+
+pub(crate) use callers::Keys;
 
 use super::calls::Calls;
 use super::fault::Fault;
@@ -49,6 +52,8 @@ pub(crate) struct Breaker {
     pub stranger: String,
     /// Choices.
     pub chance: ChaCha8Rng,
+    /// The keys of callers at the door.
+    pub keys: Keys,
     /// Watchers that never read.
     pub silent: Vec<tonic::Streaming<WatchJobResponse>>,
 }
@@ -85,6 +90,9 @@ impl Breaker {
             Fault::DatabaseCut => self.cut_from_database().await,
             Fault::CoordinatorCut => self.cut_from_coordinator().await,
             Fault::StoreUnavailable => self.refuse_objects().await,
+            Fault::Strangers => self.strangers().await,
+            Fault::GreedyTenant => self.greedy_tenant().await,
+            Fault::SlowReaders => self.slow_readers().await,
             Fault::CallRepeated | Fault::CallLate | Fault::AnswerLost | Fault::HintLost => Ok(()),
         }
     }

@@ -14,7 +14,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use yoto_server::clock::{Clock, SystemClock};
 use yoto_server::faults::{Delivery, Faults, Moment};
-use yoto_server::{Coordinator, ServerConfig};
+use yoto_server::{Admission, Coordinator, ServerConfig};
 
 /// Time from garbage to its removal: what is still in use must not be garbage.
 const GRACE: Duration = Duration::from_secs(6);
@@ -40,6 +40,7 @@ pub(super) async fn run(settings: CoordinatorArgs) -> Result<()> {
         number,
         data,
         port,
+        door,
         lease_seconds,
         controls,
         seed,
@@ -68,13 +69,17 @@ pub(super) async fn run(settings: CoordinatorArgs) -> Result<()> {
     }));
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await;
     let listener = listener.with_context(|| format!("port {port}"))?;
+    let door = TcpListener::bind((Ipv4Addr::LOCALHOST, door)).await;
+    let door = door.context("the port at which callers are asked for keys")?;
     let coordinator = Coordinator::open(config).await.context("opening")?;
-    let incoming = yoto_server::tcp(listener);
     let filling = tokio::spawn(disk::follow(disk_controls));
-    let served = coordinator.serve(incoming, asked_to_stop()).await;
+    let trusted = coordinator.serve(yoto_server::tcp(listener), asked_to_stop());
+    let asked = yoto_server::tcp(door);
+    let asked = coordinator.serve_to(Admission::Nobody, asked, asked_to_stop());
+    let served = futures::try_join!(trusted, asked);
     filling.abort();
     coordinator.close().await;
-    served.context("serving")
+    served.context("serving").map(drop)
 }
 
 /// The system's clock, moved by the controls.

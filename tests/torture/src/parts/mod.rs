@@ -64,6 +64,9 @@ pub struct CoordinatorArgs {
     /// Port on loopback.
     #[arg(long)]
     port: u16,
+    /// Port on loopback at which callers are asked for keys.
+    #[arg(long)]
+    door: u16,
     /// Length of a lease, seconds.
     #[arg(long)]
     lease_seconds: f64,

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 #[derive(Debug)]
 pub(super) struct Seat {
     port: u16,
+    /// The port at which callers are asked for keys.
+    door: u16,
     /// Its way to the database, with PostgreSQL.
     database: Option<Proxy>,
 }
@@ -27,6 +29,7 @@ impl Seat {
         };
         Ok(Self {
             port: free_port()?,
+            door: free_port()?,
             database,
         })
     }
@@ -40,6 +43,12 @@ impl Fleet {
     /// Addresses of all coordinators, each the same for all of its processes.
     pub(crate) fn addresses(&self) -> Vec<SocketAddr> {
         self.seats.iter().map(Seat::address).collect()
+    }
+
+    /// The address of the first coordinator at which callers are asked for keys.
+    pub(crate) fn door(&self) -> SocketAddr {
+        let port = self.seats.first().map_or(0, |it| it.door);
+        SocketAddr::from((Ipv4Addr::LOCALHOST, port))
     }
 
     /// Starts all coordinators.
@@ -61,6 +70,7 @@ impl Fleet {
             format!("--number={number}"),
             format!("--data={}", data.display()),
             format!("--port={}", seat.port),
+            format!("--door={}", seat.door),
             format!("--lease-seconds={}", self.lease_seconds),
             format!("--controls={}", self.controls.folder().display()),
             format!("--seed={}", self.seed.wrapping_add(inside.started)),

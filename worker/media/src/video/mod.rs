@@ -11,11 +11,13 @@ mod mp4;
 mod ppm;
 mod signal;
 mod sps;
+mod tags;
 mod yuv;
 
 pub use end::end;
 pub use ffmpeg::{Ffmpeg, VARIABLE as FFMPEG_VARIABLE};
 pub use hdr::Hdr;
+pub use tags::remove_tags;
 
 use crate::{Limits, MediaError, MediaFault, Orientation, Picture, sniff};
 use aspect::Aspect;
