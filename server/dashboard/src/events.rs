@@ -107,7 +107,10 @@ async fn of_jobs(asker: &Asker, model: &str, after: String) -> Result<Changes, S
         .jobs
         .watch_jobs(asker.request(request))
         .await?;
-    let answers = watch.into_inner().ready_chunks(TOGETHER);
+    let mut answers = watch.into_inner().ready_chunks(TOGETHER);
+    // The jobs are read before the reader is greeted: what comes after the greeting has changed since.
+    let open = answers.next().await;
+    let answers = stream::iter(open).chain(answers);
     let mut after = Some(after);
     let events = answers.filter_map(move |answers| {
         let event = known.event(answers);

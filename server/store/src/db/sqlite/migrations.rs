@@ -32,8 +32,17 @@ pub(super) async fn run(writer: &SqlitePool, steps: &Steps) -> Result<(), StoreE
     if schema::state(steps, &found(writer).await?)? == State::Replaced {
         take_over(writer, &steps.start).await.during(action)?;
     }
-    let done = steps.migrator().run(writer).await;
-    done.map_err(sqlx::Error::from).during(action)
+    let mut applied = found(writer).await?.applied.len();
+    loop {
+        let done = steps.migrator().run(writer).await;
+        let Err(error) = done else { return Ok(()) };
+        // Steps have no lock. If another process has done one meanwhile, the rest is tried again.
+        let now = found(writer).await?.applied.len();
+        if now <= applied {
+            return Err(sqlx::Error::from(error)).during(action);
+        }
+        applied = now;
+    }
 }
 
 /// Replaces the records of the steps before the start. Another process may have done so meanwhile.
