@@ -20,6 +20,8 @@ mod open_files;
 #[cfg(feature = "embedded")]
 pub(crate) mod serve;
 #[cfg(feature = "embedded")]
+pub(crate) mod signals;
+#[cfg(feature = "embedded")]
 mod signed_urls;
 #[cfg(feature = "embedded")]
 mod state;

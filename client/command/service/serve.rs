@@ -2,6 +2,7 @@
 
 use super::exposure::Exposure;
 use super::open_files;
+use super::signals::stop_signals;
 use super::signed_urls::SignedUrls;
 use super::state::{ObjectsArgs, StateArgs};
 use super::telemetry::TelemetryArgs;
@@ -328,29 +329,6 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 fn keep_private() {
     #[cfg(unix)]
     nix::sys::stat::umask(nix::sys::stat::Mode::from_bits_truncate(0o077));
-}
-
-/// Returns at SIGTERM or ctrl-c.
-pub(crate) async fn asked_to_stop() -> std::io::Result<()> {
-    stop_signals()?.await
-}
-
-/// Listens for SIGTERM and ctrl-c from now on. The future is ready when one of them has come.
-fn stop_signals() -> std::io::Result<impl Future<Output = std::io::Result<()>>> {
-    #[cfg(unix)]
-    {
-        use tokio::signal::unix::{SignalKind, signal};
-        let mut terminate = signal(SignalKind::terminate())?;
-        let mut interrupt = signal(SignalKind::interrupt())?;
-        Ok(async move {
-            tokio::select! {
-                _ = terminate.recv() => Ok(()),
-                _ = interrupt.recv() => Ok(()),
-            }
-        })
-    }
-    #[cfg(not(unix))]
-    Ok(tokio::signal::ctrl_c())
 }
 
 #[cfg(test)]

@@ -129,7 +129,7 @@ async fn row(
 /// Time after which an operator may have forgotten that jobs wait, seconds.
 const FORGOTTEN: f64 = 86_400.0;
 
-/// For how long, by whom and why.
+/// The age, the key and the reason of a pause, drain or cordon.
 fn told(reason: &str, by: &str, since: Option<&Timestamp>) -> String {
     let age = since.map(|it| format!(", for {}", span(now() - it.seconds as f64)));
     let by = match by {

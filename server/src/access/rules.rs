@@ -22,7 +22,7 @@ pub(super) enum Rule {
         scope: Scope,
         /// Whether the key must be one of the tenant of the service's operators.
         whole_service: bool,
-        /// Whether the answer is a file, which is open meanwhile.
+        /// Whether the answer is a file, which stays open until the last byte is sent.
         download: bool,
     },
 }
@@ -36,7 +36,7 @@ impl Rule {
         }
     }
 
-    /// Whether the answer is a file, which is open meanwhile.
+    /// Whether the answer is a file, which stays open until the last byte is sent.
     pub(super) fn is_download(self) -> bool {
         matches!(self, Self::Scope { download: true, .. })
     }

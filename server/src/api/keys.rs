@@ -81,8 +81,8 @@ impl KeyService for KeyApi {
 }
 
 impl KeyApi {
-    /// Refuses a new key with a scope that the caller's own has not: otherwise `operate` would be every scope. Workers' keys are part of
-    /// what operators do.
+    /// Refuses a new key with a scope that the caller's key lacks: otherwise `operate` would give itself every scope. Operators may always
+    /// make keys of workers.
     async fn may_give(&self, caller: &Caller, scopes: &[Scope]) -> Result<(), RequestError> {
         let Some(id) = caller.key() else {
             return Ok(());

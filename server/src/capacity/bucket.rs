@@ -35,7 +35,7 @@ impl Bucket {
         self.tokens >= 1.0
     }
 
-    /// Takes a token, below nothing if there is none.
+    /// Takes a token. The number may fall below zero.
     pub(crate) fn spend(&mut self) {
         self.tokens -= 1.0;
     }

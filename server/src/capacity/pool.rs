@@ -2,7 +2,7 @@
 //!
 //! The rule is the dynamic threshold of shared buffers (Choudhury and Hahne, IEEE/ACM Transactions on Networking 6(2), 1998): an owner
 //! may hold as many places as are free. One owner alone gets a half, two get a third each, and n get 1/(n + 1) each. So no share has
-//! to be set in advance, and the rest is the reserve of whoever comes next.
+//! to be set in advance, and the rest is the reserve of the next owner.
 
 use super::Owner;
 use std::collections::HashMap;

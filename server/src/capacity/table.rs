@@ -67,7 +67,7 @@ fn rows(limits: &TrafficLimits) -> Vec<Row> {
                 free(limits.waiting_connections),
                 limits.first_call.as_secs()
             ),
-            reserve: "whoever comes next: the oldest gives way",
+            reserve: "new connections: the oldest gives way",
         },
         Row {
             what: "connections with an admitted call",
@@ -137,7 +137,7 @@ fn rows(limits: &TrafficLimits) -> Vec<Row> {
                 free(webhooks::AT_ONCE),
                 webhooks::AT_ONCE.div_ceil(3)
             ),
-            reserve: "whoever comes next",
+            reserve: "other tenants and webhooks",
         },
         Row {
             what: "refused calls in the audit log",

@@ -3,14 +3,13 @@
 //! A gRPC message begins with its length, and tonic reserves that much memory at once. This buffer grows only with the
 //! received bytes. They count towards the client's limit until the call is answered or asks for the next message.
 
+use super::held::Held;
 use super::{Call, Traffic, busy, decoded};
-use crate::capacity::{NoPlace, Owner, Places, Pool};
 use bytes::{Buf, Bytes, BytesMut};
 use futures::{Stream, stream};
 use http_body::Frame;
 use http_body_util::{BodyExt, StreamBody};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use std::sync::Arc;
 use tokio::time::Instant;
 use tonic::Status;
 use tonic::body::Body;
@@ -18,53 +17,6 @@ use yoto_request::RequestError;
 
 /// Bytes before each message: the compression flag and the length.
 const HEADER_BYTES: usize = 5;
-
-/// The counted bytes of a call.
-#[derive(Debug, Default)]
-pub(super) struct Held(Mutex<Counted>);
-
-#[derive(Debug, Default)]
-struct Counted {
-    /// Of those of the connection.
-    own: Option<OwnedSemaphorePermit>,
-    /// Of those of all connections.
-    shared: Option<Places>,
-}
-
-impl Held {
-    /// Takes `count` bytes from `of`, which are a connection's. Returns false if fewer are left.
-    fn take_own(&self, of: &Arc<Semaphore>, count: u32) -> bool {
-        let Ok(permit) = Arc::clone(of).try_acquire_many_owned(count) else {
-            return false;
-        };
-        let mut counted = self.counted();
-        match &mut counted.own {
-            Some(held) => held.merge(permit),
-            own => *own = Some(permit),
-        }
-        true
-    }
-
-    /// Takes `count` bytes of all for `owners`, which are the same at each call.
-    fn take_shared(&self, of: &Arc<Pool>, owners: &[Owner], count: u32) -> Result<(), NoPlace> {
-        let mut counted = self.counted();
-        match &mut counted.shared {
-            Some(held) => held.add(count as usize),
-            shared => {
-                *shared = Some(of.take(owners, count as usize)?);
-                Ok(())
-            }
-        }
-    }
-
-    fn clear(&self) {
-        *self.counted() = Counted::default();
-    }
-
-    fn counted(&self) -> MutexGuard<'_, Counted> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 /// The requests of a call.
 pub(super) struct Incoming {

@@ -1,7 +1,8 @@
 //! Applies the limits to each call. Tower's own limits release a call when its response begins; a stream of responses
 //! would not count.
 
-use super::incoming::{Held, Incoming};
+use super::held::Held;
+use super::incoming::Incoming;
 use super::{Call, Client, Traffic, busy};
 use crate::access::{brings_file, is_probe};
 use futures::future::BoxFuture;

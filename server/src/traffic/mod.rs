@@ -16,6 +16,7 @@
 mod call;
 mod connection;
 mod decoded;
+mod held;
 mod incoming;
 mod layer;
 mod waiting;

@@ -2,7 +2,7 @@
 
 use super::needs::{self, Needs};
 use crate::args::KindName;
-use crate::service::serve::asked_to_stop;
+use crate::service::signals::asked_to_stop;
 use anyhow::Context;
 use clap::Args;
 use std::path::PathBuf;
