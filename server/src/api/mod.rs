@@ -36,4 +36,4 @@ pub(crate) use subjects::SubjectApi;
 pub(crate) use tenants::TenantApi;
 pub(crate) use uploads::UploadApi;
 pub(crate) use webhooks::WebhookApi;
-pub(crate) use workers::WorkerApi;
+pub(crate) use workers::{KnownWorkers, WorkerApi};

@@ -5,7 +5,8 @@ use crate::context::Context;
 use crate::jobs::{lease, report};
 use crate::notify::hints::Busy;
 use crate::traffic::Client;
-use std::sync::Arc;
+use std::collections::HashSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio_util::sync::CancellationToken;
 use tonic::{Request, Response, Status};
@@ -34,6 +35,33 @@ pub(crate) struct WorkerApi {
     pub context: Arc<Context>,
     /// Once cancelled, no new leases are given; running jobs may still report.
     pub drain: CancellationToken,
+    /// Workers that were found to be of a key: a worker's key never changes, and each report would ask the database.
+    pub known: KnownWorkers,
+}
+
+/// Workers, with the keys with which they have registered.
+#[derive(Debug, Default)]
+pub(crate) struct KnownWorkers(Mutex<HashSet<(Tenant, String, String)>>);
+
+impl KnownWorkers {
+    /// Most that are remembered: more than a cluster has.
+    const MOST: usize = 16_384;
+
+    fn has(&self, worker: &(Tenant, String, String)) -> bool {
+        self.lock().contains(worker)
+    }
+
+    fn add(&self, worker: (Tenant, String, String)) {
+        let mut known = self.lock();
+        if known.len() >= Self::MOST {
+            known.clear();
+        }
+        known.insert(worker);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashSet<(Tenant, String, String)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl WorkerApi {
@@ -42,8 +70,13 @@ impl WorkerApi {
         let Some(key) = caller.key() else {
             return Ok(());
         };
-        let store = &self.context.store;
-        Ok(store.require_worker_of_key(tenant, id, key).await?)
+        let worker = (tenant.clone(), id.to_owned(), key.to_owned());
+        if !self.known.has(&worker) {
+            let store = &self.context.store;
+            store.require_worker_of_key(tenant, id, key).await?;
+            self.known.add(worker);
+        }
+        Ok(())
     }
 
     /// The lease of a claim by the caller's own worker.

@@ -4,8 +4,8 @@ mod fault_layer;
 
 use crate::access::{AccessLayer, Admission, SignInPage};
 use crate::api::{
-    JobApi, KeyApi, ModelApi, ObjectApi, RenderApi, ShareApi, StatusApi, StorageApi, SubjectApi,
-    TenantApi, UploadApi, WebhookApi, WorkerApi,
+    JobApi, KeyApi, KnownWorkers, ModelApi, ObjectApi, RenderApi, ShareApi, StatusApi, StorageApi,
+    SubjectApi, TenantApi, UploadApi, WebhookApi, WorkerApi,
 };
 use crate::audit;
 use crate::context::Context;
@@ -76,6 +76,7 @@ async fn routes(
     let workers = WorkerServiceServer::new(WorkerApi {
         context: context(),
         drain: drain(),
+        known: KnownWorkers::default(),
     });
     let routes = Routes::new(health_service)
         .add_service(reflection().build_v1()?)

@@ -9,15 +9,17 @@ use crate::access::cookies::Begun;
 use crate::config::OidcConfig;
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
-use openidconnect::core::{CoreAuthenticationFlow, CoreClient, CoreProviderMetadata};
+use openidconnect::core::{CoreAuthenticationFlow, CoreClient, CoreIdToken, CoreProviderMetadata};
 use openidconnect::{
     AuthorizationCode, ClientId, ClientSecret, CsrfToken, EndpointMaybeSet, EndpointNotSet,
     EndpointSet, HttpRequest, IssuerUrl, Nonce, PkceCodeChallenge, PkceCodeVerifier, RedirectUrl,
     Scope,
 };
 use std::path::PathBuf;
+use std::time::{Duration, UNIX_EPOCH};
 use thiserror::Error;
 use url::Url;
+use yoto_process::clock::{Clock, SystemClock};
 
 /// A client of an issuer whose description was read.
 type Client = CoreClient<
@@ -28,6 +30,9 @@ type Client = CoreClient<
     EndpointMaybeSet,
     EndpointMaybeSet,
 >;
+
+/// How far the issuer's clock may be behind the coordinator's: its tokens may last no longer than a minute.
+const SKEW: Duration = Duration::from_secs(60);
 
 /// Why nobody can sign in by the issuer.
 #[derive(Debug, Error)]
@@ -121,11 +126,15 @@ impl Issuer {
         (url, begun)
     }
 
-    /// The claims of somebody who has come back with `code`.
+    /// The ID token of somebody who has come back with `code`, which can't be used again.
     ///
     /// # Errors
-    /// When the issuer does not vouch for them.
-    pub(crate) async fn claims(&self, code: &str, begun: &Begun) -> Result<Claims, IssuerError> {
+    /// When the issuer gives none.
+    pub(crate) async fn token(
+        &self,
+        code: &str,
+        begun: &Begun,
+    ) -> Result<CoreIdToken, IssuerError> {
         let failed = |error: &dyn std::error::Error| IssuerError::Exchange(causes(error));
         let http = self.http.clone();
         let get = move |request: HttpRequest| fetch::fetch(http.clone(), request);
@@ -138,10 +147,22 @@ impl Issuer {
             .request_async(&get)
             .await
             .map_err(|error| failed(&error))?;
-        let token = answer.extra_fields().id_token();
-        let token = token.ok_or(IssuerError::NoToken)?;
+        let token = answer.extra_fields().id_token().cloned();
+        token.ok_or(IssuerError::NoToken)
+    }
+
+    /// The claims of a token.
+    ///
+    /// # Errors
+    /// When it is not signed by a key of the issuer that is known here, or not for this service and this sign-in, or over.
+    pub(crate) fn claims(&self, token: &CoreIdToken, begun: &Begun) -> Result<Claims, IssuerError> {
         let nonce = Nonce::new(begun.nonce.clone());
-        let checked = token.claims(&self.client.id_token_verifier(), &nonce);
+        let verifier = self.client.id_token_verifier();
+        let verifier = verifier.set_time_fn(|| {
+            let now = UNIX_EPOCH + Duration::from_secs_f64(SystemClock.now());
+            (now - SKEW).into()
+        });
+        let checked = token.claims(&verifier, &nonce);
         checked.map_err(|error| IssuerError::Token(causes(&error)))?;
         all_claims(&token.to_string())
     }

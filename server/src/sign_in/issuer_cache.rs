@@ -49,7 +49,7 @@ impl IssuerCache {
     /// The claims of somebody who has come back with `code`.
     ///
     /// # Errors
-    /// When the issuer does not vouch for them. The next sign-in asks for its description and keys anew.
+    /// When the issuer does not vouch for them, also by the keys that it has now.
     pub(crate) async fn claims(
         &self,
         config: &OidcConfig,
@@ -58,11 +58,15 @@ impl IssuerCache {
     ) -> Result<Claims, IssuerError> {
         let issuer = self.issuer(config).await?;
         let turn = self.exchanges.acquire().await;
-        let claims = issuer.claims(code, begun).await;
+        let token = issuer.token(code, begun).await?;
         drop(turn);
-        if matches!(claims, Err(IssuerError::Token(_))) {
-            *self.last.lock().await = None;
+        match issuer.claims(&token, begun) {
+            // The issuer may sign with a new key since it was asked.
+            Err(IssuerError::Token(_)) => {
+                *self.last.lock().await = None;
+                self.issuer(config).await?.claims(&token, begun)
+            }
+            claims => claims,
         }
-        claims
     }
 }

@@ -47,11 +47,15 @@ impl Tries {
 /// Runs `$script`, a future that uses the [`Tx`](super::db::Tx) called `$tx`, and commits what it has written. It is made
 /// again for each try, so it clones what it consumes.
 macro_rules! transaction {
-    ($store:expr, |$tx:ident| $script:expr) => {{
+    ($store:expr, |$tx:ident| $script:expr) => {
+        transaction!($store, $store.db.write(), |$tx| $script)
+    };
+    // As `$begin` begins it.
+    ($store:expr, $begin:expr, |$tx:ident| $script:expr) => {{
         let mut tries = $crate::transaction::Tries::default();
         loop {
             let once = async {
-                let mut transaction = $store.db.write().await?;
+                let mut transaction = $begin.await?;
                 let answer = {
                     let $tx = &mut transaction;
                     $script.await?

@@ -11,8 +11,9 @@ use yoto_proto::v1::consent_item::State;
 use yoto_proto::v1::render_spec::What;
 use yoto_proto::v1::{
     Consent, ConsentPurpose, CreateJobRequest, DeleteSubjectRequest, ErrorReason,
-    GetConsentEvidenceRequest, GrantConsentRequest, Job, JobSpec, ListConsentsRequest, Orbit,
-    RenderSpec, RevokeConsentRequest, RevokeConsentResponse, TrainSpec, job, job_spec,
+    GetConsentEvidenceRequest, GrantConsentRequest, Job, JobSpec, ListConsentsRequest,
+    MotionTransfer, Orbit, RenderSpec, RevokeConsentRequest, RevokeConsentResponse, TrainSpec, job,
+    job_spec,
 };
 use yoto_proto::worker::v1::HeartbeatRequest;
 use yoto_server::clock::ManualClock;
@@ -126,6 +127,43 @@ async fn a_revoked_consent_refuses_jobs_of_its_purpose_and_no_others() {
     service.create_job(train(&trained)).await.expect("queued");
     // A new consent counts, whatever was revoked before.
     service.grant(ada, RENDER, None).await;
+    service.create_job(render(&trained)).await.expect("queued");
+}
+
+/// Somebody's motion on another body is a render of both.
+#[tokio::test]
+async fn the_motion_of_whoever_has_revoked_their_consent_moves_nobody() {
+    let service = Service::start().await;
+    let trained = service.trained().await;
+    let bea = service.ready_subject("Bea").await.name;
+    let by_bea = || {
+        job_spec::Kind::Render(RenderSpec {
+            what: Some(What::Motion(MotionTransfer {
+                driver: bea.clone(),
+                frame_count: 1,
+                frame_step: 1,
+                size: 8,
+                ..<_>::default()
+            })),
+            model: trained.model.name.clone(),
+            subject: trained.subject.name.clone(),
+            ..<_>::default()
+        })
+    };
+    let queued = service.create_job(by_bea()).await.expect("queued");
+    service.revoke_consent(&bea, &[RENDER]).await;
+    let ended = service.get_job(&queued.name).await;
+    assert_eq!(ended.state(), job::State::Failed, "{ended:?}");
+    let why = ended.error.expect("says why");
+    assert!(
+        why.code == "CONSENT" && why.message.contains("Bea"),
+        "{why:?}"
+    );
+    let refused = service.create_job(by_bea()).await;
+    let said = refused.as_ref().map_err(|it| it.message().to_owned());
+    let said = said.expect_err("is refused");
+    assert!(said.contains("Bea") && said.contains("render"), "{said}");
+    assert_refused(refused, Code::FailedPrecondition, "CONSENT");
     service.create_job(render(&trained)).await.expect("queued");
 }
 

@@ -278,6 +278,11 @@ async fn a_checkpoint_names_its_own_objects_and_all_of_them_exist() {
         ..others
     };
     assert_invalid(publish(2, above).await, field);
+    let altered = ObjectRef {
+        sha256: yoto_proto::sha256_hex(b"y"),
+        ..service.put(&key, b"x").await
+    };
+    assert_invalid(publish(2, altered).await, field);
     let whole = service.put(&key, b"x").await;
     publish(2, whole).await.expect("is whole");
 }

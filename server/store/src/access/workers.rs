@@ -2,7 +2,7 @@
 
 use crate::rules::retention::Retention;
 use crate::scripts::leases::{self, LeaseAnswer};
-use crate::scripts::{outcome, outputs, queue, ranges, workers};
+use crate::scripts::{metrics, outcome, outputs, queue, ranges, workers};
 use crate::transaction::transaction;
 use crate::{
     Ending, Entry, LeaseKey, LeaseOutcome, NewWorker, Page, Store, StoreError, TakenRange, Tenant,
@@ -64,24 +64,6 @@ impl Store {
         help: bool,
         lease_seconds: f64,
     ) -> Result<LeaseOutcome, StoreError> {
-        let mut reader = self.db.read().await?;
-        workers::require(&mut reader, tenant, worker_id).await?;
-        let noted = workers::has_asked(&mut reader, worker_id).await?;
-        let work = leases::is_repeat(&mut reader, worker_id, request_id).await?
-            || queue::any(&mut reader, worker_id).await?
-            || help
-                && queue::to_help(&mut reader, worker_id, None)
-                    .await?
-                    .is_some();
-        drop(reader);
-        if !noted {
-            let noted: Result<(), StoreError> =
-                transaction!(self, |tx| workers::note_request(tx, worker_id));
-            noted?;
-        }
-        if !work {
-            return Ok(LeaseOutcome::default());
-        }
         let ask = leases::Ask {
             tenant,
             worker_id,
@@ -90,6 +72,17 @@ impl Store {
             lease_seconds,
             requires_consent: self.requires_consent,
         };
+        let prospect = queue::prospect(&mut self.db.read().await?, &ask).await?;
+        if !prospect.noted {
+            let noted: Result<(), StoreError> =
+                transaction!(self, self.db.write_shortly(true), |tx| {
+                    workers::note_request(tx, worker_id)
+                });
+            noted?;
+        }
+        if !prospect.work {
+            return Ok(LeaseOutcome::default());
+        }
         let mut outcome = LeaseOutcome::default();
         // One transaction for each job that is tried, so that each locks one job.
         loop {
@@ -127,10 +120,20 @@ impl Store {
         progress: Option<Progress>,
         lease_seconds: f64,
     ) -> Result<bool, StoreError> {
-        transaction!(self, |tx| async {
-            leases::require(tx, tenant, lease).await?;
-            leases::heartbeat(tx, lease, progress.clone(), lease_seconds).await
-        })
+        let progress = progress.as_ref();
+        let alone = !progress.is_some_and(metrics::has_figures);
+        let told: Result<_, StoreError> = transaction!(self, self.db.write_shortly(alone), |tx| {
+            leases::heartbeat(tx, tenant, lease, progress, lease_seconds)
+        });
+        match told? {
+            Some(cancel) => Ok(cancel),
+            None => transaction!(self, |tx| leases::refused_heartbeat(
+                tx,
+                tenant,
+                lease,
+                lease_seconds
+            )),
+        }
     }
 
     /// Puts a checkpoint of the leased train job's model into the catalogue, and removes those that the

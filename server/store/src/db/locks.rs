@@ -59,7 +59,7 @@ impl Locks {
 
     /// Records nothing.
     #[cfg(not(debug_assertions))]
-    pub fn take(&mut self, _: Lock<'_>) {}
+    pub(super) fn take(&mut self, _: Lock<'_>) {}
 }
 
 #[cfg(all(test, debug_assertions))]

@@ -23,7 +23,7 @@ mod tx;
 pub(crate) use locks::Lock;
 pub use postgres::{Listener, PostgresUrl, UrlError};
 pub(crate) use row::{Row, integer, state, timestamp};
-pub(crate) use statement::{Statement, claimed, sql};
+pub(crate) use statement::{Statement, Value, claimed, sql};
 pub(crate) use tx::{Column, Tx};
 
 use crate::StoreError;
@@ -202,7 +202,7 @@ impl Database {
                 let mut connection = Box::pin(it.write()).await?;
                 let of_database = self.clock.is_system();
                 let now = match of_database {
-                    true => Box::pin(it.now(&mut connection, self.clock.now())).await?,
+                    true => Box::pin(it.now(&mut connection)).await?,
                     false => self.clock.now(),
                 };
                 let driver = tx::Driver::Postgres(connection);
@@ -211,7 +211,24 @@ impl Database {
         }
     }
 
-    /// The time for statements that only read. A read of PostgreSQL's clock would be as long as theirs.
+    /// A short transaction that writes, which takes the time from the last read of the database's clock and this machine's since. One that
+    /// is `alone` is a single statement, which is durable by itself: PostgreSQL neither begins a transaction nor commits it.
+    ///
+    /// # Errors
+    /// When the database can't be reached, or is locked for a long time.
+    pub(crate) async fn write_shortly(&self, alone: bool) -> Result<Tx, StoreError> {
+        let Driver::Postgres(it) = &self.driver else {
+            return self.write().await;
+        };
+        let connection = match alone {
+            true => Box::pin(it.write_alone()).await?,
+            false => Box::pin(it.write()).await?,
+        };
+        let driver = tx::Driver::Postgres(connection);
+        Ok(Tx::begin(driver, self.estimate(), self.clock.is_system()))
+    }
+
+    /// The time for what need not ask the database: a read of PostgreSQL's clock would be as long as a statement.
     fn estimate(&self) -> f64 {
         match &self.driver {
             Driver::Sqlite(_) => self.clock.now(),

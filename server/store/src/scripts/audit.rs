@@ -2,9 +2,13 @@
 //! beginning.
 
 use crate::audit_chain::{Head, hash};
-use crate::db::{Lock, Row, Tx, integer, sql};
+use crate::db::{Lock, Row, Tx, Value, integer, sql};
 use crate::{AuditEntry, NewAuditEntry, StoreError, Tenant};
+use std::collections::HashSet;
 use yoto_proto::sha256_hex;
+
+/// Most entries of one statement: each number of entries is a statement that connections keep prepared.
+const AT_ONCE: usize = 16;
 
 /// What stands as the call of the entry about removed ones.
 const CUT: &str = "old entries were removed";
@@ -14,11 +18,24 @@ pub(crate) async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec
     tx.lock(Lock::Audit).await?;
     let mut head = head(tx).await?;
     let mut numbers = Vec::with_capacity(entries.len());
-    for new in entries {
-        let forgotten = match new.began {
-            Some(number) => is_forgotten(tx, number).await?,
-            None => false,
-        };
+    for part in entries.chunks(AT_ONCE) {
+        let chained = chained(tx, part, &mut head).await?;
+        insert(tx, &chained).await?;
+        numbers.extend(chained.iter().map(|it| it.number));
+    }
+    Ok(numbers)
+}
+
+/// The entries with their numbers and hashes, after `head`, which becomes the last of them.
+async fn chained(
+    tx: &mut Tx,
+    new: &[NewAuditEntry],
+    head: &mut Head,
+) -> Result<Vec<AuditEntry>, StoreError> {
+    let forgotten = forgotten(tx, new.iter().filter_map(|it| it.began)).await?;
+    let mut chained = Vec::with_capacity(new.len());
+    for new in new {
+        let forgotten = new.began.is_some_and(|number| forgotten.contains(&number));
         let mut entry = AuditEntry {
             number: head.number + 1,
             time: tx.now(),
@@ -36,43 +53,58 @@ pub(crate) async fn append(tx: &mut Tx, entries: &[NewAuditEntry]) -> Result<Vec
             hash: String::new(),
         };
         entry.hash = hash(&head.hash, &entry);
-        insert(tx, &entry).await?;
-        numbers.push(entry.number);
-        head = Head {
+        *head = Head {
             number: entry.number,
-            hash: entry.hash,
+            hash: entry.hash.clone(),
         };
+        chained.push(entry);
     }
-    Ok(numbers)
+    Ok(chained)
 }
 
-/// Whether an erasure has taken the names out of this entry: the end of its call must not bring them back.
-async fn is_forgotten(tx: &mut Tx, number: u64) -> Result<bool, StoreError> {
-    let row = sql("SELECT names, names_sha256 FROM audit WHERE number = $1")
-        .bind(integer("began", number)?)
-        .row(tx, "reading the audit log")
-        .await?;
-    let Some(row) = row else { return Ok(false) };
-    Ok(row.text("names")?.is_empty() && row.text("names_sha256")? != sha256_hex(b""))
+/// Those of these entries whose names an erasure has taken out: the ends of their calls must not bring them back.
+async fn forgotten(
+    tx: &mut Tx,
+    numbers: impl Iterator<Item = u64>,
+) -> Result<HashSet<u64>, StoreError> {
+    let numbers = numbers.map(|it| integer("began", it));
+    let numbers = numbers.collect::<Result<Vec<_>, _>>()?;
+    if numbers.is_empty() {
+        return Ok(HashSet::new());
+    }
+    let mut query =
+        sql("SELECT number FROM audit WHERE names = '' AND names_sha256 <> $1 AND number IN (")
+            .bind(sha256_hex(b""));
+    query.push_all(numbers);
+    query.push(")");
+    let rows = query.rows(tx, "reading the audit log").await?;
+    rows.iter().map(|row| row.number("number")).collect()
 }
 
-async fn insert(tx: &mut Tx, entry: &AuditEntry) -> Result<(), StoreError> {
-    sql(
-        "INSERT INTO audit (number, time, tenant, key, call, names, names_sha256, began, outcome, hash)
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
-    )
-    .bind(integer("number", entry.number)?)
-    .bind(entry.time)
-    .bind(&entry.tenant)
-    .bind(&entry.key)
-    .bind(&entry.call)
-    .bind(&entry.names)
-    .bind(&entry.names_sha256)
-    .bind(entry.began.map(|it| integer("began", it)).transpose()?)
-    .bind(&entry.outcome)
-    .bind(&entry.hash)
-    .execute(tx, "writing the audit log")
-    .await?;
+/// Writes entries, at most [`AT_ONCE`].
+async fn insert(tx: &mut Tx, entries: &[AuditEntry]) -> Result<(), StoreError> {
+    let mut statement = sql(
+        "INSERT INTO audit (number, time, tenant, key, call, names, names_sha256, began, outcome, hash) VALUES ",
+    );
+    for (i, entry) in entries.iter().enumerate() {
+        let began = entry.began.map(|it| integer("began", it)).transpose()?;
+        let values: [Value; 10] = [
+            integer("number", entry.number)?.into(),
+            entry.time.into(),
+            (&entry.tenant).into(),
+            (&entry.key).into(),
+            (&entry.call).into(),
+            (&entry.names).into(),
+            (&entry.names_sha256).into(),
+            began.into(),
+            (&entry.outcome).into(),
+            (&entry.hash).into(),
+        ];
+        statement.push(if i == 0 { "(" } else { ", (" });
+        statement.push_all(values);
+        statement.push(")");
+    }
+    statement.execute(tx, "writing the audit log").await?;
     Ok(())
 }
 

@@ -7,7 +7,8 @@ use crate::stage::{DatabaseKind, Staged, on_each_database};
 use crate::{JobKind, LeaseKey, NewModel, NewWorker, RequestKey, StoreError, Tenant};
 use std::sync::Arc;
 use yoto_process::clock::{Clock, ManualClock};
-use yoto_proto::v1::{Retention, TrainSpec, WorkerDevice, job_spec};
+use yoto_process::statements::counted;
+use yoto_proto::v1::{Progress, Retention, TrainSpec, WorkerDevice, job_spec};
 
 const LEASE_SECONDS: f64 = 20.0;
 
@@ -105,6 +106,7 @@ on_each_database!(
     a_lease_that_was_extended_after_it_was_found_is_kept,
     a_request_is_taken_before_it_has_an_answer,
     a_cancel_ends_or_marks_a_job_whatever_happened_before,
+    what_workers_call_all_the_time_is_one_statement,
 );
 
 /// Chooses the next job, lets `change` happen, and begins the lease of what was chosen.
@@ -177,6 +179,40 @@ async fn a_lease_that_was_extended_after_it_was_found_is_kept(kind: DatabaseKind
         return;
     }
     panic!("the lease never expired");
+}
+
+/// Workers report twice per second and ask every second or two: each statement more is a load of the whole cluster.
+async fn what_workers_call_all_the_time_is_one_statement(kind: DatabaseKind) {
+    let stage = Stage::new(kind).await;
+    let (own, store) = (own(), &stage.staged.store);
+    let ask = || store.lease_job(&own, &stage.worker, "", true, LEASE_SECONDS);
+    let leased = ask().await.expect("answers").leased;
+    let lease = LeaseKey {
+        job_id: stage.job.clone(),
+        worker_id: stage.worker.clone(),
+        token: leased.expect("the job waits").token,
+    };
+    let (asked, statements) = counted(ask()).await;
+    assert!(asked.expect("answers").leased.is_none());
+    assert_eq!(statements, 1, "a request without success");
+    let beat = |progress| store.heartbeat(&own, &lease, progress, LEASE_SECONDS);
+    let plain = Progress {
+        step: 3,
+        ..Progress::default()
+    };
+    let (beaten, statements) = counted(beat(Some(plain))).await;
+    assert!(!beaten.expect("holds the lease"));
+    assert_eq!(statements, 1, "a report");
+    for (step, expected) in [(4, 2), (4, 1)] {
+        let figures = Progress {
+            step,
+            loss: Some(0.5),
+            ..Progress::default()
+        };
+        let (beaten, statements) = counted(beat(Some(figures))).await;
+        assert!(!beaten.expect("holds the lease"));
+        assert_eq!(statements, expected, "a report with figures of step {step}");
+    }
 }
 
 async fn a_request_is_taken_before_it_has_an_answer(kind: DatabaseKind) {

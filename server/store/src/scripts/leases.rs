@@ -4,6 +4,7 @@
 //! worker and the state RUNNING; a worker that lost its lease matches no row. Workers that help with a render
 //! have leases of their own ([`helpers`]), which guard the files that they commit.
 
+use super::metrics::known_points;
 use super::{
     attempts, checkpoints, consent_rule, helpers, inputs, jobs, metrics, outcome, outputs, pins,
     queue, ranges, workers,
@@ -214,21 +215,6 @@ async fn start_lease_clock(tx: &mut Tx) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Whether the worker has a lease from an earlier call with the same id.
-pub(crate) async fn is_repeat(
-    tx: &mut Tx,
-    worker_id: &str,
-    request_id: &str,
-) -> Result<bool, StoreError> {
-    sql("SELECT EXISTS (SELECT 1 FROM leases
-             WHERE worker = $1 AND lease_request = $2) AS found")
-    .bind(worker_id)
-    .bind(request_id)
-    .one(tx, "looking for the lease of an earlier call")
-    .await?
-    .flag("found")
-}
-
 /// The lease of an earlier call with the same id, whose answer was lost. Its deadline is renewed, since the
 /// worker counts from this call.
 async fn again(tx: &mut Tx, ask: &Ask<'_>) -> Result<Option<LeasedJob>, StoreError> {
@@ -302,33 +288,56 @@ pub(crate) async fn spec(tx: &mut Tx, lease: &LeaseKey) -> Result<JobSpec, Store
     }
 }
 
-/// Extends the lease and records progress; the progress of a helper is not recorded.
+/// Extends the lease of the worker that runs the job and records its progress, by one statement unless the progress has figures. Returns
+/// whether the job is to be cancelled; `None` if nothing was written: [`refused_heartbeat`] tells why.
 pub(crate) async fn heartbeat(
     tx: &mut Tx,
+    tenant: &Tenant,
     lease: &LeaseKey,
-    progress: Option<Progress>,
+    progress: Option<&Progress>,
     lease_seconds: f64,
-) -> Result<bool, StoreError> {
-    let statement = guarded!(
-        "UPDATE jobs SET lease_deadline = $4,
+) -> Result<Option<bool>, StoreError> {
+    macro_rules! reported {
+        ($columns:expr) => {
+            concat!(
+                guarded!(
+                    "UPDATE jobs SET lease_deadline = $4,
              sequence = sequence + CASE WHEN $5 IS NOT NULL AND progress IS DISTINCT FROM $5 THEN 1 ELSE 0 END,
              progress = coalesce($5, progress)",
-        "RETURNING cancel_requested"
-    );
+                    "AND tenant = $6 RETURNING cancel_requested"
+                ),
+                $columns
+            )
+        };
+    }
+    let figures = progress.filter(|it| metrics::has_figures(it));
+    let statement = match figures {
+        None => reported!(""),
+        Some(_) => reported!(concat!(", ", known_points!())),
+    };
     let row = bound(statement, lease)?
         .bind(tx.now() + lease_seconds)
-        .bind(progress.as_ref().map(Message::encode_to_vec))
+        .bind(progress.map(Message::encode_to_vec))
+        .bind(tenant.id())
         .row(tx, "recording a heartbeat")
         .await?;
-    match row {
-        Some(row) => {
-            if let Some(progress) = &progress {
-                metrics::record(tx, &lease.job_id, progress).await?;
-            }
-            row.flag("cancel_requested")
-        }
-        None => helpers::heartbeat(tx, lease, lease_seconds).await,
+    let Some(row) = row else { return Ok(None) };
+    let cancel = row.flag("cancel_requested")?;
+    if let Some(progress) = figures {
+        metrics::record(tx, &lease.job_id, progress, row).await?;
     }
+    Ok(Some(cancel))
+}
+
+/// Extends the lease of a helper, whose progress is not recorded. Returns whether the job is to be cancelled.
+pub(crate) async fn refused_heartbeat(
+    tx: &mut Tx,
+    tenant: &Tenant,
+    lease: &LeaseKey,
+    lease_seconds: f64,
+) -> Result<bool, StoreError> {
+    require(tx, tenant, lease).await?;
+    helpers::heartbeat(tx, lease, lease_seconds).await
 }
 
 /// Records a checkpoint of the leased train job's model, and removes those that the model no longer keeps. The

@@ -7,33 +7,47 @@ use std::collections::HashMap;
 use yoto_proto::names::Collection;
 use yoto_proto::v1::{JobMetrics, MetricPoint, Progress};
 
+/// Columns of what is known of the job `$1`, for [`record`].
+macro_rules! known_points {
+    () => {
+        "(SELECT count(*) FROM job_metrics WHERE job = $1) AS points,
+         (SELECT min(step) FROM job_metrics WHERE job = $1) AS first,
+         (SELECT max(step) FROM job_metrics WHERE job = $1) AS last,
+         (SELECT psnr FROM job_metrics WHERE job = $1 AND psnr IS NOT NULL
+          ORDER BY step DESC LIMIT 1) AS psnr"
+    };
+}
+pub(super) use known_points;
+
+/// Whether `progress` has figures of a step.
+pub(crate) fn has_figures(progress: &Progress) -> bool {
+    let is_step = i64::try_from(progress.step).is_ok_and(|step| step > 0);
+    is_step && (progress.loss.is_some() || progress.psnr.is_some())
+}
+
 /// Records the figures of `progress`, if it has any and is far enough from the last point. Points of later steps belong to
-/// work that was lost, and are forgotten.
+/// work that was lost, and are forgotten. `row` has the [`known_points!`] of the job.
 pub(crate) async fn record(
     tx: &mut Tx,
     job_id: &str,
     progress: &Progress,
+    mut row: Row,
 ) -> Result<(), StoreError> {
     let Ok(step) = i64::try_from(progress.step) else {
         return Ok(());
     };
-    if step == 0 || progress.loss.is_none() && progress.psnr.is_none() {
-        return Ok(());
+    if row
+        .maybe_number("last")?
+        .is_some_and(|last: i64| last > step)
+    {
+        sql("DELETE FROM job_metrics WHERE job = $1 AND step > $2")
+            .bind(job_id)
+            .bind(step)
+            .execute(tx, "forgetting figures of lost steps")
+            .await?;
+        let known = sql(concat!("SELECT ", known_points!())).bind(job_id);
+        row = known.one(tx, "reading the last figures of a job").await?;
     }
-    sql("DELETE FROM job_metrics WHERE job = $1 AND step > $2")
-        .bind(job_id)
-        .bind(step)
-        .execute(tx, "forgetting figures of lost steps")
-        .await?;
-    let row = sql(
-        "SELECT count(*) AS points, min(step) AS first, max(step) AS last,
-             (SELECT psnr FROM job_metrics WHERE job = $1 AND psnr IS NOT NULL
-              ORDER BY step DESC LIMIT 1) AS psnr
-         FROM job_metrics WHERE job = $1",
-    )
-    .bind(job_id)
-    .one(tx, "reading the last figures of a job")
-    .await?;
     // Heartbeats repeat the last measurement until the next one.
     let is_measured = progress.psnr.is_some() && row.real("psnr")? != progress.psnr;
     let span = row

@@ -56,9 +56,13 @@ pub(crate) async fn require(tx: &mut Tx, tenant: &Tenant, id: &str) -> Result<()
         .await?;
     match row.flag("found")? {
         true => Ok(()),
-        false => Err(StoreError::NotFound {
-            name: Collection::Workers.name(id),
-        }),
+        false => Err(not_found(id)),
+    }
+}
+
+pub(super) fn not_found(id: &str) -> StoreError {
+    StoreError::NotFound {
+        name: Collection::Workers.name(id),
     }
 }
 
@@ -79,29 +83,14 @@ pub(crate) async fn require_key(
     .await?;
     match row.flag("found")? {
         true => Ok(()),
-        false => Err(StoreError::NotFound {
-            name: Collection::Workers.name(id),
-        }),
+        false => Err(not_found(id)),
     }
 }
 
 /// Interval of recorded requests of a worker, seconds. Workers ask every second: a write each time would keep the disk busy.
-const NOTE_EVERY: f64 = 30.0;
+pub(super) const NOTE_EVERY: f64 = 30.0;
 /// Silence after which a worker is no longer active, seconds.
 const ACTIVE: f64 = 600.0;
-
-/// Whether a request of the worker is noted that is younger than [`NOTE_EVERY`].
-pub(crate) async fn has_asked(tx: &mut Tx, id: &str) -> Result<bool, StoreError> {
-    sql(
-        "SELECT EXISTS (SELECT 1 FROM workers WHERE id = $1 AND asked_time BETWEEN $2 AND $3) AS found",
-    )
-    .bind(id)
-    .bind(tx.now() - NOTE_EVERY)
-    .bind(tx.now())
-    .one(tx, "looking for a worker's last request")
-    .await?
-    .flag("found")
-}
 
 /// Notes that the worker asks for a job now.
 pub(crate) async fn note_request(tx: &mut Tx, id: &str) -> Result<(), StoreError> {

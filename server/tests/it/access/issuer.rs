@@ -65,9 +65,26 @@ struct Given {
 
 struct Shared {
     url: String,
-    key: EcdsaKeyPair,
+    key: Mutex<Key>,
     expected: Mutex<Option<Person>>,
     given: Mutex<HashMap<String, Given>>,
+}
+
+/// A key with its id.
+struct Key {
+    id: String,
+    pair: EcdsaKeyPair,
+}
+
+impl Key {
+    fn new(id: &str) -> Self {
+        let random = SystemRandom::new();
+        let algorithm = &ECDSA_P256_SHA256_FIXED_SIGNING;
+        let pair = EcdsaKeyPair::generate_pkcs8(algorithm, &random).expect("a key");
+        let pair = EcdsaKeyPair::from_pkcs8(algorithm, pair.as_ref(), &random).expect("a key");
+        let id = id.to_owned();
+        Self { id, pair }
+    }
 }
 
 /// The issuer.
@@ -83,14 +100,10 @@ impl Issuer {
     pub(super) async fn start() -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("binds");
         let address = listener.local_addr().expect("has an address");
-        let random = SystemRandom::new();
-        let algorithm = &ECDSA_P256_SHA256_FIXED_SIGNING;
-        let pair = EcdsaKeyPair::generate_pkcs8(algorithm, &random).expect("a key");
-        let key = EcdsaKeyPair::from_pkcs8(algorithm, pair.as_ref(), &random).expect("a key");
         let url = format!("http://{address}");
         let shared = Arc::new(Shared {
             url: url.clone(),
-            key,
+            key: Mutex::new(Key::new("1")),
             expected: Mutex::default(),
             given: Mutex::default(),
         });
@@ -114,6 +127,11 @@ impl Issuer {
             shared,
             serving,
         }
+    }
+
+    /// Signs with a new key from now on, and names no other.
+    pub(super) fn rotate(&self, id: &str) {
+        *lock(&self.shared.key) = Key::new(id);
     }
 
     /// Who signs in next.
@@ -163,11 +181,12 @@ async fn description(State(shared): State<Arc<Shared>>) -> Response {
 }
 
 async fn keys(State(shared): State<Arc<Shared>>) -> Response {
-    let point = shared.key.public_key().as_ref();
+    let key = lock(&shared.key);
+    let point = key.pair.public_key().as_ref();
     let (x, y) = point[1..].split_at(32);
     let text = |bytes: &[u8]| URL_SAFE_NO_PAD.encode(bytes);
     answer(&json!({"keys": [
-        {"kty": "EC", "crv": "P-256", "alg": "ES256", "use": "sig", "kid": "1", "x": text(x), "y": text(y)},
+        {"kty": "EC", "crv": "P-256", "alg": "ES256", "use": "sig", "kid": key.id, "x": text(x), "y": text(y)},
     ]}))
 }
 
@@ -216,16 +235,17 @@ impl Shared {
         claims["iat"] = json!(now);
         claims["exp"] = json!(now + person.seconds);
         let text = |value: &Value| URL_SAFE_NO_PAD.encode(value.to_string());
+        let key = lock(&self.key);
         let body = format!(
             "{}.{}",
-            text(&json!({"alg": "ES256", "kid": "1"})),
+            text(&json!({"alg": "ES256", "kid": key.id})),
             text(&claims)
         );
         let signed = match person.signed {
             true => body.clone(),
             false => format!("{body}x"),
         };
-        let signature = self.key.sign(&SystemRandom::new(), signed.as_bytes());
+        let signature = key.pair.sign(&SystemRandom::new(), signed.as_bytes());
         let signature = signature.expect("signs");
         format!("{body}.{}", URL_SAFE_NO_PAD.encode(signature.as_ref()))
     }

@@ -259,6 +259,34 @@ async fn a_token_that_was_made_for_something_else_lets_nobody_in() {
 }
 
 #[tokio::test]
+async fn keys_that_the_issuer_changes_and_clocks_that_differ_keep_nobody_out() {
+    let issuer = Issuer::start().await;
+    let (_service, address) = start(&issuer).await;
+    let signs_in = async |person: Person| {
+        let (status, head, page) = sign_in(address, &issuer, person).await;
+        (status, cookie(&head, "yoto-session").is_some(), page)
+    };
+    let (status, has_session, page) = signs_in(ada()).await;
+    assert_eq!((status, has_session), (303, true), "{page}");
+    // The service has read the old key just now, and the code of this sign-in counts once.
+    issuer.rotate("2");
+    let (status, has_session, page) = signs_in(ada()).await;
+    assert_eq!((status, has_session), (303, true), "{page}");
+    // Another key under the id of the last one.
+    issuer.rotate("2");
+    let (status, has_session, page) = signs_in(ada()).await;
+    assert_eq!((status, has_session), (303, true), "{page}");
+    // The coordinator's clock is ahead by more than the time of a token.
+    for (seconds, lets_in) in [(-30, true), (-90, false)] {
+        let mut person = ada();
+        person.seconds = seconds;
+        let (status, has_session, page) = signs_in(person).await;
+        let expected = (if lets_in { 303 } else { 502 }, lets_in);
+        assert_eq!((status, has_session), expected, "{seconds} s: {page}");
+    }
+}
+
+#[tokio::test]
 async fn an_issuer_that_is_away_is_told_and_keys_still_count() {
     let issuer = Issuer::start().await;
     let (service, address) = start(&issuer).await;

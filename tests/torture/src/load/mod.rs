@@ -119,6 +119,9 @@ impl Load {
         self.polled(&lessees).await?;
         self.listed().await?;
         self.watched(&lessees).await?;
+        for trains in [false, true] {
+            self.saturated(&lessees, trains).await?;
+        }
         println!(
             "{:>9.1} MiB resident in the end",
             mib(self.served.resident_bytes()?)
@@ -130,6 +133,7 @@ impl Load {
     async fn polled(&self, lessees: &[Lessee]) -> Result<()> {
         let polls = Latencies::new("request for a job without success");
         let beats = Latencies::new("heartbeat");
+        let figures = Latencies::new("heartbeat with figures of a training");
         let gets = Latencies::new("GetJob");
         let until = Instant::now() + self.plan.time;
         let mut workers = Vec::new();
@@ -162,18 +166,46 @@ impl Load {
             .into_iter()
             .enumerate()
             .map(|(number, worker)| poll(number, worker));
-        let beating = lessees.iter().map(|it| self.beat(it, &beats, until));
+        let beating = lessees.iter().enumerate().map(|(number, it)| {
+            let trains = number % 2 == 0;
+            let latencies = if trains { &figures } else { &beats };
+            self.beat(it, latencies, trains, self.plan.beat, until)
+        });
         let getting = lessees.iter().map(|it| self.get(it, &gets, until));
         tokio::try_join!(
             try_join_all(polling),
             try_join_all(beating),
             try_join_all(getting)
         )?;
-        print!("{polls}\n{beats}\n{gets}\n");
+        print!("{polls}\n{beats}\n{figures}\n{gets}\n");
         Ok(())
     }
 
-    async fn beat(&self, lessee: &Lessee, beats: &Latencies, until: Instant) -> Result<()> {
+    /// All running jobs report without a pause: how many reports per second there can be.
+    async fn saturated(&self, lessees: &[Lessee], trains: bool) -> Result<()> {
+        let beats = Latencies::new(match trains {
+            false => "heartbeat without a pause",
+            true => "heartbeat with figures without a pause",
+        });
+        let until = Instant::now() + self.plan.time / 2;
+        let beating = lessees
+            .iter()
+            .map(|it| self.beat(it, &beats, trains, Duration::ZERO, until));
+        try_join_all(beating).await?;
+        let rate = beats.count() as f64 / (self.plan.time / 2).as_secs_f64();
+        println!("{beats}\n{rate:>9.0} of them per second");
+        Ok(())
+    }
+
+    /// Reports on a job `every` so often, with figures as one that `trains`.
+    async fn beat(
+        &self,
+        lessee: &Lessee,
+        beats: &Latencies,
+        trains: bool,
+        every: Duration,
+        until: Instant,
+    ) -> Result<()> {
         let mut client = WorkerServiceClient::new(self.channel.clone());
         let mut step = 0;
         while Instant::now() < until {
@@ -182,11 +214,12 @@ impl Load {
                 claim: Some(lessee.claim.clone()),
                 progress: Some(Progress {
                     step,
+                    loss: trains.then_some(0.1),
                     ..Progress::default()
                 }),
             };
             beats.time(client.heartbeat(request)).await?;
-            tokio::time::sleep(self.plan.beat).await;
+            tokio::time::sleep(every).await;
         }
         Ok(())
     }
@@ -246,7 +279,11 @@ impl Load {
             }
         };
         let watching = try_join_all((0..self.plan.watchers).map(|_| watch()));
-        let beating = try_join_all(lessees.iter().map(|it| self.beat(it, &beats, until)));
+        let beating = try_join_all(
+            lessees
+                .iter()
+                .map(|it| self.beat(it, &beats, false, self.plan.beat, until)),
+        );
         let (seen, _) = tokio::try_join!(watching, beating)?;
         println!("{beats}");
         let fewest = seen.iter().min().copied().unwrap_or_default();

@@ -3,6 +3,7 @@
 use super::advice::refusal;
 use super::answer::ping;
 use super::failures::During;
+use super::lost::LastLoss;
 use crate::StoreError;
 use crate::db::PostgresUrl;
 use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
@@ -12,6 +13,8 @@ use std::time::Duration;
 /// Number of connections of one coordinator, beside one that listens and one that holds its lock. PostgreSQL's default is room
 /// for 100 in all.
 const CONNECTIONS: u32 = 20;
+/// Idle time after which a connection is tested before it is used. A test of each use would cost as much as its statement.
+const IDLE: Duration = Duration::from_secs(1);
 /// Longest wait for a free connection.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -40,18 +43,29 @@ pub(super) fn options(url: &PostgresUrl) -> Result<PgConnectOptions, StoreError>
     Ok(options.application_name("yoto").options(SETTINGS))
 }
 
-/// Connections for all statements. Each is tested before it is used, so that a restart of the database breaks no call that
-/// comes after it. One that does not answer for `patience` after its use is closed: the pool itself would wait for it.
+/// Connections for all statements. Each that was idle is tested before it is used, and any after a loss of another, so that few calls fail
+/// after a restart of the database. One that does not answer for `patience` after its use is closed: the pool itself would wait for it.
 ///
 /// # Errors
 /// When the database can't be reached, or refuses the user.
 pub(super) async fn pool(
     options: PgConnectOptions,
     patience: Duration,
+    losses: LastLoss,
 ) -> Result<PgPool, StoreError> {
     let pool = PgPoolOptions::new()
         .max_connections(CONNECTIONS)
         .acquire_timeout(ACQUIRE_TIMEOUT)
+        .test_before_acquire(false)
+        .before_acquire(move |connection, last_use| {
+            let wary = last_use.idle_for >= IDLE || losses.is_recent();
+            Box::pin(async move {
+                if wary {
+                    ping(patience, connection).await?;
+                }
+                Ok(true)
+            })
+        })
         .after_release(move |connection, _| {
             Box::pin(async move { ping(patience, connection).await.map(|()| true) })
         })

@@ -42,6 +42,11 @@ fn of_driver(action: &'static str, error: sqlx::Error, unchanged: bool) -> Store
     }
 }
 
+/// Whether the connection is lost, or leads to a database that takes no writes.
+pub(super) fn is_lost(error: &sqlx::Error) -> bool {
+    class(error) == Class::Lost
+}
+
 /// What has happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Class {

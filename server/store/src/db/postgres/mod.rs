@@ -9,6 +9,7 @@ mod answer;
 mod connections;
 mod failures;
 mod guard;
+mod lost;
 mod migrations;
 mod notices;
 #[cfg(test)]
@@ -25,21 +26,25 @@ use crate::StoreError;
 use answer::{PATIENCE, within};
 use failures::During;
 use guard::Guard;
+use lost::LastLoss;
 use sqlx::pool::PoolConnection;
 use sqlx::postgres::{PgConnection, PgRow};
 use sqlx::{Executor, PgPool, Postgres as Db, Row, Transaction};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// An open database.
 #[derive(Debug)]
 pub(crate) struct Postgres {
     pool: PgPool,
     guard: Guard,
-    /// Seconds by which the database's clock was last ahead of the coordinator's, as the bits of an `f64`.
-    ahead: AtomicU64,
+    /// When this was opened, by a clock that nobody sets.
+    opened: Instant,
+    /// The database's time when this was opened, by the last read of its clock, as the bits of an `f64`; NaN before the first.
+    since: AtomicU64,
     /// Longest wait for an answer.
     patience: Duration,
+    losses: LastLoss,
 }
 
 /// A connection of the pool, with or without a transaction. If an answer takes too long, it is given up.
@@ -47,6 +52,7 @@ pub(crate) struct Postgres {
 pub(crate) struct Connection {
     held: Held,
     patience: Duration,
+    losses: LastLoss,
 }
 
 #[derive(Debug)]
@@ -69,38 +75,45 @@ impl Postgres {
 
     async fn open_with(url: &PostgresUrl, steps: &Steps) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
-        let pool = connections::pool(options.clone(), PATIENCE).await?;
+        let losses = LastLoss::default();
+        let pool = connections::pool(options.clone(), PATIENCE, losses.clone()).await?;
         let pending = async || migrations::are_pending(&pool, steps).await;
         let upgrade = async || migrations::run(&pool, steps).await;
         let guard = Guard::take(options, pending, upgrade).await?;
-        Ok(Self::new(pool, guard, PATIENCE))
+        Ok(Self::new(pool, guard, PATIENCE, losses))
     }
 
-    fn new(pool: PgPool, guard: Guard, patience: Duration) -> Self {
+    fn new(pool: PgPool, guard: Guard, patience: Duration, losses: LastLoss) -> Self {
         Self {
             pool,
             guard,
-            ahead: AtomicU64::new(0.0_f64.to_bits()),
+            opened: Instant::now(),
+            since: AtomicU64::new(f64::NAN.to_bits()),
             patience,
+            losses,
         }
     }
 
     fn connection(&self, held: Held) -> Connection {
-        let patience = self.patience;
-        Connection { held, patience }
+        Connection {
+            held,
+            patience: self.patience,
+            losses: self.losses.clone(),
+        }
     }
 
     /// Opens the database for reads, unless its schema has to be brought up to date.
     pub(crate) async fn inspect(url: &PostgresUrl) -> Result<Self, StoreError> {
         let options = connections::options(url)?;
-        let pool = connections::pool(options.clone(), PATIENCE).await?;
+        let losses = LastLoss::default();
+        let pool = connections::pool(options.clone(), PATIENCE, losses.clone()).await?;
         let steps = migrations::steps();
         let pending = async || match migrations::are_pending(&pool, &steps).await? {
             true => Err(schema::outdated()),
             false => Ok(false),
         };
         let guard = Guard::take(options, pending, async || Ok(())).await?;
-        Ok(Self::new(pool, guard, PATIENCE))
+        Ok(Self::new(pool, guard, PATIENCE, losses))
     }
 
     pub(crate) async fn read(&self) -> Result<Connection, StoreError> {
@@ -120,10 +133,16 @@ impl Postgres {
             .await
     }
 
+    /// A connection for one statement that writes.
+    pub(crate) async fn write_alone(&self) -> Result<Connection, StoreError> {
+        self.guard.check()?;
+        self.read().await
+    }
+
     async fn begin(&self, statement: &'static str) -> Result<Connection, StoreError> {
         let tx = within(self.patience, self.pool.begin_with(statement)).await;
         Ok(self.connection(Held::Transaction {
-            inner: tx.during("starting a transaction")?,
+            inner: self.losses.noted(tx).during("starting a transaction")?,
             failed: false,
         }))
     }
@@ -143,24 +162,24 @@ impl Postgres {
         self.guard.renew(migrations::are_known(&self.pool)).await
     }
 
-    /// The database's time, and the difference to the coordinator's time `own` is kept for [`Self::estimate`].
-    pub(crate) async fn now(
-        &self,
-        connection: &mut Connection,
-        own: f64,
-    ) -> Result<f64, StoreError> {
+    /// The database's time, which is kept for [`Self::estimate`].
+    pub(crate) async fn now(&self, connection: &mut Connection) -> Result<f64, StoreError> {
         let action = "reading the database's clock";
         let statement = "SELECT extract(epoch FROM clock_timestamp())::float8 AS now";
         let row = within(self.patience, connection.get().fetch_one(statement)).await;
         let row = row.during(action)?;
         let now: f64 = row.try_get("now").during(action)?;
-        self.ahead.store((now - own).to_bits(), Ordering::Relaxed);
+        let since = now - self.opened.elapsed().as_secs_f64();
+        self.since.store(since.to_bits(), Ordering::Relaxed);
         Ok(now)
     }
 
-    /// The database's time at the coordinator's time `own`, without a question to the database.
+    /// The database's time, without a question to the database; the coordinator's time `own`, if its clock was never read.
     pub(crate) fn estimate(&self, own: f64) -> f64 {
-        own + f64::from_bits(self.ahead.load(Ordering::Relaxed))
+        match f64::from_bits(self.since.load(Ordering::Relaxed)) {
+            since if since.is_nan() => own,
+            since => since + self.opened.elapsed().as_secs_f64(),
+        }
     }
 
     pub(crate) async fn close(&self) {
@@ -182,7 +201,7 @@ impl Connection {
         if let (Held::Transaction { failed, .. }, Err(_)) = (&mut self.held, &result) {
             *failed = true;
         }
-        result
+        self.losses.noted(result)
     }
 
     /// Waits for the lock: of a row, or one of the program's own where there is no row. That of a row does not exclude new
@@ -273,7 +292,7 @@ impl Connection {
 mod tests {
     use super::*;
     use crate::db::sql;
-    use tokio::time::{Instant, sleep};
+    use tokio::time::sleep;
     use yoto_test_postgres::Database;
 
     /// A database whose processes are stopped answers nothing and ends no connection, as one behind a firewall that drops
@@ -287,12 +306,13 @@ mod tests {
         let patience = Duration::from_secs(1);
         let url = database.url().parse().expect("an address");
         let options = connections::options(&url).expect("good");
-        let pool = connections::pool(options.clone(), patience)
+        let losses = LastLoss::default();
+        let pool = connections::pool(options.clone(), patience, losses.clone())
             .await
             .expect("connects");
         let never = async || panic!("it is up to date");
         let guard = Guard::take(options, async || Ok(false), never).await;
-        let store = Postgres::new(pool, guard.expect("it is free"), patience);
+        let store = Postgres::new(pool, guard.expect("it is free"), patience, losses);
 
         let mut reading = store.read().await.expect("a connection");
         let mut writing = store.write().await.expect("a connection");

@@ -80,7 +80,7 @@ mod tests {
     async fn pool(database: &Database) -> PgPool {
         let url = database.url().parse().expect("an address");
         let options = connections::options(&url).expect("good");
-        connections::pool(options, PATIENCE)
+        connections::pool(options, PATIENCE, <_>::default())
             .await
             .expect("connects")
     }
