@@ -244,6 +244,14 @@ impl Camera {
         up
     }
 
+    /// Whether the world is this camera's: it stands on the origin, and its axes are the world's or their opposites.
+    pub fn is_the_world(&self) -> bool {
+        let rows = self.e.iter().take(3).enumerate();
+        let mut parts =
+            rows.flat_map(|(i, row)| row.iter().enumerate().map(move |(j, e)| (i == j, e.abs())));
+        parts.all(|(is_diagonal, part)| (part - f64::from(u8::from(is_diagonal))).abs() < 1e-6)
+    }
+
     /// This camera with another frame as its world; `to_world` leads from that frame to this world.
     pub fn in_frame(&self, to_world: &Mat34) -> Self {
         let e = &self.e;
@@ -311,6 +319,19 @@ mod tests {
         let straight = Camera::look_at([0.0, 1.0, 3.0], [0.0; 3], [0.0, 1.0, 0.0], 9.0, 8, 8);
         let right = straight.project([1.0, 0.0, 0.0]).expect("in front");
         assert!(right[0] > 4.0, "world +x is on the right when seen from +z");
+    }
+
+    #[test]
+    fn a_camera_is_the_world_only_from_its_origin_along_its_axes() {
+        let mut own = camera();
+        assert!(!own.is_the_world());
+        own.e = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+        assert!(own.is_the_world());
+        own.e[1][1] = -1.0;
+        own.e[2][2] = -1.0;
+        assert!(own.is_the_world(), "y and z the other way");
+        own.e[2][3] = 3.0;
+        assert!(!own.is_the_world(), "it stands elsewhere");
     }
 
     #[test]

@@ -7,6 +7,9 @@ use yoto_capture::skeleton::transform::{
 };
 use yoto_capture::skeleton::{Skeleton, SkeletonError};
 
+/// The up axis of a world whose file does not tell.
+pub(crate) const UP: Vec3 = [0.0, 1.0, 0.0];
+
 /// A motion of a person's skeleton.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Clip {
@@ -16,6 +19,8 @@ pub struct Clip {
     pub fps: f64,
     /// The poses, at least one.
     pub poses: Vec<Pose>,
+    /// The up axis of the motion's world, of length 1.
+    pub up: Vec3,
 }
 
 impl Clip {
@@ -25,32 +30,27 @@ impl Clip {
             name: "rest".into(),
             fps: 1.0,
             poses: vec![Pose::rest(skeleton.joints())],
+            up: UP,
         }
     }
 
     /// The motion from the clip's world to one with y up in which the person stands on the origin and faces
-    /// z, on average over the frames.
+    /// z, on average over the frames. The clip's up axis becomes y, however the person leans: the floor stays level.
     ///
     /// # Errors
     /// If a pose does not fit `skeleton`.
     pub fn stand(&self, skeleton: &Skeleton) -> Result<Mat34, SkeletonError> {
-        let (mut up, mut front) = ([0.0; 3], [0.0; 3]);
+        let mut front = [0.0; 3];
         let mut joints: Vec<Vec3> = Vec::new();
         for pose in &self.poses {
             skeleton.check_pose(pose)?;
             let transforms = skeleton.world_transforms(pose);
             if let Some(root) = transforms.first() {
-                up = add(up, root.map(|row| row[1]));
                 front = add(front, root.map(|row| row[2]));
             }
             joints.extend(transforms.iter().map(position));
         }
-        // A person who is upside down for half of the time has no mean up direction.
-        let up = if length(up) < 1e-3 {
-            [0.0, 1.0, 0.0]
-        } else {
-            normalised(up)
-        };
+        let up = normalised(self.up);
         let mut front = sub(front, scale(up, dot(front, up)));
         if length(front) < 1e-3 {
             // A person who turns all the way round has no mean front.
@@ -127,7 +127,8 @@ mod tests {
     fn a_person_of_any_world_stands_on_the_origin_and_faces_z() {
         // A world with z up, and a person who faces x.
         let turn = [2.094_395_1 / 3f32.sqrt(); 3];
-        let clip = clip(&[turn, turn], [3.0, -2.0, 5.0]);
+        let mut clip = clip(&[turn, turn], [3.0, -2.0, 5.0]);
+        clip.up = [0.0, 0.0, 1.0];
         let to = clip.stand(&skeleton()).expect("a pose of hers");
         let joints = skeleton().world_transforms(&clip.poses[0]);
         let [root, head] = [&joints[0], &joints[1]].map(|joint| compose(&to, joint));
@@ -137,6 +138,22 @@ mod tests {
         }
         let front = root.map(|row| row[2]);
         assert!(length(sub(front, [0.0, 0.0, 1.0])) < 1e-5, "{front:?}");
+    }
+
+    #[test]
+    fn whoever_leans_stays_on_a_level_floor() {
+        let mut walk = clip(&[[0.4, 0.0, 0.0]; 3], [0.0; 3]);
+        for (at, pose) in walk.poses.iter_mut().enumerate() {
+            pose.translation = [0.0, 0.0, at as f32];
+        }
+        let to = walk.stand(&skeleton()).expect("poses");
+        let heights = walk.poses.iter().map(|pose| {
+            let joints = skeleton().world_transforms(pose);
+            position(&compose(&to, &joints[0]))[1]
+        });
+        for height in heights {
+            assert!(height.abs() < 1e-9, "{height}");
+        }
     }
 
     #[test]

@@ -1,15 +1,13 @@
 //! Motions of captures and of files in requests, before they are transferred to a person's body.
 
-use crate::clip::Clip;
+use crate::clip::{Clip, UP};
 use yoto_capture::ViewError;
 use yoto_capture::camera::Camera;
+use yoto_capture::skeleton::transform::{add, dot, length, normalised};
 use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, timing, transfer};
 use yoto_proto::frame_steps::chosen_below;
 use yoto_proto::pose_track::{self, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
-
-/// The default up axis.
-const UP: Vec3 = [0.0, 1.0, 0.0];
 
 /// Why a motion can't be used.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +74,9 @@ pub enum SourceError {
     },
 }
 
+/// Largest angle between a camera's up and that of a person who stands before it, radians.
+const LEANS: f64 = std::f64::consts::FRAC_PI_6;
+
 /// A motion of any skeleton.
 #[derive(Clone, Debug)]
 pub struct Source {
@@ -89,6 +90,8 @@ pub struct Source {
     fps: f64,
     /// The up axis of its world.
     up: Vec3,
+    /// Whether the world is the first frame's camera, whose up is near to that of the scene at best.
+    of_camera: bool,
 }
 
 impl Source {
@@ -105,12 +108,13 @@ impl Source {
         };
         let frames = track.frames.iter();
         let poses = frames.map(|frame| Pose::from_frame(frame).map_err(fault(frame.index)));
-        let up = match track.frames.first() {
-            Some(first) => Camera::from_frame(first, track.image_size)
-                .map_err(fault(first.index))?
-                .world_up(),
-            None => UP,
-        };
+        let camera = track
+            .frames
+            .first()
+            .map(|first| Camera::from_frame(first, track.image_size).map_err(fault(first.index)));
+        let camera = camera.transpose()?;
+        let up = camera.as_ref().map_or(UP, Camera::world_up);
+        let of_camera = camera.is_some_and(|it| it.is_the_world());
         Ok(Self {
             name: name.to_owned(),
             poses: poses.collect::<Result<_, _>>()?,
@@ -118,6 +122,7 @@ impl Source {
             skeleton: track.skeleton.clone(),
             fps: track.fps,
             up,
+            of_camera,
         })
     }
 
@@ -147,6 +152,7 @@ impl Source {
             numbers: (0..poses.len() as u32).collect(),
             poses,
             up: up.try_into().unwrap_or(UP),
+            of_camera: false,
         })
     }
 
@@ -198,10 +204,13 @@ impl Source {
         let (poses, fps) = timing::even(self.poses.clone(), &self.numbers, self.fps);
         let seconds: Vec<f64> = (0..poses.len()).map(|at| at as f64 / fps).collect();
         let poses = transfer(&self.driver(target)?, target, &poses, &seconds, self.up);
+        let poses = poses.map_err(|(at, source)| self.at_fault(at, source))?;
+        let stood = self.of_camera.then(|| stood(&poses, target, self.up));
         Ok(Clip {
             name: self.name.clone(),
             fps,
-            poses: poses.map_err(|(at, source)| self.at_fault(at, source))?,
+            poses,
+            up: stood.flatten().unwrap_or(self.up),
         })
     }
 
@@ -259,6 +268,18 @@ impl Source {
     }
 }
 
+/// The mean of the body's own up axis, which levels a world that is a camera's better than the camera's; `None` if it is more than
+/// [`LEANS`] from `up`: whoever lies or kneels does not tell.
+fn stood(poses: &[Pose], skeleton: &Skeleton, up: Vec3) -> Option<Vec3> {
+    let axes = poses.iter().filter_map(|pose| {
+        let root = skeleton.world_transforms(pose).into_iter().next()?;
+        Some(root.map(|row| row[1]))
+    });
+    let sum = axes.fold([0.0; 3], add);
+    let mean = normalised(sum);
+    (length(sum) > 0.0 && dot(mean, up) > LEANS.cos()).then_some(mean)
+}
+
 /// All `sources` on the body of `target`, with unique names.
 ///
 /// # Errors
@@ -298,6 +319,7 @@ mod tests {
             name: name.into(),
             fps: 30.0,
             poses: Vec::new(),
+            up: UP,
         };
         let mut clips = ["walk", "run", "walk", "walk (2)", "walk"].map(named);
         tell_apart(&mut clips);
@@ -360,6 +382,22 @@ mod tests {
         assert_eq!(error.to_string(), "walk: no frame 3 among its 3");
         let whole = motion().part(&part(None, 0, 0)).expect("is there");
         assert_eq!(whole.on(&body()).expect("a clip").poses.len(), 10);
+    }
+
+    #[test]
+    fn a_world_is_as_level_as_its_file_tells_and_one_of_a_camera_as_who_stands_in_it() {
+        let up = |lean: f32, of_camera: bool| {
+            let mut source = motion();
+            source.of_camera = of_camera;
+            for pose in &mut source.poses {
+                pose.rotations[0] = [lean, 0.0, 0.0];
+            }
+            source.on(&body()).expect("a clip").up
+        };
+        assert_eq!(up(0.2, false), UP);
+        let leans = up(0.2, true);
+        assert!((leans[2] - 0.2_f64.sin()).abs() < 1e-6, "{leans:?}");
+        assert_eq!(up(1.4, true), UP, "whoever lies does not tell");
     }
 
     #[test]

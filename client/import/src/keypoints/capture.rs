@@ -1,6 +1,7 @@
 //! A capture of the chosen person: a body fitted to the key points of all frames.
 
 use super::detections::{Detection, Detections};
+use super::judge::judge;
 use super::people::{self, DetectedPerson};
 use super::{mask, own_skeleton, timing};
 use crate::clip::{Clip, fault, left_out};
@@ -65,6 +66,9 @@ pub(super) fn read(
         let masks = masks.as_ref().filter(|_| of_frames);
         seen = timing::decide(counting, found, seen, other, masks, clip, &mut notes)?;
     }
+    let doubts = judge(&seen, clip.size, at)?;
+    notes.extend(doubts.iter().cloned());
+    about.doubts.extend(doubts);
     let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();
     left_out(&wanted, "key points of the person", is_seen, &mut notes);
     let fps = options.fps_or(clip.fps, &mut notes);

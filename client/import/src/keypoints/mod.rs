@@ -2,7 +2,7 @@
 //!
 //! One file per detector reads its files to [`Detections`](detections::Detections): people, frames and
 //! points. The rest is common: which of the people ([`people`]), which frame of the clip
-//! ([`detections`], [`timing`]), which mask ([`mask`]), and the fit of a body to the points of all frames
+//! ([`detections`], [`timing`]), which mask ([`mask`]), whether the points can be those of a person in the clip ([`judge`]), and the fit of a body to the points of all frames
 //! ([`capture`], by `yoto-pose`), or the detector's own skeleton ([`own_skeleton`]).
 //!
 //! ```text
@@ -17,6 +17,7 @@ mod detections;
 mod easy_vitpose;
 mod form;
 mod hands;
+mod judge;
 mod lost;
 mod mask;
 mod mediapipe;

@@ -48,8 +48,12 @@ const COUNTS: std::ops::RangeInclusive<usize> = 12..=200;
 const LOOKED_AT: usize = 5;
 /// Arrays of body models, whose poses may have the shape of points.
 const BODY_MODELS: [&str; 5] = ["trans", "transl", "betas", "global_orient", "thetas"];
-/// A quarter of all hips are this close to the origin where points are in space, around the hips, metres.
+/// The middle of the hips is this close to the origin, half of the time, where points are in space around it: metres, in which a body
+/// reaches no farther than [`REACH`].
 const AT_HIPS: f64 = 0.05;
+const REACH: f64 = 3.0;
+/// Scores of heat maps pass 1, and 0, by as much.
+const SCORES_PASS: f64 = 0.1;
 
 /// A point: x, y, a third number, and a score. A missing number is NaN.
 type Point = [f64; 4];
@@ -152,16 +156,20 @@ fn read(
         rows.push(row);
     }
     let hips = ["left_hip", "right_hip"].map(|hip| names.iter().position(|name| *name == hip));
-    let hips = bodies()
+    let middles = bodies()
         .filter(|body| body.names.is_empty())
-        .flat_map(|body| {
-            hips.into_iter()
-                .flatten()
-                .filter_map(|hip| body.points.get(hip))
+        .filter_map(|body| {
+            let hip = |at: usize| body.points.get(hips[at]?).filter(|it| it[0].is_finite());
+            let (left, right) = (hip(0)?, hip(1)?);
+            Some(((left[0] + right[0]) / 2.0).hypot((left[1] + right[1]) / 2.0))
         });
-    let mut away: Vec<f64> = hips.map(|[x, y, ..]| x.hypot(*y)).collect();
+    let mut away: Vec<f64> = middles.collect();
     away.sort_by(f64::total_cmp);
-    if away.get(away.len() / 4).is_some_and(|away| *away < AT_HIPS) {
+    let reach = bodies()
+        .flat_map(|body| &body.points)
+        .map(|[x, y, ..]| x.abs().max(y.abs()));
+    let in_metres = reach.filter(|it| it.is_finite()).all(|it| it < REACH);
+    if in_metres && away.get(away.len() / 2).is_some_and(|away| *away < AT_HIPS) {
         let message = "these are points in space, around the hips: those of the picture are needed (pixels, or \
                        shares of its width and height)";
         return Err(root.fault("UNSUITABLE", message));
@@ -192,11 +200,12 @@ enum Third {
     Depth,
 }
 
+/// Numbers about 0 to 1 are scores. Zeros alone say nothing.
 fn third<'a>(points: impl Iterator<Item = &'a Point>) -> Third {
     let mut all = Third::Nothing;
     for [_, _, third, _] in points.filter(|point| point[2].is_finite()) {
-        match (0.0..=1.0).contains(third) {
-            true if all == Third::Nothing => all = Third::Score,
+        match (-SCORES_PASS..=1.0 + SCORES_PASS).contains(third) {
+            true if *third != 0.0 => all = Third::Score,
             true => {}
             false => return Third::Depth,
         }
@@ -204,9 +213,10 @@ fn third<'a>(points: impl Iterator<Item = &'a Point>) -> Third {
     all
 }
 
-/// x, y and score; 1 if the file has no scores, 0 for a point that the file lacks.
+/// x, y and score; 1 if the file has no scores, 0 for a point that the file lacks or that is at 0, 0, where detectors put what they
+/// don't see.
 fn seen(&[x, y, number, score]: &Point, third: Third) -> [f64; 3] {
-    if x.is_nan() && y.is_nan() {
+    if x.is_nan() && y.is_nan() || (x, y) == (0.0, 0.0) {
         return [0.0; 3];
     }
     let sure = match third {
@@ -214,7 +224,7 @@ fn seen(&[x, y, number, score]: &Point, third: Third) -> [f64; 3] {
         Third::Score if number.is_finite() => number,
         _ => 1.0,
     };
-    [x, y, sure]
+    [x, y, sure.clamp(0.0, 1.0)]
 }
 
 /// The set of the bodies, by names, else by count.

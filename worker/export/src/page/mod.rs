@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use packed::Packed;
 use serde::Serialize;
 use yoto_avatar::render::SkinnedSplats;
-use yoto_capture::skeleton::SkeletonError;
+use yoto_capture::skeleton::{SkeletonError, Vec3};
 
 /// The data for the player.
 #[derive(Serialize)]
@@ -60,6 +60,7 @@ struct Ranges {
 struct PackedClip<'a> {
     name: &'a str,
     fps: f64,
+    up: Vec3,
     poses: String,
 }
 
@@ -82,6 +83,7 @@ pub fn page(title: &str, person: &SkinnedSplats, clips: &[Clip]) -> Result<Strin
         moves.push(PackedClip {
             name: &clip.name,
             fps: clip.fps,
+            up: clip.up,
             poses: STANDARD.encode(clip.packed(skeleton)?),
         });
     }
