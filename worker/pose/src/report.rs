@@ -19,6 +19,9 @@ const SURE: f64 = 0.3;
 /// Largest reprojection error without a note, as a share of the body's extent.
 const POOR: f64 = 0.015;
 
+/// Nobody films a standing person from so steeply above, degrees.
+const STEEP: f64 = 70.0;
+
 /// A person's poses, and the other results of the fit.
 #[derive(Clone, Debug)]
 pub struct Fitted {
@@ -80,7 +83,12 @@ pub(crate) fn fitted(
     });
     let reprojection_px = reprojection(problem, &found.stances, &found.shared);
     let down = down.to_degrees();
-    let doubt = doubt(problem, reprojection_px);
+    let steep = steep(options, down);
+    let doubts = [doubt(problem, reprojection_px), steep]
+        .into_iter()
+        .flatten();
+    let doubts: Vec<String> = doubts.collect();
+    let doubt = (!doubts.is_empty()).then(|| doubts.join("; "));
     Fitted {
         track: PoseTrack {
             skeleton,
@@ -111,6 +119,17 @@ pub(crate) fn fitted(
 fn extent(problem: &Problem) -> f64 {
     let mut extents: Vec<f64> = problem.frames.iter().map(|frame| frame.extent).collect();
     quantile(&mut extents, 0.5)
+}
+
+/// A doubt about a camera that looks down or up by `down` degrees, so that the person stands upright in its pictures.
+fn steep(options: &FitOptions, down: f64) -> Option<String> {
+    (options.upright && down.abs() > STEEP).then(|| {
+        let way = if down < 0.0 { "up" } else { "down" };
+        format!(
+            "the person would stand upright only if the camera looked {way} by {:.0}°: they lie, or the key points are nobody's",
+            down.abs()
+        )
+    })
 }
 
 fn doubt(problem: &Problem, reprojection: f64) -> Option<String> {
@@ -151,7 +170,7 @@ fn notes(
     if !problem.has_space() {
         notes.push("no depths are given: which way limbs point was judged by their motion".into());
     }
-    if options.upright {
+    if options.upright && steep(options, down).is_none() {
         let way = if down < 0.0 { "up" } else { "down" };
         notes.push(format!(
             "the camera is taken to look {way} by {:.0}°, with which the person stands upright on the whole",

@@ -127,25 +127,36 @@ pub(crate) fn read_poses(data: &FileData<'_>) -> Result<Poses, ImportError> {
         Some(thetas) => thetas.unchecked_rows(None)?,
         None => {
             let orient = root.get("global_orient")?.unchecked_rows::<3>(None)?;
-            let rows = root
-                .get("body_pose")?
-                .unchecked_rows::<69>(Some(orient.len()))?;
-            let join = |(orient, body): (Vec3, [f64; 69])| {
-                let mut pose = [0.0; 72];
-                pose[..3].copy_from_slice(&orient);
-                pose[3..].copy_from_slice(&body);
-                pose
-            };
-            orient.into_iter().zip(rows).map(join).collect()
+            let body = root.get("body_pose")?;
+            // SMPL-X has the 21 joints of SMPL before the hands.
+            let is_smplx = body.unchecked()?.shape.last() == Some(&63);
+            match is_smplx {
+                true => joined(&orient, &body.unchecked_rows::<63>(Some(orient.len()))?),
+                false => joined(&orient, &body.unchecked_rows::<69>(Some(orient.len()))?),
+            }
         }
     };
     let transl = root.get("transl")?;
     let translations = transl.unchecked_rows::<3>(Some(poses.len()))?;
     Ok(Poses {
-        betas: root.get("betas")?.vector()?,
+        betas: {
+            let each = root.get("betas")?.same_betas(poses.len())?;
+            each.into_iter().next().unwrap_or_default()
+        },
         poses,
         translations,
     })
+}
+
+/// Poses of a root and the rotations of the other joints.
+fn joined<const N: usize>(orient: &[Vec3], body: &[[f64; N]]) -> Vec<SmplPose> {
+    let join = |(orient, body): (&Vec3, &[f64; N])| {
+        let mut pose = [0.0; 72];
+        pose[..3].copy_from_slice(orient);
+        pose[3..3 + N].copy_from_slice(body);
+        pose
+    };
+    orient.iter().zip(body).map(join).collect()
 }
 
 fn camera(source: &Source) -> Result<(Camera, [u32; 2]), ImportError> {

@@ -67,6 +67,9 @@ fn of_the_person(
     if share < LEAST {
         let mut why = misfit::guess(&masks, clip, seen, &PictureTransform::of(options))?;
         if why.is_none() {
+            why = misfit::scaled(&masks, clip, seen)?;
+        }
+        if why.is_none() {
             why = misfit::shifted(&masks, clip, seen, LEAST)?;
         }
         let why = why.unwrap_or_else(|| "are these of this clip and person?".to_owned());

@@ -1,4 +1,4 @@
-//! Guesses why key points lie outside masks: mirrored or rotated pictures, or masks of other frames.
+//! Guesses why key points lie outside masks: mirrored or rotated pictures, pictures of another size, or masks of other frames.
 
 use super::detections::{Detection, SURE};
 use super::picture_transform::PictureTransform;
@@ -17,6 +17,19 @@ const GOOD: f64 = 0.8;
 const FITS: f64 = 0.9;
 /// Masks of other frames must fit better by this share of the points.
 const BETTER: f64 = 0.05;
+/// Sizes of pictures, as shares of the clip's, that are tried.
+const FACTORS: [f64; 10] = [
+    0.25,
+    1.0 / 3.0,
+    0.5,
+    2.0 / 3.0,
+    0.75,
+    4.0 / 3.0,
+    1.5,
+    2.0,
+    3.0,
+    4.0,
+];
 /// Delays between masks and points of up to this many frames are tried.
 const FARTHEST: i64 = 5;
 
@@ -121,6 +134,33 @@ pub(super) fn guess(
         };
         format!(
             "they are those of pictures {words} ({:.0} % lie inside then): {how}",
+            100.0 * share
+        )
+    }))
+}
+
+/// How much larger or smaller the pictures are in which the points lie inside the masks; `None` if none of the usual factors fits.
+pub(super) fn scaled(
+    masks: &Masks,
+    clip: &Clip,
+    seen: &[(usize, &Detection)],
+) -> Result<Option<String>, ImportError> {
+    let mut best: Option<(f64, f64)> = None;
+    for factor in FACTORS {
+        let change = PictureTransform {
+            scale: [factor; 2],
+            ..PictureTransform::SHOWN
+        };
+        let share = share(masks, clip, seen, 0, &change)?;
+        if share >= GOOD && best.is_none_or(|(most, _)| share > most) {
+            best = Some((share, factor));
+        }
+    }
+    Ok(best.map(|(share, factor)| {
+        let [width, height] = clip.size.map(|side| (f64::from(side) * factor).round());
+        format!(
+            "they are those of pictures of about {width}x{height}, {factor:.2} times the clip's ({:.0} % lie inside then): give the clip \
+             that the detector saw, or points of this one",
             100.0 * share
         )
     }))

@@ -35,6 +35,7 @@ mod point_set;
 mod point_table;
 mod recognise;
 mod sam_3d_body;
+mod series;
 mod shapes;
 mod stored;
 mod timing;

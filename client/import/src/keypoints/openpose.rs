@@ -5,7 +5,7 @@
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use super::form::{DetectorForm, RecognisedBy};
-use super::hands;
+use super::{hands, series};
 use crate::ImportError;
 use crate::source::{Faulty, Part, Source};
 use yoto_pose::KeyPointSet;
@@ -18,13 +18,15 @@ const POINTS: usize = 25;
 pub(super) static FORM: DetectorForm = DetectorForm {
     detector: Some("OpenPose"),
     fits: RecognisedBy::Ending(ENDING),
-    read: |file| read(file.source),
+    read: |file| read(file.source, file.given),
 };
 
-/// The files of the folder.
-fn read(source: &Source) -> Result<Detections, ImportError> {
+/// The files of the folder, or those of one take: of the file `given`.
+fn read(source: &Source, given: Option<&str>) -> Result<Detections, ImportError> {
     let (mut frames, mut faulty) = (Vec::new(), Faulty::default());
-    for (order, file) in source.list("", &[ENDING])?.iter().enumerate() {
+    let files = series::of(source.list("", &[ENDING])?, given);
+    series::is_one(source, &files)?;
+    for (order, file) in files.iter().enumerate() {
         let file = file.trim_start_matches('/');
         let number = numbers_in(file).last().copied().unwrap_or(order);
         let read = source.data(file, u32::try_from(number).ok());

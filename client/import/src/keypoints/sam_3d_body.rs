@@ -8,7 +8,7 @@
 
 use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
 use super::form::{DetectorForm, RecognisedBy};
-use super::mhr;
+use super::{mhr, series};
 use crate::ImportError;
 use crate::geometry::{Vec3, add};
 use crate::source::{Faulty, Part, Source};
@@ -66,15 +66,16 @@ fn fits(root: &Part<'_>) -> bool {
     root.find("pred_joint_coords").is_some() && root.find("pred_cam_t").is_some()
 }
 
-/// The files of the folder, of pictures of `size`; `given` is the one that the user named, if it is one. Files of other
-/// contents beside these are passed over.
+/// The files of the folder, of pictures of `size`; `given` is the one that the user named, if it is one: the files of its series,
+/// unless it holds all frames itself. Files of other contents beside these are passed over.
 fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detections, ImportError> {
     let mut frames: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
     let (mut focals, mut faulty) = (Vec::new(), Faulty::default());
-    let files = match given.filter(|name| !name.to_ascii_lowercase().ends_with(".npz")) {
-        Some(name) => vec![name.to_owned()],
-        None => source.list("", &[".npz"])?,
+    let files = match given {
+        Some(name) if holds_all(source, name)? => vec![name.to_owned()],
+        given => series::of(source.list("", &[".npz"])?, given),
     };
+    let mut used = Vec::new();
     for file in &files {
         let file = file.trim_start_matches('/');
         let name = file.to_ascii_lowercase();
@@ -96,6 +97,7 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
         if !fits(&root) {
             continue;
         }
+        used.push(file.to_owned());
         for (of_frame, part) in of_file(&root)? {
             let Some(number) = of_frame.or(number) else {
                 let message = "the file's name has no frame number, and the file has no frame_idx";
@@ -109,6 +111,7 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
             }
         }
     }
+    series::is_one(source, &used)?;
     let frames = frames.into_iter().map(|(number, people)| FrameDetections {
         number,
         image: None,
@@ -121,6 +124,20 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
     found.focal = focals.get(focals.len() / 2).copied();
     faulty.finish(&mut found.notes)?;
     Ok(found)
+}
+
+/// Whether the file is no part of a series: not an `.npz`, which has a frame, or one of several frames.
+fn holds_all(source: &Source, name: &str) -> Result<bool, ImportError> {
+    if !name.to_ascii_lowercase().ends_with(".npz") {
+        return Ok(true);
+    }
+    let data = source.data(name, None)?;
+    let coords = data.root().find("pred_joint_coords");
+    let shape = coords
+        .map(|part| part.unchecked())
+        .transpose()?
+        .map(|it| it.shape);
+    Ok(shape.is_some_and(|shape| matches!(shape[..], [_, _, 3])))
 }
 
 /// The people of a file with their frames, if it has these: one person; a list of people; or, as scripts write it, all

@@ -32,7 +32,14 @@ const FPS: f64 = 30.0;
 /// Rest position of the pelvis of SMPL's mean shape, metres.
 const PELVIS: Vec3 = [0.0, -0.22, 0.03];
 /// Names of the frame rate.
-const RATES: [&str; 3] = ["mocap_framerate", "mocap_frame_rate", "fps"];
+const RATES: [&str; 6] = [
+    "mocap_framerate",
+    "mocap_frame_rate",
+    "fps",
+    "frameRate",
+    "frame_rate",
+    "framerate",
+];
 
 /// The contents of a file.
 struct Parameters {

@@ -151,9 +151,13 @@ fn people<'a>(
     options: &Options,
 ) -> Result<Vec<&'a TrackedPerson>, ImportError> {
     if let Some(name) = &options.person {
+        let joined = found.other_ids.iter().find(|(other, _)| other == name);
+        let name = joined.map_or(name, |(_, name)| name);
         let person = found.people.iter().find(|person| person.name == *name);
         return person.map(|person| vec![person]).ok_or_else(|| {
-            let names: Vec<&str> = found.people.iter().map(|person| &*person.name).collect();
+            let names = found.people.iter().map(|person| &*person.name);
+            let others = found.other_ids.iter().map(|(other, _)| &**other);
+            let names: Vec<&str> = names.chain(others).collect();
             let message = format!("there is no person {name}; there are {}", names.join(", "));
             fault(at, "MISSING", message)
         });

@@ -97,6 +97,8 @@ pub(crate) struct ToolOutput {
     pub size: Option<[f64; 2]>,
     /// OpenCV's k1 k2 p1 p2 k3 of the clip.
     pub distortion: [f64; 5],
+    /// The tool's other ids of people who were joined, with the name that each goes by.
+    pub other_ids: Vec<(String, String)>,
     /// Masks of all people together, by frame.
     pub masks: Vec<(usize, Arc<RunLengths>)>,
     pub notes: Vec<String>,
@@ -138,8 +140,25 @@ impl PersonTrack for TrackedPerson {
 impl ToolOutput {
     /// Joins the tracks of a person whom the tool lost and found again; each with a note.
     pub(crate) fn joined(&self, notes: &mut Vec<String>) -> Self {
+        let people = joined(self.people.clone(), notes);
+        let has = |person: &TrackedPerson, number: usize, t: Vec3| {
+            person
+                .seen
+                .iter()
+                .any(|it| it.number == number && it.t == t)
+        };
+        let lost = self
+            .people
+            .iter()
+            .filter(|it| people.iter().all(|one| one.name != it.name));
+        let other_ids = lost.filter_map(|lost| {
+            let first = lost.seen.first()?;
+            let person = people.iter().find(|one| has(one, first.number, first.t))?;
+            Some((lost.name.clone(), person.name.clone()))
+        });
         Self {
-            people: joined(self.people.clone(), notes),
+            other_ids: other_ids.collect(),
+            people,
             ..self.clone()
         }
     }
@@ -150,6 +169,7 @@ impl ToolOutput {
             frames: None,
             size: None,
             distortion: NO_DISTORTION,
+            other_ids: Vec::new(),
             masks: Vec::new(),
             notes: Vec::new(),
         }

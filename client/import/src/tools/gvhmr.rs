@@ -2,7 +2,8 @@
 //!
 //! `smpl_params_incam` and `smpl_params_global`: `body_pose` `[L, 63]`, `global_orient`, `transl` `[L, 3]`,
 //! `betas` `[L, 10]` of SMPL-X; `K_fullimg` `[L, 3, 3]`. `global` has y up and no camera, so only `incam`
-//! is read. A converter to `.pkl` is in use that writes the numbers of `global` in the place of `incam`:
+//! is read. Some programs write the same values with flat names: `global_orient_incam`, or
+//! `smpl_params_incam_global_orient`, with `body_pose` and `betas` of both. A converter to `.pkl` is in use that writes the numbers of `global` in the place of `incam`:
 //! such a file is refused. Frames are those of the copy `0_input_video.mp4`, which has all frames of the
 //! clip, at 30 frames per second.
 
@@ -35,22 +36,57 @@ pub(crate) static TOOL: Tool = Tool {
 };
 
 fn fits(root: &Part<'_>) -> bool {
-    root.find("smpl_params_incam").is_some() || root.find("smpl_params_global").is_some()
+    root.find("smpl_params_incam").is_some()
+        || root.find("smpl_params_global").is_some()
+        || value(root, Space::Incam, "global_orient").is_some()
+}
+
+/// The axes of values.
+#[derive(Clone, Copy)]
+enum Space {
+    Incam,
+    Global,
+}
+
+impl Space {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Incam => "incam",
+            Self::Global => "global",
+        }
+    }
+}
+
+/// The value `name` of one of the spaces, in any of the forms.
+fn value<'a>(root: &Part<'a>, space: Space, name: &str) -> Option<Part<'a>> {
+    let space = space.word();
+    let group = format!("smpl_params_{space}");
+    let nested = root.find(&group).and_then(|group| group.find(name));
+    nested
+        .or_else(|| root.find(&format!("{group}_{name}")))
+        .or_else(|| root.find(&format!("{name}_{space}")))
 }
 
 fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
-    let incam = root.get("smpl_params_incam")?;
-    let orient = incam.get("global_orient")?.unchecked_rows::<3>(None)?;
-    let transl = incam
-        .get("transl")?
-        .unchecked_rows::<3>(Some(orient.len()))?;
-    let body = incam
-        .get("body_pose")?
-        .unchecked_rows::<63>(Some(orient.len()))?;
-    let betas = incam.get("betas")?.same_betas(orient.len())?;
-    if let Some(global) = root.find("smpl_params_global") {
-        let world = global.get("global_orient")?.unchecked_rows::<3>(None)?;
-        let positions = global.get("transl")?.unchecked_rows::<3>(None)?;
+    let is_flat = root.find("smpl_params_incam").is_none()
+        && value(root, Space::Incam, "global_orient").is_some();
+    let incam = match is_flat {
+        true => root.clone(),
+        false => root.get("smpl_params_incam")?,
+    };
+    let own = |name: &str| match value(root, Space::Incam, name) {
+        Some(value) => Ok(value),
+        None => incam.get(name),
+    };
+    // What does not depend on the axes has one name where names are flat.
+    let orient = own("global_orient")?.unchecked_rows::<3>(None)?;
+    let transl = own("transl")?.unchecked_rows::<3>(Some(orient.len()))?;
+    let body = own("body_pose")?.unchecked_rows::<63>(Some(orient.len()))?;
+    let betas = own("betas")?.same_betas(orient.len())?;
+    let world = ["global_orient", "transl"].map(|name| value(root, Space::Global, name));
+    if let [Some(world), Some(positions)] = world {
+        let world = world.unchecked_rows::<3>(None)?;
+        let positions = positions.unchecked_rows::<3>(None)?;
         if is_same(&world, &orient) && is_same(&positions, &transl) && orient.len() > 1 {
             let message = "the same numbers as smpl_params_global: a converter put the poses of the \
                            world (y up) in the place of the camera's. Give the tool's own \

@@ -37,6 +37,7 @@ mod pose_tools_made;
 mod pose_tools_misread;
 mod projected;
 mod rigs;
+mod takes;
 mod traps;
 mod up;
 mod words;

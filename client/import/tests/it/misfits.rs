@@ -176,6 +176,19 @@ fn mirrored_and_turned_points_are_named_and_undone_as_the_error_says() {
 }
 
 #[test]
+fn points_of_larger_and_smaller_pictures_are_named_with_the_factor() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (factor, said) in [(2.0, "128x192, 2.00 times"), (0.5, "32x48, 0.50 times")] {
+        let path = person(dir.path(), |record| {
+            points(record, |[x, y]| [factor * x, factor * y]);
+        });
+        let masks = masks(dir.path(), SIZE, |_, mask| mask);
+        let error = import(path, Some(masks)).expect_err(said).to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}
+
+#[test]
 fn early_points_are_told() {
     let dir = tempfile::tempdir().expect("a folder");
     let masks = masks(dir.path(), SIZE, |_, mask| mask);

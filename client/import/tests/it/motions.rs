@@ -1,6 +1,6 @@
 //! Motions of other programs, against where the script that wrote them says joints stand.
 
-use crate::{captures, expected};
+use crate::{captures, expected, npz};
 use std::collections::HashMap;
 use yoto_capture::camera::Pose;
 use yoto_capture::skeleton::Skeleton;
@@ -149,6 +149,34 @@ fn maps_can_be_edited_and_must_know_the_root() {
     );
     let error = with("[]").expect_err("no map").to_string();
     assert!(error.contains("map.json"), "{error}");
+}
+
+/// Values of GVHMR in one file: those of the world are read, at the file's own rate.
+#[test]
+fn parameters_of_smplx_have_21_joints_and_a_rate_of_any_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("tennis.npz");
+    let mut body = vec![0.0; 2 * 63];
+    // The left knee of the second frame, which is joint 4.
+    body[63 + 3 * 3] = 0.7;
+    npz::write(
+        &path,
+        &[
+            ("body_pose", &[2, 63], &body),
+            ("betas", &[2, 10], &[0.0; 20]),
+            ("global_orient", &[2, 3], &[0.0; 6]),
+            ("transl", &[2, 3], &[0.0, 1.3, 0.0, 0.0, 1.3, 0.5]),
+            ("global_orient_incam", &[2, 3], &[3.0; 6]),
+            ("transl_incam", &[2, 3], &[4.0; 6]),
+            ("frameRate", &[], &[60.0]),
+        ],
+    );
+    let motion = read(&path, &MotionOptions::default()).expect("is a motion");
+    assert_eq!((motion.fps, motion.frames.len()), (60.0, 2));
+    let knee = motion.frames[1].rotations[4];
+    assert!((knee[0] - 0.7).abs() < 1e-6, "{knee:?}");
+    let step = motion.frames[1].root[2] - motion.frames[0].root[2];
+    assert!((step - 0.5).abs() < 1e-6, "{step}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Numbers of pose tools that mean something else than the tool documents: masks tell, and it is said.
 
-use crate::pickled;
 use crate::pose_tools::{files, import, indices, options, truth};
 use crate::pose_tools_made::{all, lands, lhm, refused, steps, wham};
+use crate::{npz, pickled};
 use serde_json::{Value, json};
 use yoto_capture::skeleton::transform::rodrigues;
 use yoto_import::{Format, Options, read};
@@ -107,6 +107,18 @@ fn a_person_beside_the_masks_is_not_taken_for_being_seen_longer() {
         "{notes}"
     );
     assert_eq!(frames, (0..4).chain(6..16).collect::<Vec<_>>());
+    // Both numbers are in the file, so each of them names the person.
+    let named = |id: &str| Options {
+        person: Some(id.to_owned()),
+        ..options(dir.path(), path.clone())
+    };
+    assert_eq!(indices(&import(&named("2")).track), frames);
+    let error = read(Format::AUTO, &files("clip/frames"), &named("7"));
+    let error = error.expect_err("nobody has the number").to_string();
+    assert!(
+        error.contains("there is no person 7; there are 1, 2"),
+        "{error}"
+    );
     // Somebody else appears elsewhere.
     let (notes, _) = taken(json!({"1": seen(0..4, 2.0), "2": seen(6..16, 0.0)}));
     assert!(notes.contains("person 2 is taken (10 frames)"), "{notes}");
@@ -152,4 +164,61 @@ fn exchanged_sides_are_refused_by_name() {
         text.contains("video_results.pkl: the left hip is on the person's right"),
         "{text}"
     );
+}
+
+/// GVHMR's values with flat names, as nodes of ComfyUI write them: those of the camera are a capture.
+#[test]
+fn flat_names_of_gvhmr_are_its_camera_s_values() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("walk.npz");
+    let body = &truth().people[0];
+    let orient: Vec<f64> = body
+        .poses
+        .iter()
+        .flat_map(|pose| pose[..3].to_vec())
+        .collect();
+    let rest: Vec<f64> = body
+        .poses
+        .iter()
+        .flat_map(|pose| pose[3..66].to_vec())
+        .collect();
+    let places: Vec<f64> = body.t.iter().flatten().copied().collect();
+    for [orient_name, place_name] in [
+        ["global_orient_incam", "transl_incam"],
+        [
+            "smpl_params_incam_global_orient",
+            "smpl_params_incam_transl",
+        ],
+    ] {
+        npz::write(
+            &path,
+            &[
+                ("body_pose", &[16, 63], &rest),
+                ("betas", &[16, 10], &[0.0; 160]),
+                (orient_name, &[16, 3], &orient),
+                (place_name, &[16, 3], &places),
+                ("global_orient", &[16, 3], &[0.0; 48]),
+                ("transl", &[16, 3], &[1.0; 48]),
+            ],
+        );
+        let found = read(
+            Format::AUTO,
+            &files("clip/frames"),
+            &Options {
+                masks: None,
+                ..options(dir.path(), path.clone())
+            },
+        );
+        let found = found.expect("imports");
+        let notes = found.notes.join("; ");
+        assert!(notes.contains("GVHMR: 1 person, 16 frames"), "{notes}");
+        for (frame, wanted) in found.track.frames.iter().zip(&body.poses) {
+            let off = frame
+                .pose
+                .iter()
+                .zip(&wanted[..66])
+                .map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-5, "{:?}", frame.index);
+        }
+    }
 }
