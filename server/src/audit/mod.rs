@@ -1,5 +1,6 @@
 //! The audit log: who has called what that changes something, and how it ended. An entry is written before the call begins and
-//! another after it has ended, so that a call whose end is missing is one that was cut off. Each entry has the hash of the one
+//! another after it has ended, so that a call whose end is missing is one during which, or within 0.1 s
+//! after which, the coordinator ended. Each entry has the hash of the one
 //! before it ([`yoto_store::audit_chain`]): one that was changed, or taken out of the middle, is found.
 //!
 //! ```text

@@ -3,10 +3,10 @@
 use crate::clip::{Clip, UP};
 use yoto_capture::ViewError;
 use yoto_capture::camera::Camera;
-use yoto_capture::skeleton::transform::{add, dot, length, normalised};
+use yoto_capture::skeleton::transform::{add, dot, length, normalised, rodrigues};
 use yoto_capture::skeleton::{Pose, Skeleton, SkeletonError, Vec3, timing, transfer};
 use yoto_proto::frame_steps::chosen_below;
-use yoto_proto::pose_track::{self, PoseTrack};
+use yoto_proto::pose_track::{self, Frame, PoseTrack};
 use yoto_proto::v1::{CaptureMotion, MotionClip, Violation};
 
 /// Why a motion can't be used.
@@ -74,8 +74,11 @@ pub enum SourceError {
     },
 }
 
-/// Largest angle between a camera's up and that of a person who stands before it, radians.
-const LEANS: f64 = std::f64::consts::FRAC_PI_6;
+/// Largest angle between a camera's up and that of a person who stands before it, radians: cameras look down by 50° at most, in general.
+const LEANS: f64 = 50.0 * DEGREE;
+/// Largest angle between an axis of a world and a person who stands in it, radians: who leans farther does not tell.
+const NEAR: f64 = 35.0 * DEGREE;
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// A motion of any skeleton.
 #[derive(Clone, Debug)]
@@ -108,16 +111,23 @@ impl Source {
         };
         let frames = track.frames.iter();
         let poses = frames.map(|frame| Pose::from_frame(frame).map_err(fault(frame.index)));
+        let poses: Vec<Pose> = poses.collect::<Result<_, _>>()?;
         let camera = track
             .frames
             .first()
             .map(|first| Camera::from_frame(first, track.image_size).map_err(fault(first.index)));
         let camera = camera.transpose()?;
-        let up = camera.as_ref().map_or(UP, Camera::world_up);
-        let of_camera = camera.is_some_and(|it| it.is_the_world());
+        let of_first = camera.as_ref().map_or(UP, Camera::world_up);
+        let up = stood(&poses).and_then(nearest_axis).unwrap_or(of_first);
+        let is_the_world = |frame: &Frame| {
+            let camera = Camera::from_frame(frame, track.image_size);
+            camera.is_ok_and(|it| it.is_the_world())
+        };
+        // With a moving camera, the world is that of one frame.
+        let of_camera = track.frames.iter().any(is_the_world);
         Ok(Self {
             name: name.to_owned(),
-            poses: poses.collect::<Result<_, _>>()?,
+            poses,
             numbers: track.frames.iter().map(|it| it.index).collect(),
             skeleton: track.skeleton.clone(),
             fps: track.fps,
@@ -205,12 +215,11 @@ impl Source {
         let seconds: Vec<f64> = (0..poses.len()).map(|at| at as f64 / fps).collect();
         let poses = transfer(&self.driver(target)?, target, &poses, &seconds, self.up);
         let poses = poses.map_err(|(at, source)| self.at_fault(at, source))?;
-        let stood = self.of_camera.then(|| stood(&poses, target, self.up));
         Ok(Clip {
             name: self.name.clone(),
             fps,
             poses,
-            up: stood.flatten().unwrap_or(self.up),
+            up: self.level_up(),
         })
     }
 
@@ -238,6 +247,13 @@ impl Source {
     /// The up axis of the motion's world.
     pub fn up(&self) -> Vec3 {
         self.up
+    }
+
+    /// The same for a level floor: where the world is a camera's, whose tilt nobody knows, the mean of the body's own up axis, if that
+    /// is at most [`LEANS`] away. Whoever lies or kneels does not tell.
+    pub fn level_up(&self) -> Vec3 {
+        let stood = stood(&self.poses).filter(|it| dot(*it, self.up) > LEANS.cos());
+        stood.filter(|_| self.of_camera).unwrap_or(self.up)
     }
 
     /// Index of the pose with the frame `number`.
@@ -268,16 +284,22 @@ impl Source {
     }
 }
 
-/// The mean of the body's own up axis, which levels a world that is a camera's better than the camera's; `None` if it is more than
-/// [`LEANS`] from `up`: whoever lies or kneels does not tell.
-fn stood(poses: &[Pose], skeleton: &Skeleton, up: Vec3) -> Option<Vec3> {
+/// The mean of the body's own up axis in the world, of length 1; `None` without one.
+fn stood(poses: &[Pose]) -> Option<Vec3> {
     let axes = poses.iter().filter_map(|pose| {
-        let root = skeleton.world_transforms(pose).into_iter().next()?;
-        Some(root.map(|row| row[1]))
+        let turn = rodrigues(*pose.rotations_f64().first()?);
+        Some(turn.map(|row| row[1]))
     });
     let sum = axes.fold([0.0; 3], add);
-    let mean = normalised(sum);
-    (length(sum) > 0.0 && dot(mean, up) > LEANS.cos()).then_some(mean)
+    (length(sum) > 1e-3).then(|| normalised(sum))
+}
+
+/// The axis of the world, or its opposite, that is within [`NEAR`] of `up`. A camera that looks down steeply is nearer to another one.
+fn nearest_axis(up: Vec3) -> Option<Vec3> {
+    let axis = (0..3).find(|axis| up[*axis].abs() > NEAR.cos())?;
+    let mut nearest = [0.0; 3];
+    nearest[axis] = up[axis].signum();
+    Some(nearest)
 }
 
 /// All `sources` on the body of `target`, with unique names.

@@ -347,17 +347,19 @@ function createPlayer(canvas, person) {
 
   // The orbit: the clip's world says where up is, and how the body stands in it says where its front is.
   function stance(clip) {
-    const up = normalised(clip.up);
-    let [front, middle] = [[0, 0, 0], [0, 0, 0]];
+    let [up, front, middle] = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
     const every = Math.ceil(clip.frames.length / 200);
     for (const frame of clip.frames.filter((_, i) => i % every === 0)) {
       const root = matrixOf(frame.turns.subarray(0, 4));
       const { places } = boneMatrices(frame);
       for (let a = 0; a < 3; a++) {
+        up[a] += root[3 * a + 1];
         front[a] += root[3 * a + 2];
         middle[a] += places.slice(0, known).reduce((sum, place) => sum + place[a], 0) / known;
       }
     }
+    // Pages of earlier versions do not say: there, the mean of the body's own axis is up.
+    up = normalised(clip.up ?? up);
     const level = dot(front, up);
     front = front.map((x, a) => x - level * up[a]);
     // A body that turns all the way round has no mean front.

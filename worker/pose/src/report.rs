@@ -66,7 +66,8 @@ pub(crate) fn fitted(
     let focal = found.shared.focal();
     let [x, y] = problem.centre;
     let down = down(&found.stances, &found.shared);
-    let [tilt, roll] = if options.upright {
+    let steep = steep(options, down.to_degrees());
+    let [tilt, roll] = if options.upright && steep.is_none() {
         [down, found.shared.values[ROLL]]
     } else {
         [0.0; 2]
@@ -83,7 +84,6 @@ pub(crate) fn fitted(
     });
     let reprojection_px = reprojection(problem, &found.stances, &found.shared);
     let down = down.to_degrees();
-    let steep = steep(options, down);
     let doubts = [doubt(problem, reprojection_px), steep]
         .into_iter()
         .flatten();
@@ -126,7 +126,8 @@ fn steep(options: &FitOptions, down: f64) -> Option<String> {
     (options.upright && down.abs() > STEEP).then(|| {
         let way = if down < 0.0 { "up" } else { "down" };
         format!(
-            "the person would stand upright only if the camera looked {way} by {:.0}°: they lie, or the key points are nobody's",
+            "the person would stand upright only if the camera looked {way} by {:.0}°: they lie, or the key points are nobody's. \
+             The camera is taken to be level",
             down.abs()
         )
     })

@@ -129,7 +129,7 @@ pub(crate) fn read_poses(data: &FileData<'_>) -> Result<Poses, ImportError> {
             let orient = root.get("global_orient")?.unchecked_rows::<3>(None)?;
             let body = root.get("body_pose")?;
             // SMPL-X has the 21 joints of SMPL before the hands.
-            let is_smplx = body.unchecked()?.shape.last() == Some(&63);
+            let is_smplx = body.unchecked()?.values.len() == 63 * orient.len();
             match is_smplx {
                 true => joined(&orient, &body.unchecked_rows::<63>(Some(orient.len()))?),
                 false => joined(&orient, &body.unchecked_rows::<69>(Some(orient.len()))?),

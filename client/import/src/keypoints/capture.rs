@@ -66,7 +66,8 @@ pub(super) fn read(
         let masks = masks.as_ref().filter(|_| of_frames);
         seen = timing::decide(counting, found, seen, other, masks, clip, &mut notes)?;
     }
-    let doubts = judge(&seen, clip.size, at)?;
+    let are_proven = masks.is_some() || found.focal.is_some() || options.keep_skeleton;
+    let doubts = judge(&seen, clip.size, at, are_proven)?;
     notes.extend(doubts.iter().cloned());
     about.doubts.extend(doubts);
     let is_seen = |frame: &usize| seen.binary_search_by_key(frame, |(at, _)| *at).is_ok();

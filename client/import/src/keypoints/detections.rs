@@ -84,6 +84,10 @@ pub(super) struct Detections {
     pub focal: Option<f64>,
     /// The joints of the detector's own skeleton, if it has one.
     pub hierarchy: Option<JointHierarchy>,
+    /// Names of two files of different takes that have a frame's number in common, if there are any.
+    pub clash: Option<[String; 2]>,
+    /// Numbers of people who were joined, with the number that each goes by.
+    pub other_ids: Vec<(String, String)>,
     /// Assumptions about the files.
     pub notes: Vec<String>,
 }
@@ -104,6 +108,8 @@ impl Detections {
             usual: 0,
             focal: None,
             hierarchy: None,
+            clash: None,
+            other_ids: Vec::new(),
             notes: Vec::new(),
         }
     }

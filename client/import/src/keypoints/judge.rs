@@ -10,6 +10,9 @@ use std::path::Path;
 const REFUSED: f64 = 0.5;
 /// Below this share, they are doubted.
 const DOUBTED: f64 = 0.8;
+/// Most points above and beside the pictures of a person whom the lower edge cuts off, as shares.
+const ABOVE: f64 = 0.1;
+const BESIDE: f64 = 0.3;
 /// Factors between the pictures of the points and the clip's that are tried, and the share inside that names one.
 const FACTORS: [f64; 8] = [1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0];
 const EXPLAINED: f64 = 0.95;
@@ -20,7 +23,8 @@ const WILD: f64 = 0.5;
 /// Share of the frames that may.
 const MOST_WILD: f64 = 0.2;
 
-/// Judges the points of a person in frames of pictures of `size`. Returns doubts.
+/// Judges the points of a person in frames of pictures of `size`. Returns doubts. Where masks or a camera of the detector say that they
+/// are of the clip, `are_proven`, and whatever is odd is only a doubt.
 ///
 /// # Errors
 /// When they can't be of the person in the clip; `at` are the detector's files.
@@ -28,6 +32,7 @@ pub(super) fn judge(
     seen: &[(usize, &Detection)],
     size: [u32; 2],
     at: &Path,
+    are_proven: bool,
 ) -> Result<Vec<String>, ImportError> {
     let unsuitable = |message| Err(fault(at, "UNSUITABLE", message));
     let [width, height] = size;
@@ -47,7 +52,7 @@ pub(super) fn judge(
             sides[0], sides[1]
         )
     });
-    if inside < REFUSED {
+    if inside < REFUSED && !are_proven && !is_cut_off(seen, size) {
         let why = larger.unwrap_or_else(|| {
             "are they of this clip, in pixels from its upper left corner?".to_owned()
         });
@@ -60,6 +65,7 @@ pub(super) fn judge(
     let common = median(extents().map(|(_, it)| it).collect());
     if common.is_some_and(|it| it < LEAST)
         && let Some((frame, extent)) = extents().find(|(_, it)| *it < LEAST)
+        && !are_proven
     {
         return unsuitable(format!(
             "frame {frame}: the key points are {extent:.1} pixels apart at most, and in most frames as near: those of a person are needed, \
@@ -84,6 +90,19 @@ fn inside(seen: &[(usize, &Detection)], size: [u32; 2], by: f64) -> f64 {
         inside += u32::from((0.0..=width).contains(&x) && (0.0..=height).contains(&y));
     }
     f64::from(inside) / f64::from(all.max(1))
+}
+
+/// Whether the lower edge cuts the person off, below which detectors guess the rest: a bust, or somebody before a webcam.
+fn is_cut_off(seen: &[(usize, &Detection)], size: [u32; 2]) -> bool {
+    let [width, height] = size.map(f64::from);
+    let [mut all, mut above, mut beside, mut below] = [0.0; 4];
+    for [x, y, _] in sure(seen) {
+        all += 1.0;
+        above += f64::from(u8::from(y < 0.0));
+        beside += f64::from(u8::from(!(0.0..=width).contains(&x)));
+        below += f64::from(u8::from(y > height));
+    }
+    above <= ABOVE * all && beside <= BESIDE * all && below > beside
 }
 
 /// From where to where the sure points reach along each axis.
@@ -167,7 +186,7 @@ mod tests {
             })
             .collect();
         let seen: Vec<(usize, &Detection)> = frames.iter().enumerate().collect();
-        judge(&seen, SIZE, Path::new("points.json")).map_err(|error| error.to_string())
+        judge(&seen, SIZE, Path::new("points.json"), false).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -179,6 +198,13 @@ mod tests {
             low[0].starts_with("35 % of the key points lie outside"),
             "{low:?}"
         );
+    }
+
+    #[test]
+    fn whoever_is_cut_off_is_only_doubted() {
+        // The head and the shoulders are in the picture.
+        let bust = judged(|_, [x, y]| [x, 3.0 * y + 100.0]).expect("is read");
+        assert!(bust[0].starts_with("75 % of"), "{bust:?}");
     }
 
     #[test]

@@ -84,6 +84,9 @@ pub(super) fn join(
     };
     look(&mut people, found.set, clip)?;
     for person in joined(people, notes).iter().filter(|it| it.names.len() > 1) {
+        let others = person.names.iter().filter(|it| **it != person.name);
+        let ids = others.map(|other| (other.clone(), person.name.clone()));
+        found.other_ids.extend(ids);
         let all = found.frames.iter_mut().flat_map(|seen| &mut seen.people);
         for detection in all {
             if detection

@@ -64,6 +64,15 @@ pub(crate) fn read(source: &Path, options: &Options) -> Result<Imported, ImportE
     let seen_as = PictureTransform::of(options);
     let size = seen_as.size(clip.size.map(f64::from));
     let mut detections = recognise::read(at, options.points, size.map(|side| side as u32))?;
+    if let Some([one, other]) = &detections.clash
+        && detections.counting(&clip).is_some()
+    {
+        let message = format!(
+            "two takes are here, such as {one} and {other}, and have frames of the same number: give one file of the take that is \
+             meant (--poses FILE)"
+        );
+        return Err(fault(at, "UNSUITABLE", message));
+    }
     seen_as.apply_back(&mut detections, clip.size);
     let mut notes = clip_frames::fit(&mut detections, &clip);
     notes.extend(seen_as.words());

@@ -5,7 +5,8 @@
 
 use super::detections::{Detection, Detections, FrameDetections, flat, numbers_in};
 use super::form::{DetectorForm, RecognisedBy};
-use super::{hands, series};
+use super::hands;
+use super::series::FrameNumber;
 use crate::ImportError;
 use crate::source::{Faulty, Part, Source};
 use yoto_pose::KeyPointSet;
@@ -24,8 +25,11 @@ pub(super) static FORM: DetectorForm = DetectorForm {
 /// The files of the folder, or those of one take: of the file `given`.
 fn read(source: &Source, given: Option<&str>) -> Result<Detections, ImportError> {
     let (mut frames, mut faulty) = (Vec::new(), Faulty::default());
-    let files = series::of(source.list("", &[ENDING])?, given);
-    series::is_one(source, &files)?;
+    let mut files = source.list("", &[ENDING])?;
+    let name = |file: &String| file.trim_start_matches('/').to_owned();
+    files.retain(|file| {
+        given.is_none_or(|given| FrameNumber::Last.is_same_take(&name(file), given))
+    });
     for (order, file) in files.iter().enumerate() {
         let file = file.trim_start_matches('/');
         let number = numbers_in(file).last().copied().unwrap_or(order);
@@ -43,6 +47,9 @@ fn read(source: &Source, given: Option<&str>) -> Result<Detections, ImportError>
     }
     let mut found = Detections::new("OpenPose", KeyPointSet::OpenPose25, frames);
     found.first = None;
+    let names: Vec<String> = files.iter().map(name).collect();
+    let clash = FrameNumber::Last.clash(names.iter().map(String::as_str));
+    found.clash = clash.map(|clash| clash.map(|at| names.get(at).cloned().unwrap_or_default()));
     hands::settle(&mut found);
     faulty.finish(&mut found.notes)?;
     Ok(found)

@@ -44,6 +44,8 @@ pub(super) fn choose<'a>(
         }
         text.join(", ")
     };
+    let joined = name.and_then(|name| found.other_ids.iter().find(|(other, _)| other == name));
+    let name = joined.map_or(name, |(_, name)| Some(name));
     let index = match name {
         Some(name) => people.iter().position(|person| person.name == name),
         None => (!people.is_empty()).then_some(0),

@@ -6,9 +6,10 @@
 //!
 //! 22 of MHR's 127 joints correspond to a joint of SMPL. SMPL's hands have no counterpart.
 
-use super::detections::{Detection, Detections, FrameDetections, OwnPose, numbers_in};
+use super::detections::{Detection, Detections, FrameDetections, OwnPose};
 use super::form::{DetectorForm, RecognisedBy};
-use super::{mhr, series};
+use super::mhr;
+use super::series::FrameNumber;
 use crate::ImportError;
 use crate::geometry::{Vec3, add};
 use crate::source::{Faulty, Part, Source};
@@ -71,20 +72,25 @@ fn fits(root: &Part<'_>) -> bool {
 fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detections, ImportError> {
     let mut frames: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
     let (mut focals, mut faulty) = (Vec::new(), Faulty::default());
+    let all = source.list("", &[".npz"])?;
+    let all: Vec<&str> = all
+        .iter()
+        .map(|file| file.trim_start_matches('/'))
+        .collect();
+    let names: Vec<String> = all.iter().map(|file| cleaned(file)).collect();
+    let frame_number = FrameNumber::of_most_values(names.iter().map(String::as_str));
     let files = match given {
-        Some(name) if holds_all(source, name)? => vec![name.to_owned()],
-        given => series::of(source.list("", &[".npz"])?, given),
+        Some(name) if holds_all(source, name)? => vec![name],
+        Some(name) => {
+            let is_of_take =
+                |file: &&str| frame_number.is_same_take(&cleaned(file), &cleaned(name));
+            all.into_iter().filter(is_of_take).collect()
+        }
+        None => all,
     };
-    let mut used = Vec::new();
-    for file in &files {
-        let file = file.trim_start_matches('/');
-        let name = file.to_ascii_lowercase();
-        // The tool's own name has a number.
-        let name = name
-            .replace("sam3d", "")
-            .replace("sam_3d", "")
-            .replace("sam-3d", "");
-        let number = numbers_in(&name).first().copied();
+    let (mut used, mut whole) = (Vec::new(), Vec::new());
+    for file in files {
+        let number = frame_number.of(&cleaned(file));
         let data = match source.data(file, number.and_then(|number| u32::try_from(number).ok())) {
             Ok(data) => data,
             Err(fault) if given == Some(file) => return Err(fault),
@@ -97,8 +103,12 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
         if !fits(&root) {
             continue;
         }
-        used.push(file.to_owned());
-        for (of_frame, part) in of_file(&root)? {
+        let rows = of_file(&root)?;
+        match rows.iter().all(|(of_frame, _)| of_frame.is_some()) {
+            true => whole.push(file.to_owned()),
+            false => used.push(file.to_owned()),
+        }
+        for (of_frame, part) in rows {
             let Some(number) = of_frame.or(number) else {
                 let message = "the file's name has no frame number, and the file has no frame_idx";
                 return Err(source.fault("BAD_NAME", file, None, "", message));
@@ -111,7 +121,14 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
             }
         }
     }
-    series::is_one(source, &used)?;
+    let clash = match whole.as_slice() {
+        [one, other, ..] => Some([one.clone(), other.clone()]),
+        _ => {
+            let names: Vec<String> = used.iter().map(|file| cleaned(file)).collect();
+            let clash = frame_number.clash(names.iter().map(String::as_str));
+            clash.map(|clash| clash.map(|at| used.get(at).cloned().unwrap_or_default()))
+        }
+    };
     let frames = frames.into_iter().map(|(number, people)| FrameDetections {
         number,
         image: None,
@@ -119,11 +136,20 @@ fn read(source: &Source, given: Option<&str>, size: [u32; 2]) -> Result<Detectio
     });
     let mut found = Detections::new(NAME, KeyPointSet::Joints24, frames.collect());
     found.first = None;
+    found.clash = clash;
     found.hierarchy = Some(mhr::hierarchy());
     focals.sort_by(f64::total_cmp);
     found.focal = focals.get(focals.len() / 2).copied();
     faulty.finish(&mut found.notes)?;
     Ok(found)
+}
+
+/// A file's name without the tool's, which has a number.
+fn cleaned(file: &str) -> String {
+    let name = file.to_ascii_lowercase();
+    name.replace("sam3d", "")
+        .replace("sam_3d", "")
+        .replace("sam-3d", "")
 }
 
 /// Whether the file is no part of a series: not an `.npz`, which has a frame, or one of several frames.

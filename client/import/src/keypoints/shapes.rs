@@ -9,7 +9,7 @@
 //!
 //! The set follows from the names, else from `--points`, else from the number of points.
 
-use super::detections::Detections;
+use super::detections::{Detections, SURE};
 use super::form::{DetectorForm, RecognisedBy};
 use super::mediapipe::{LandmarkFrame, any, detections, number};
 use super::point_set::{NAME, PointSet, plain};
@@ -53,7 +53,7 @@ const BODY_MODELS: [&str; 5] = ["trans", "transl", "betas", "global_orient", "th
 const AT_HIPS: f64 = 0.05;
 const REACH: f64 = 3.0;
 /// Scores of heat maps pass 1, and 0, by as much.
-const SCORES_PASS: f64 = 0.1;
+const SCORES_PASS: f64 = 0.5;
 
 /// A point: x, y, a third number, and a score. A missing number is NaN.
 type Point = [f64; 4];
@@ -159,7 +159,8 @@ fn read(
     let middles = bodies()
         .filter(|body| body.names.is_empty())
         .filter_map(|body| {
-            let hip = |at: usize| body.points.get(hips[at]?).filter(|it| it[0].is_finite());
+            let is_seen = |it: &&Point| it[0].is_finite() && (it[0], it[1]) != (0.0, 0.0);
+            let hip = |at: usize| body.points.get(hips[at]?).filter(is_seen);
             let (left, right) = (hip(0)?, hip(1)?);
             Some(((left[0] + right[0]) / 2.0).hypot((left[1] + right[1]) / 2.0))
         });
@@ -200,17 +201,26 @@ enum Third {
     Depth,
 }
 
-/// Numbers about 0 to 1 are scores. Zeros alone say nothing.
+/// Numbers from 0 to 1 are scores, and so are those that pass these rarely, as scores of heat maps do, if most points were seen well.
+/// Zeros alone say nothing.
 fn third<'a>(points: impl Iterator<Item = &'a Point>) -> Third {
-    let mut all = Third::Nothing;
-    for [_, _, third, _] in points.filter(|point| point[2].is_finite()) {
-        match (-SCORES_PASS..=1.0 + SCORES_PASS).contains(third) {
-            true if *third != 0.0 => all = Third::Score,
-            true => {}
-            false => return Third::Depth,
-        }
+    let shown = points.filter(|it| it[2].is_finite() && (it[0], it[1]) != (0.0, 0.0));
+    let mut all: Vec<f64> = shown.map(|point| point[2]).collect();
+    if all.iter().all(|third| *third == 0.0) {
+        return Third::Nothing;
     }
-    all
+    all.sort_by(f64::total_cmp);
+    let share = |count: usize| count as f64 / all.len() as f64;
+    let scores = all
+        .iter()
+        .filter(|it| (-SCORES_PASS..=1.0 + SCORES_PASS).contains(*it));
+    let below = all.iter().filter(|it| **it < -0.01).count();
+    let median = all.get(all.len() / 2).copied().unwrap_or_default();
+    let exact = all.iter().all(|it| (0.0..=1.0).contains(it));
+    match exact || share(scores.count()) >= 0.99 && share(below) < 0.05 && median > SURE {
+        true => Third::Score,
+        false => Third::Depth,
+    }
 }
 
 /// x, y and score; 1 if the file has no scores, 0 for a point that the file lacks or that is at 0, 0, where detectors put what they

@@ -169,7 +169,14 @@ fn found_up(
 }
 
 fn rate(root: &Part<'_>) -> Result<Option<f64>, ImportError> {
-    let Some(part) = RATES.iter().find_map(|name| root.find(name)) else {
+    let documented = RATES[..3].iter().find_map(|name| root.find(name));
+    // Names that scripts choose may hold anything.
+    let others = || {
+        RATES[3..]
+            .iter()
+            .find_map(|name| root.find(name).filter(|it| it.number().is_ok()))
+    };
+    let Some(part) = documented.or_else(others) else {
         return Ok(None);
     };
     let fps = part.number()?;

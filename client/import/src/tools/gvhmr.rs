@@ -74,13 +74,20 @@ fn read(root: &Part<'_>) -> Result<ToolOutput, ImportError> {
         true => root.clone(),
         false => root.get("smpl_params_incam")?,
     };
+    // What does not depend on the axes has one name where names are flat.
     let own = |name: &str| match value(root, Space::Incam, name) {
         Some(value) => Ok(value),
         None => incam.get(name),
     };
-    // What does not depend on the axes has one name where names are flat.
-    let orient = own("global_orient")?.unchecked_rows::<3>(None)?;
-    let transl = own("transl")?.unchecked_rows::<3>(Some(orient.len()))?;
+    let of_axes = |name: &str| match (is_flat, value(root, Space::Incam, name)) {
+        (true, None) => {
+            let message = format!("there is no '{name}' in the camera's axes ({name}_incam)");
+            Err(root.fault("MISSING", message))
+        }
+        _ => own(name),
+    };
+    let orient = of_axes("global_orient")?.unchecked_rows::<3>(None)?;
+    let transl = of_axes("transl")?.unchecked_rows::<3>(Some(orient.len()))?;
     let body = own("body_pose")?.unchecked_rows::<63>(Some(orient.len()))?;
     let betas = own("betas")?.same_betas(orient.len())?;
     let world = ["global_orient", "transl"].map(|name| value(root, Space::Global, name));

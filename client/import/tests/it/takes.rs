@@ -36,7 +36,7 @@ fn two_takes_of_a_detector_are_asked_about_and_one_is_named_by_a_file() {
     take(dir.path(), "B", 9.0);
     let message = refused(&options(dir.path().to_owned()));
     assert!(
-        message.contains("two takes are in this folder"),
+        message.contains("two takes are here, such as A_000000000000_keypoints.json and B_"),
         "{message}"
     );
     let first = dir.path().join("A_000000000003_keypoints.json");
@@ -62,7 +62,12 @@ fn a_file_of_all_frames_is_read_alone() {
         });
     };
     write("take_1.npz", 3);
-    write("take_b.npz", 9);
+    write("take_2.npz", 9);
+    let message = refused(&options(dir.path().to_owned()));
+    assert!(
+        message.contains("such as take_1.npz and take_2.npz"),
+        "{message}"
+    );
     let found = import(&options(dir.path().join("take_1.npz")));
     assert_eq!(found.track.frames.len(), 3);
 }

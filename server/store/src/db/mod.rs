@@ -212,7 +212,8 @@ impl Database {
     }
 
     /// A short transaction that writes, which takes the time from the last read of the database's clock and this machine's since. One that
-    /// is `alone` is a single statement, which is durable by itself: PostgreSQL neither begins a transaction nor commits it.
+    /// is `alone` is a single statement, which is durable by itself: PostgreSQL neither begins a transaction nor commits it. After a lost connection it
+    /// is run again, and may have been carried out before, so it must do the same twice.
     ///
     /// # Errors
     /// When the database can't be reached, or is locked for a long time.

@@ -288,7 +288,8 @@ pub(crate) async fn spec(tx: &mut Tx, lease: &LeaseKey) -> Result<JobSpec, Store
     }
 }
 
-/// Extends the lease of the worker that runs the job and records its progress, by one statement unless the progress has figures. Returns
+/// Extends the lease of the worker that runs the job and records its progress, by one statement unless the progress has figures. One that
+/// arrives late, after a later one by another connection, does not shorten the lease. Returns
 /// whether the job is to be cancelled; `None` if nothing was written: [`refused_heartbeat`] tells why.
 pub(crate) async fn heartbeat(
     tx: &mut Tx,
@@ -301,7 +302,7 @@ pub(crate) async fn heartbeat(
         ($columns:expr) => {
             concat!(
                 guarded!(
-                    "UPDATE jobs SET lease_deadline = $4,
+                    "UPDATE jobs SET lease_deadline = CASE WHEN lease_deadline > $4 THEN lease_deadline ELSE $4 END,
              sequence = sequence + CASE WHEN $5 IS NOT NULL AND progress IS DISTINCT FROM $5 THEN 1 ELSE 0 END,
              progress = coalesce($5, progress)",
                     "AND tenant = $6 RETURNING cancel_requested"

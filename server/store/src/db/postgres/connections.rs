@@ -19,7 +19,7 @@ const IDLE: Duration = Duration::from_secs(1);
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Settings of each connection (<https://www.postgresql.org/docs/current/runtime-config-client.html>).
-const SETTINGS: [(&str, &str); 7] = [
+const SETTINGS: [(&str, &str); 9] = [
     // As long as a writer waits on SQLite.
     ("lock_timeout", "10s"),
     // A coordinator that hangs, or whose machine is gone, does not keep its locks.
@@ -31,6 +31,9 @@ const SETTINGS: [(&str, &str); 7] = [
     ("tcp_keepalives_interval", "10"),
     ("tcp_keepalives_count", "3"),
     ("client_min_messages", "warning"),
+    // For statements without a transaction, whatever the user's defaults are.
+    ("default_transaction_isolation", "read committed"),
+    ("default_transaction_read_only", "off"),
 ];
 
 /// How `url` is connected to.
@@ -53,21 +56,27 @@ pub(super) async fn pool(
     patience: Duration,
     losses: LastLoss,
 ) -> Result<PgPool, StoreError> {
+    let released = losses.clone();
     let pool = PgPoolOptions::new()
         .max_connections(CONNECTIONS)
         .acquire_timeout(ACQUIRE_TIMEOUT)
         .test_before_acquire(false)
         .before_acquire(move |connection, last_use| {
             let wary = last_use.idle_for >= IDLE || losses.is_recent();
+            let losses = losses.clone();
             Box::pin(async move {
                 if wary {
-                    ping(patience, connection).await?;
+                    losses.noted(ping(patience, connection).await)?;
                 }
                 Ok(true)
             })
         })
         .after_release(move |connection, _| {
-            Box::pin(async move { ping(patience, connection).await.map(|()| true) })
+            let losses = released.clone();
+            Box::pin(async move {
+                let answer = losses.noted(ping(patience, connection).await);
+                answer.map(|()| true)
+            })
         })
         .connect_with(options.clone())
         .await;

@@ -5,7 +5,7 @@ use crate::StoreError;
 /// Adds the action to errors of the driver.
 pub(super) trait During<T> {
     /// Adds `action`, e.g. "reading a job", and classifies the failure of something that has not changed the database:
-    /// a statement outside of a transaction that writes, or one inside, which is rolled back.
+    /// a statement that reads, one inside of a transaction, which is rolled back, or one that does the same when it is run again.
     fn during(self, action: &'static str) -> Result<T, StoreError>;
 
     /// The same for the failure of a commit.
