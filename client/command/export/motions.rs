@@ -3,8 +3,8 @@
 use crate::args::frame_range::FrameRange;
 use anyhow::{Context, ensure};
 use std::path::Path;
+use yoto_capture::camera::Camera;
 use yoto_capture::skeleton::{Pose, timing};
-use yoto_export::source::Source;
 use yoto_import::capture_dir::{named, read_track};
 use yoto_import::motion::Motion;
 use yoto_proto::v1::{BodyPose, CaptureMotion, ExportMotion, MotionClip, export_motion};
@@ -20,7 +20,7 @@ pub(crate) struct Numbered {
 }
 
 impl Numbered {
-    /// The motion of the capture in `dir`, with the up direction of its world.
+    /// The motion of the capture in `dir`, whose first camera gives the up direction of its world.
     pub(super) fn capture(dir: &Path) -> anyhow::Result<Self> {
         let source = dir.display().to_string();
         let track = read_track(dir)?;
@@ -38,9 +38,15 @@ impl Numbered {
             fps,
             ..MotionClip::default()
         };
-        let up = match track.frames.is_empty() {
-            true => Vec::new(),
-            false => Source::track(&source, &track)?.level_up().into(),
+        let up = match track.frames.first() {
+            Some(first) => {
+                let camera = Camera::from_frame(first, track.image_size);
+                camera
+                    .with_context(|| frame(first.index))?
+                    .world_up()
+                    .into()
+            }
+            None => Vec::new(),
         };
         Ok(Self {
             motion: of_clip(named(dir), clip, up),

@@ -251,7 +251,7 @@ impl Source {
 
     /// The same for a level floor: where the world is a camera's, whose tilt nobody knows, the mean of the body's own up axis, if that
     /// is at most [`LEANS`] away. Whoever lies or kneels does not tell.
-    pub fn level_up(&self) -> Vec3 {
+    fn level_up(&self) -> Vec3 {
         let stood = stood(&self.poses).filter(|it| dot(*it, self.up) > LEANS.cos());
         stood.filter(|_| self.of_camera).unwrap_or(self.up)
     }
