@@ -3,7 +3,7 @@
 use crate::support::{Database, Service, chunk, eventually, file};
 use std::path::Path;
 use tempfile::TempDir;
-use yoto_proto::v1::{EraseSubjectRequest, GetSubjectRequest, job};
+use yoto_proto::v1::{EraseSubjectRequest, GetErasureRequest, GetSubjectRequest, job};
 use yoto_server::backup::{BackupError, Place, backup, restore};
 use yoto_server::{ErasedPerson, erased_in_folder, erased_in_postgres};
 
@@ -80,7 +80,16 @@ async fn who_was_erased_after_the_backup_does_not_come_back() {
         subject: ada.name.clone(),
     };
     assert_eq!(people, [only]);
-    // The report that the operator has kept says the same.
+    // The report that the operator has kept says the same. A busy service writes it after the answer.
+    let erased = eventually("the report", async || {
+        let request = GetErasureRequest {
+            name: people[0].erasure.clone(),
+        };
+        let found = service.subjects().get_erasure(request).await;
+        let found = found.expect("is there").into_inner();
+        (!found.report.is_empty()).then_some(found)
+    });
+    let erased = erased.await;
     let report: ErasedPerson = serde_json::from_str(&erased.report).expect("has the fields");
     assert_eq!(people, [report]);
 
