@@ -93,7 +93,7 @@ pub struct Source {
     fps: f64,
     /// The up axis of its world.
     up: Vec3,
-    /// Whether the world is the first frame's camera, whose up is near to that of the scene at best.
+    /// Whether the world is the camera of a frame. Its up axis is only near to that of the scene.
     of_camera: bool,
 }
 

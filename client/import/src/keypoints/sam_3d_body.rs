@@ -152,7 +152,7 @@ fn cleaned(file: &str) -> String {
         .replace("sam-3d", "")
 }
 
-/// Whether the file is no part of a series: not an `.npz`, which has a frame, or one of several frames.
+/// Whether the file holds all frames by itself: an `.npz` with one more axis, or a file of another format.
 fn holds_all(source: &Source, name: &str) -> Result<bool, ImportError> {
     if !name.to_ascii_lowercase().ends_with(".npz") {
         return Ok(true);

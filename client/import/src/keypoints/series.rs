@@ -92,7 +92,7 @@ fn groups(name: &str) -> Vec<(usize, usize)> {
             .find(|it: char| !it.is_ascii_digit())
             .unwrap_or(rest.len());
         let digits = rest.get(..length).unwrap_or_default();
-        // Longer ones than a number has are none of a frame.
+        // No frame has a number that is too long to be read.
         groups.push((start, digits.parse().unwrap_or(usize::MAX)));
         from = start + length;
     }

@@ -1,4 +1,4 @@
-//! `--poses FILE` is that file, and what belongs to it: other takes beside it are none of it.
+//! `--poses FILE` reads that file and the other files of its take, but no other take in the folder.
 
 use crate::key_points::{files, import, off, options};
 use crate::npz;

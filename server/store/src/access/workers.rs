@@ -127,7 +127,7 @@ impl Store {
         });
         match told? {
             Some(cancel) => Ok(cancel),
-            None => transaction!(self, |tx| leases::refused_heartbeat(
+            None => transaction!(self, |tx| leases::helper_heartbeat(
                 tx,
                 tenant,
                 lease,

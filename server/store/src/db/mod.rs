@@ -229,7 +229,7 @@ impl Database {
         Ok(Tx::begin(driver, self.estimate(), self.clock.is_system()))
     }
 
-    /// The time for what need not ask the database: a read of PostgreSQL's clock would be as long as a statement.
+    /// The time without a question to the database: a read of PostgreSQL's clock would take as long as a statement.
     fn estimate(&self) -> f64 {
         match &self.driver {
             Driver::Sqlite(_) => self.clock.now(),

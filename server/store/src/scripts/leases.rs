@@ -290,7 +290,7 @@ pub(crate) async fn spec(tx: &mut Tx, lease: &LeaseKey) -> Result<JobSpec, Store
 
 /// Extends the lease of the worker that runs the job and records its progress, by one statement unless the progress has figures. One that
 /// arrives late, after a later one by another connection, does not shorten the lease. Returns
-/// whether the job is to be cancelled; `None` if nothing was written: [`refused_heartbeat`] tells why.
+/// whether the job is to be cancelled; `None` if that worker does not hold the lease: a helper may ([`helper_heartbeat`]).
 pub(crate) async fn heartbeat(
     tx: &mut Tx,
     tenant: &Tenant,
@@ -331,7 +331,7 @@ pub(crate) async fn heartbeat(
 }
 
 /// Extends the lease of a helper, whose progress is not recorded. Returns whether the job is to be cancelled.
-pub(crate) async fn refused_heartbeat(
+pub(crate) async fn helper_heartbeat(
     tx: &mut Tx,
     tenant: &Tenant,
     lease: &LeaseKey,
